@@ -1,0 +1,88 @@
+"""Time as something that is handed in: real, scaled, or virtual.
+
+Everything that waits asks the clock it was given, so a two-hour heating phase runs in milliseconds on a
+virtual clock and identical seeds give identical files.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Seconds since the run began, and a way to wait."""
+
+    name: str
+
+    def now(self) -> float:
+        """Bench time in seconds since the clock was started; never goes back."""
+        ...
+
+    def sleep_until(self, when: float) -> None:
+        """Return at bench time `when`, or at once when it has passed."""
+        ...
+
+    def date(self) -> datetime:
+        """The calendar time (UTC) that belongs to `now()`."""
+        ...
+
+
+@dataclass
+class ScaledClock:
+    """Wall time, run `speed` times as fast; `speed` 1 is real time.
+
+    Monotonic: a step of the computer's calendar clock moves neither `now` nor a wait.
+    """
+
+    speed: float = 1.0
+    monotonic: Callable[[], float] = time.perf_counter
+    sleep: Callable[[float], None] = time.sleep
+    started: datetime = field(default_factory=lambda: datetime.now(UTC))
+
+    def __post_init__(self) -> None:
+        self.name = "real" if self.speed == 1.0 else f"{self.speed:g}x"
+        self._origin = self.monotonic()
+
+    def now(self) -> float:
+        """Seconds of bench time since the clock was made."""
+        return (self.monotonic() - self._origin) * self.speed
+
+    def sleep_until(self, when: float) -> None:
+        """Sleep for the wall time that is left until bench time `when`."""
+        remaining = (when - self.now()) / self.speed
+        if remaining > 0.0:
+            self.sleep(remaining)
+
+    def date(self) -> datetime:
+        """Start date plus elapsed bench time."""
+        return self.started + timedelta(seconds=self.now())
+
+
+@dataclass
+class VirtualClock:
+    """Time that moves only when somebody waits: as fast as the plant computes, and deterministic."""
+
+    started: datetime = datetime(2000, 1, 1, tzinfo=UTC)
+    name: str = "virtual"
+    _now: float = 0.0
+
+    def now(self) -> float:
+        """Seconds that have been waited for."""
+        return self._now
+
+    def sleep_until(self, when: float) -> None:
+        """Jump to `when`."""
+        self._now = max(self._now, when)
+
+    def date(self) -> datetime:
+        """Start date plus elapsed bench time."""
+        return self.started + timedelta(seconds=self._now)
+
+
+def real_clock() -> ScaledClock:
+    """The clock of a real bench."""
+    return ScaledClock(speed=1.0)

@@ -1,0 +1,136 @@
+"""The one kind of error a user sees: where, what, what was expected, and the nearest valid name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import IntEnum
+from pathlib import Path
+
+
+class ExitCode(IntEnum):
+    """What the process tells its caller."""
+
+    DONE = 0  #: the work was done, whatever the verdict
+    FAILED = 1  #: a step timed out, an interlock tripped, a limit was missed
+    USAGE = 2  #: the call or a file is wrong; nothing was created
+    INTERRUPTED = 130  #: SIGINT, after the safe cleanup
+    TERMINATED = 143  #: SIGTERM or SIGHUP, after the safe cleanup
+
+
+@dataclass(frozen=True)
+class Location:
+    """A place in a file a user wrote; line and column count from 1, as editors do."""
+
+    file: Path | None = None
+    line: int | None = None
+    column: int | None = None
+
+    def __str__(self) -> str:
+        parts = [str(self.file) if self.file else "", str(self.line or ""), str(self.column or "")]
+        return ":".join(part for part in parts if part)
+
+    def or_else(self, other: Location) -> Location:
+        """Fill what this place does not know from `other`."""
+        return Location(self.file or other.file, self.line or other.line, self.column or other.column)
+
+
+class RigctlError(Exception):
+    """A mistake or a failure that a user can act on.
+
+    Parameters
+    ----------
+    what: one clear sentence, without the place or the value.
+    value: the offending text as the user wrote it.
+    expected: what would have been right.
+    nearest: the nearest valid name, when there is one.
+    hint: what to do next.
+    where: the place in the user's file.
+    exit_code: what the process returns.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        value: str | None = None,
+        expected: str | None = None,
+        nearest: str | None = None,
+        hint: str | None = None,
+        where: Location | None = None,
+        exit_code: ExitCode = ExitCode.USAGE,
+    ) -> None:
+        super().__init__(what)
+        self.what = what
+        self.value = value
+        self.expected = expected
+        self.nearest = nearest
+        self.hint = hint
+        self.where = where or Location()
+        self.exit_code = exit_code
+
+    def at(self, where: Location) -> RigctlError:
+        """Return this error with its place filled in where it was not yet known."""
+        self.where = self.where.or_else(where)
+        return self
+
+    def __str__(self) -> str:
+        place = str(self.where)
+        text = f"{place}: {self.what}" if place else self.what
+        if self.value is not None:
+            text += f", got {shorten(self.value)!r}"
+        if self.expected:
+            text += f"; expected {self.expected}"
+        if self.nearest:
+            text += f"; did you mean {self.nearest!r}?"
+        if self.hint:
+            text += f". {self.hint}"
+        return text
+
+
+class Errors(RigctlError):
+    """Several mistakes of one file, shown together so that they can be mended together."""
+
+    def __init__(self, errors: Iterable[RigctlError]) -> None:
+        self.errors = tuple(errors)
+        first = self.errors[0]
+        super().__init__(first.what, where=first.where, exit_code=first.exit_code)
+
+    def at(self, where: Location) -> Errors:
+        """Fill the place of every one of them."""
+        for error in self.errors:
+            error.at(where)
+        return self
+
+    def __str__(self) -> str:
+        return "\n".join(str(error) for error in self.errors)
+
+
+def nearest_name(name: str, valid: Iterable[str]) -> str | None:
+    """The valid name closest to what was written, or None when nothing is close."""
+    by_folded = {candidate.casefold(): candidate for candidate in valid}
+    matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=0.6)
+    return by_folded[matches[0]] if matches else None
+
+
+def unknown_name(
+    kind: str, name: str, valid: Iterable[str], *, where: Location | None = None
+) -> RigctlError:
+    """The error for a name that does not exist: says the nearest one, or lists the few there are."""
+    names = sorted(valid)
+    near = nearest_name(name, names)
+    listed = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+    return RigctlError(
+        f"unknown {kind}",
+        value=name,
+        expected=None if near else f"one of {listed}" if names else None,
+        nearest=near,
+        where=where,
+    )
+
+
+def shorten(text: str, width: int = 60) -> str:
+    """A value as it is quoted in a message: on one line, and never longer than the message itself."""
+    flat = " ".join(text.split())
+    return flat if len(flat) <= width else flat[: width - 1] + "…"
