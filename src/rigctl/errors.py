@@ -114,9 +114,7 @@ def nearest_name(name: str, valid: Iterable[str]) -> str | None:
     return by_folded[matches[0]] if matches else None
 
 
-def unknown_name(
-    kind: str, name: str, valid: Iterable[str], *, where: Location | None = None
-) -> RigctlError:
+def unknown_name(kind: str, name: str, valid: Iterable[str], *, where: Location | None = None) -> RigctlError:
     """The error for a name that does not exist: says the nearest one, or lists the few there are."""
     names = sorted(valid)
     near = nearest_name(name, names)

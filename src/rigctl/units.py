@@ -1,0 +1,282 @@
+"""Quantities with units: read at the edge, SI inside.
+
+`30 bar` becomes 3e6, `40 degC` becomes 313.15, and a tolerance of `0.5 degC` becomes 0.5 because a
+difference of temperatures has no offset. pint knows the units; it is imported only when one is read.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from rigctl.errors import RigctlError, nearest_name
+
+if TYPE_CHECKING:
+    import pint
+
+BASE = ("length", "mass", "time", "current", "temperature", "substance", "luminosity")
+_BASE_UNITS = ("m", "kg", "s", "A", "K", "mol", "cd")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Exponents of the seven SI base dimensions, in the order of `BASE`."""
+
+    exponents: tuple[Fraction, ...]
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return Dimension(tuple(a - b for a, b in zip(self.exponents, other.exponents, strict=True)))
+
+    def __pow__(self, power: int | float | Fraction) -> Dimension:
+        exact = Fraction(power).limit_denominator(64)
+        return Dimension(tuple(a * exact for a in self.exponents))
+
+    @property
+    def dimensionless(self) -> bool:
+        """True when every exponent is zero."""
+        return not any(self.exponents)
+
+    def __str__(self) -> str:
+        """The dimension as a product of SI base units, e.g. ``kg m^-1 s^-2``."""
+        factors = [
+            unit if power == 1 else f"{unit}^{power}"
+            for unit, power in zip(_BASE_UNITS, self.exponents, strict=True)
+            if power
+        ]
+        return " ".join(factors) or "1"
+
+
+DIMENSIONLESS = Dimension((Fraction(0),) * len(BASE))
+
+#: what the house calls a dimension in messages, and the unit it shows it in
+_NAMED = {
+    "1": "a plain number",
+    "s": "a time, e.g. '2 s'",
+    "K": "a temperature, e.g. '40 degC'",
+    "Pa": "a pressure, e.g. '30 bar'",
+    "m": "a length, e.g. '100 mm'",
+    "m/s": "a speed, e.g. '0.1 m/s'",
+    "Hz": "a rate, e.g. '100 Hz'",
+    "m^3/s": "a flow, e.g. '14 l/min'",
+    "V": "a voltage, e.g. '5 V'",
+    "W": "a power, e.g. '1000 W'",
+    "N": "a force, e.g. '100 N'",
+}
+
+_QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that pint knows: ``si = value * factor + offset``.
+
+    `offset` is not zero for degC and degF alone; a *difference* of temperatures uses `factor` only.
+    """
+
+    text: str
+    dimension: Dimension
+    factor: float
+    offset: float
+
+    @property
+    def absolute_temperature(self) -> bool:
+        """True for a scale with an offset of its own: degC, degF."""
+        return self.offset != 0.0
+
+    def to_si(self, value: float, *, difference: bool = False) -> float:
+        """The value in SI; with `difference`, an interval of temperatures."""
+        return value * self.factor + (0.0 if difference else self.offset)
+
+    def from_si(self, value: float, *, difference: bool = False) -> float:
+        """The value in this unit."""
+        return (value - (0.0 if difference else self.offset)) / self.factor
+
+
+@lru_cache(maxsize=1)
+def registry() -> pint.UnitRegistry[Any]:
+    """The one registry of units, made when the first unit is read."""
+    import pint
+
+    units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units.define("cSt = 1e-6 m^2/s = centistokes")
+    units.define("count = 1")
+    return units
+
+
+# units whose SI form never changes: they spare a process that reads only these the import of pint
+_COMMON: Mapping[str, tuple[tuple[int, ...], float, float]] = {
+    "": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
+    "1": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
+    "count": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
+    "%": ((0, 0, 0, 0, 0, 0, 0), 0.01, 0.0),
+    "s": ((0, 0, 1, 0, 0, 0, 0), 1.0, 0.0),
+    "ms": ((0, 0, 1, 0, 0, 0, 0), 1e-3, 0.0),
+    "min": ((0, 0, 1, 0, 0, 0, 0), 60.0, 0.0),
+    "h": ((0, 0, 1, 0, 0, 0, 0), 3600.0, 0.0),
+    "Hz": ((0, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
+    "K": ((0, 0, 0, 0, 1, 0, 0), 1.0, 0.0),
+    "degC": ((0, 0, 0, 0, 1, 0, 0), 1.0, 273.15),
+    "m": ((1, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
+    "mm": ((1, 0, 0, 0, 0, 0, 0), 1e-3, 0.0),
+    "Pa": ((-1, 1, -2, 0, 0, 0, 0), 1.0, 0.0),
+    "bar": ((-1, 1, -2, 0, 0, 0, 0), 1e5, 0.0),
+    "N": ((1, 1, -2, 0, 0, 0, 0), 1.0, 0.0),
+    "V": ((2, 1, -3, -1, 0, 0, 0), 1.0, 0.0),
+    "W": ((2, 1, -3, 0, 0, 0, 0), 1.0, 0.0),
+    "kg": ((0, 1, 0, 0, 0, 0, 0), 1.0, 0.0),
+    "m/s": ((1, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
+    "m^3/s": ((3, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
+    "l/min": ((3, 0, -1, 0, 0, 0, 0), 1e-3 / 60.0, 0.0),
+}
+
+
+@lru_cache(maxsize=512)
+def parse_unit(text: str) -> Unit:
+    """The unit that `text` names.
+
+    Raises
+    ------
+    RigctlError
+        the text is no unit; names the nearest one.
+    """
+    common = _COMMON.get(text)
+    if common:
+        exponents, factor, offset = common
+        return Unit(text, Dimension(tuple(Fraction(e) for e in exponents)), factor, offset)
+    if len(text) > 80 or not re.fullmatch(r"[\w°µμ%\s*/^.()+-]*", text):
+        raise RigctlError("not a unit", value=text, expected="a unit such as bar, degC, l/min or N*s/m")
+    return _unit_from_pint(text)
+
+
+def _unit_from_pint(text: str) -> Unit:
+    import pint
+
+    units = registry()
+    try:
+        parsed = units.parse_units(text.replace("°C", "degC").replace("%", "percent"))
+        dimension = _dimension(dict(parsed.dimensionality))
+        zero = units.Quantity(0.0, parsed).to_base_units().magnitude
+        one = units.Quantity(1.0, parsed).to_base_units().magnitude
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, ZeroDivisionError, KeyError,
+            OverflowError, RecursionError, SyntaxError, AssertionError) as problem:  # fmt: skip
+        raise _unknown_unit(text) from problem
+    factor, offset = float(one - zero), float(zero)
+    if not (math.isfinite(factor) and factor != 0.0 and math.isfinite(offset)):
+        raise _unknown_unit(text)
+    return Unit(text, dimension, factor, offset)
+
+
+def _unknown_unit(text: str) -> RigctlError:
+    known = (
+        *_COMMON,
+        "cSt",
+        "mm^2",
+        "cm^3",
+        "l",
+        "kPa",
+        "MPa",
+        "kW",
+        "N*s/m",
+        "degF",
+        "rpm",
+        "percent",
+        "day",
+    )
+    return RigctlError(
+        "unknown unit",
+        value=text,
+        expected="a unit such as bar, degC, l/min or N*s/m",
+        nearest=nearest_name(text, [name for name in known if name]),
+    )
+
+
+def _dimension(powers: Mapping[str, Any]) -> Dimension:
+    names = {f"[{name}]": index for index, name in enumerate(BASE)}
+    exponents = [Fraction(0)] * len(BASE)
+    for name, power in powers.items():
+        exponents[names[str(name)]] = Fraction(power).limit_denominator(64)
+    return Dimension(tuple(exponents))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number as a user wrote it, with its unit."""
+
+    value: float
+    unit: Unit
+
+    @property
+    def si(self) -> float:
+        """The value in SI; a temperature is absolute."""
+        return self.unit.to_si(self.value)
+
+    def __str__(self) -> str:
+        return f"{self.value:g} {self.unit.text}".strip()
+
+
+def parse_quantity(text: str | float) -> Quantity:
+    """Read ``30 bar``, ``-0.5 K`` or a plain number.
+
+    Raises
+    ------
+    RigctlError
+        there is no number, it is not finite, or the unit is unknown.
+    """
+    match = _QUANTITY.match(str(text))
+    if not match:
+        raise RigctlError("not a quantity", value=str(text), expected="a number with its unit, e.g. '30 bar'")
+    value = float(match.group(1))
+    if not math.isfinite(value):
+        raise RigctlError("not a finite number", value=str(text))
+    return Quantity(value, parse_unit(match.group(2)))
+
+
+def read_si(text: str | float, unit: str, *, difference: bool = False) -> float:
+    """Read a quantity that must have the dimension of `unit` and return it in SI.
+
+    With `difference`, a temperature is an interval: ``0.5 degC`` and ``0.5 K`` are both 0.5.
+
+    Raises
+    ------
+    RigctlError
+        the text is no quantity, its unit is missing, or its dimension is another one.
+    """
+    quantity = parse_quantity(text)
+    wanted = parse_unit(unit)
+    if quantity.unit.dimension != wanted.dimension:
+        missing = quantity.unit.text == ""
+        raise RigctlError(
+            "the unit is missing" if missing else "wrong dimension",
+            value=str(text),
+            expected=describe(unit, difference=difference),
+        )
+    return quantity.unit.to_si(quantity.value, difference=difference)
+
+
+def describe(unit: str, *, difference: bool = False) -> str:
+    """What a quantity of this dimension is called in a message."""
+    if difference and unit == "K":
+        return "a temperature difference, e.g. '0.5 K'"
+    return _NAMED.get(unit, f"a quantity in {unit}")
+
+
+def convert(value: float, from_unit: str, to_unit: str, *, difference: bool = False) -> float:
+    """Convert between two units of one dimension; an absolute temperature unless `difference`."""
+    source, target = parse_unit(from_unit), parse_unit(to_unit)
+    if source.dimension != target.dimension:
+        raise RigctlError(f"cannot convert {from_unit} to {to_unit}", expected=f"a unit like {from_unit}")
+    return target.from_si(source.to_si(value, difference=difference), difference=difference)
+
+
+def show(si: float, unit: str, *, difference: bool = False, digits: int = 4) -> str:
+    """An SI value as a user reads it, e.g. ``show(3e6, 'bar')`` is ``30 bar``."""
+    value = parse_unit(unit).from_si(si, difference=difference)
+    return f"{value:.{digits}g} {unit}" if unit != "1" else f"{value:.{digits}g}"
