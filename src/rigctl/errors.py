@@ -89,7 +89,7 @@ class RigctlError(Exception):
         return text
 
 
-class Errors(RigctlError):
+class SeveralErrors(RigctlError):
     """Several mistakes of one file, shown together so that they can be mended together."""
 
     def __init__(self, errors: Iterable[RigctlError]) -> None:
@@ -97,7 +97,7 @@ class Errors(RigctlError):
         first = self.errors[0]
         super().__init__(first.what, where=first.where, exit_code=first.exit_code)
 
-    def at(self, where: Location) -> Errors:
+    def at(self, where: Location) -> SeveralErrors:
         """Fill the place of every one of them."""
         for error in self.errors:
             error.at(where)
