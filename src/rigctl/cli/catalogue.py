@@ -1,0 +1,48 @@
+"""Which commands there are and where each lives.
+
+`rigctl --help` reads only this table, so that it answers at once; a command's module is imported when the
+command is called.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One command: its name, the object that implements it, and the line shown in the overview."""
+
+    name: str
+    target: str
+    panel: str
+    summary: str
+
+
+START = "Start here"
+BENCH = "At the bench"
+DATA = "What was measured"
+PHYSICS = "Physics"
+TOOLS = "Tools"
+
+ENTRIES = (
+    Entry("demo", "rigctl.cli.demo:demo", START, "The main job on the simulated bench, ending in a page."),
+    Entry("init", "rigctl.cli.init:init", START, "Make a working project folder."),
+    Entry("check", "rigctl.cli.check:check", START, "Validate a procedure and print its plan."),
+    Entry("simulate", "rigctl.cli.simulate:simulate", START, "Carry out a procedure on the simulated bench."),
+    Entry("run", "rigctl.cli.run:run", BENCH, "Carry out a procedure on the bench."),
+    Entry("resume", "rigctl.cli.resume:resume", BENCH, "Go on with a run at its first incomplete record."),
+    Entry("pause", "rigctl.cli.control:pause", BENCH, "Pause a run in progress, outputs safe."),
+    Entry("continue", "rigctl.cli.control:continue_", BENCH, "Let a paused run go on."),
+    Entry("abort", "rigctl.cli.control:abort", BENCH, "End a run in progress, outputs safe first."),
+    Entry("off", "rigctl.cli.manual:off", BENCH, "Put everything into the safe state now."),
+    Entry("jog", "rigctl.cli.manual:jog", BENCH, "Move one actuator by hand, within the limits."),
+    Entry("monitor", "rigctl.cli.manual:monitor", BENCH, "Watch the channels without a run."),
+    Entry("runs", "rigctl.cli.runs:app", DATA, "List, show, verify, annotate, exclude and query runs."),
+    Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
+    Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
+    Entry("schema", "rigctl.cli.schema:schema", TOOLS, "JSON Schema of the files a user writes."),
+    Entry("doctor", "rigctl.cli.doctor:doctor", TOOLS, "What is installed, what is missing, how to get it."),
+)
+
+BY_NAME = {entry.name: entry for entry in ENTRIES}

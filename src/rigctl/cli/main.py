@@ -1,0 +1,88 @@
+"""The entry point: commands are loaded when they are called, and mistakes end in one clear message."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from rigctl.cli.catalogue import BY_NAME, ENTRIES
+from rigctl.errors import ExitCode, RigctlError
+
+
+class LazyGroup(TyperGroup):
+    """A group of commands that imports a command only to carry it out, or to print its own help."""
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+        """Names in the order of the table, which is the order of a user's work."""
+        return [entry.name for entry in ENTRIES]
+
+    def get_command(self, ctx: typer.Context, cmd_name: str) -> Any:
+        """A stand-in that knows its name and summary: all that the overview shows."""
+        entry = BY_NAME.get(cmd_name)
+        if entry is None:
+            return None
+        return TyperCommand(entry.name, help=entry.summary, rich_help_panel=entry.panel)
+
+    def resolve_command(self, ctx: typer.Context, args: list[str]) -> Any:  # type: ignore[override]
+        """Load the command that is really called."""
+        name, stand_in, rest = super().resolve_command(ctx, args)  # type: ignore[arg-type]
+        return name, stand_in and load_command(str(stand_in.name)), rest
+
+
+def load_command(name: str) -> Any:
+    """Import a command's module and make the command from its function or sub-application."""
+    module_name, attribute = BY_NAME[name].target.split(":")
+    target = getattr(import_module(module_name), attribute)
+    if not isinstance(target, typer.Typer):
+        function, target = target, typer.Typer(add_completion=False)
+        target.command(name, no_args_is_help=False)(function)
+    target.pretty_exceptions_enable = False
+    command = typer.main.get_command(target)
+    command.name = name
+    return command
+
+
+app = typer.Typer(
+    name="rigctl",
+    cls=LazyGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"rigctl {version('rigctl')}")
+        raise typer.Exit
+
+
+@app.callback()
+def rigctl(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Run a test bench, record what it does, and learn what the model of it is missing.
+
+    First steps: 'rigctl init my-bench', then 'rigctl check' and 'rigctl simulate' one of its procedures,
+    then 'rigctl report latest'. 'rigctl COMMAND --help' shows an example of each.
+    """
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one message on stderr, never a traceback."""
+    try:
+        app()
+    except RigctlError as error:
+        print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
+        sys.exit(error.exit_code)
+    except RecursionError:
+        print("rigctl: the input is nested too deeply", file=sys.stderr)  # noqa: T201
+        sys.exit(ExitCode.USAGE)
