@@ -1,0 +1,1 @@
+"""Equations to numbers: symbols, compiled kernels, integration with sensitivities, least squares."""

@@ -1,0 +1,182 @@
+"""Functions of the equations; each takes expressions or plain numbers, so a term can be tested by itself.
+
+The solver needs smooth equations. What would be an ``if`` is written with one of the smooth switches here;
+each has a width, the distance from the corner within which it is rounded. A width given as a plain number
+is in the SI unit of the quantity it rounds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import overload
+
+from rigctl.engine.symbols.dimension import dimension_of
+from rigctl.engine.symbols.graph import Expr, Scalar
+from rigctl.errors import RigctlError
+
+
+@overload
+def exp(x: Expr) -> Expr: ...
+@overload
+def exp(x: float) -> float: ...
+@overload
+def exp(x: Scalar) -> Scalar: ...
+def exp(x: Scalar) -> Scalar:
+    """``e ** x`` of a dimensionless x; infinite beyond the range of a double."""
+    if isinstance(x, Expr):
+        return x.graph.function("exp", x)
+    try:
+        return math.exp(x)
+    except OverflowError:
+        return math.inf
+
+
+@overload
+def log(x: Expr) -> Expr: ...
+@overload
+def log(x: float) -> float: ...
+@overload
+def log(x: Scalar) -> Scalar: ...
+def log(x: Scalar) -> Scalar:
+    """The natural logarithm of a dimensionless x; of a plain number that is not positive: nan or -inf."""
+    if isinstance(x, Expr):
+        return x.graph.function("log", x)
+    if x > 0.0:
+        return math.log(x)
+    return -math.inf if x == 0.0 else math.nan
+
+
+@overload
+def sqrt(x: Expr) -> Expr: ...
+@overload
+def sqrt(x: float) -> float: ...
+@overload
+def sqrt(x: Scalar) -> Scalar: ...
+def sqrt(x: Scalar) -> Scalar:
+    """The square root; of a plain negative number nan. Its slope at 0 is infinite: see `absolute`."""
+    if isinstance(x, Expr):
+        return x.graph.function("sqrt", x)
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+@overload
+def tanh(x: Expr) -> Expr: ...
+@overload
+def tanh(x: float) -> float: ...
+@overload
+def tanh(x: Scalar) -> Scalar: ...
+def tanh(x: Scalar) -> Scalar:
+    """The hyperbolic tangent of a dimensionless x: a smooth sign."""
+    return x.graph.function("tanh", x) if isinstance(x, Expr) else math.tanh(x)
+
+
+@overload
+def power(x: Expr, y: Scalar) -> Expr: ...
+@overload
+def power(x: float, y: float) -> float: ...
+@overload
+def power(x: Scalar, y: Scalar) -> Scalar: ...
+def power(x: Scalar, y: Scalar) -> Scalar:
+    """``x ** y``; when y is an expression, ``exp(y * log(x))`` of a dimensionless, positive x."""
+    if isinstance(y, Expr) and not y.constant:
+        return exp(y * log(y.graph.expression(x)))
+    exponent = float(y)
+    if isinstance(x, Expr):
+        return x.graph.power(x, exponent)
+    try:
+        result = x**exponent
+    except ZeroDivisionError:
+        return math.inf
+    except OverflowError:
+        return math.inf
+    # Python answers a fractional power of a negative number with a complex one
+    return result if isinstance(result, float) else math.nan
+
+
+@overload
+def constant_like(value: float, x: Expr) -> Expr: ...
+@overload
+def constant_like(value: float, x: float) -> float: ...
+@overload
+def constant_like(value: float, x: Scalar) -> Scalar: ...
+def constant_like(value: float, x: Scalar) -> Scalar:
+    """The number `value` with the dimension of x, e.g. 15 degC to be subtracted from a temperature."""
+    return x.graph.constant(value, dimension_of(x)) if isinstance(x, Expr) else float(value)
+
+
+@overload
+def absolute(x: Expr, width: Scalar) -> Expr: ...
+@overload
+def absolute(x: float, width: float) -> float: ...
+@overload
+def absolute(x: Scalar, width: Scalar) -> Scalar: ...
+def absolute(x: Scalar, width: Scalar) -> Scalar:
+    """``sqrt(x**2 + width**2)``: the smooth magnitude of x, never below `width`."""
+    return sqrt(x * x + _width(width, x) ** 2)
+
+
+@overload
+def positive_part(x: Expr, width: Scalar) -> Expr: ...
+@overload
+def positive_part(x: float, width: float) -> float: ...
+@overload
+def positive_part(x: Scalar, width: Scalar) -> Scalar: ...
+def positive_part(x: Scalar, width: Scalar) -> Scalar:
+    """``(x + sqrt(x**2 + width**2)) / 2``: smooth max(x, 0); width/2 at the corner, always positive."""
+    return 0.5 * (x + absolute(x, width))
+
+
+@overload
+def maximum(a: Expr, b: Scalar, width: Scalar) -> Expr: ...
+@overload
+def maximum(a: float, b: float, width: float) -> float: ...
+@overload
+def maximum(a: Scalar, b: Scalar, width: Scalar) -> Scalar: ...
+def maximum(a: Scalar, b: Scalar, width: Scalar) -> Scalar:
+    """``(a + b + sqrt((a - b)**2 + width**2)) / 2``: the smooth larger of two, never below either."""
+    b = _like(b, a)
+    return 0.5 * (a + b + absolute(a - b, width))
+
+
+@overload
+def minimum(a: Expr, b: Scalar, width: Scalar) -> Expr: ...
+@overload
+def minimum(a: float, b: float, width: float) -> float: ...
+@overload
+def minimum(a: Scalar, b: Scalar, width: Scalar) -> Scalar: ...
+def minimum(a: Scalar, b: Scalar, width: Scalar) -> Scalar:
+    """``(a + b - sqrt((a - b)**2 + width**2)) / 2``: the smooth smaller of two, never above either."""
+    b = _like(b, a)
+    return 0.5 * (a + b - absolute(a - b, width))
+
+
+@overload
+def smooth_sign(x: Expr, width: Scalar) -> Expr: ...
+@overload
+def smooth_sign(x: float, width: float) -> float: ...
+@overload
+def smooth_sign(x: Scalar, width: Scalar) -> Scalar: ...
+def smooth_sign(x: Scalar, width: Scalar) -> Scalar:
+    """``tanh(x / width)``: -1 below, 1 above, within 4 % at two widths."""
+    return tanh(x / _width(width, x))
+
+
+@overload
+def smooth_step(x: Expr, width: Scalar) -> Expr: ...
+@overload
+def smooth_step(x: float, width: float) -> float: ...
+@overload
+def smooth_step(x: Scalar, width: Scalar) -> Scalar: ...
+def smooth_step(x: Scalar, width: Scalar) -> Scalar:
+    """``(1 + tanh(x / width)) / 2``: 0 below, 1 above, 1/2 at x = 0."""
+    return 0.5 * (1.0 + smooth_sign(x, width))
+
+
+def _width(width: Scalar, x: Scalar) -> Scalar:
+    if not isinstance(width, Expr) and not width > 0.0:
+        raise RigctlError("the width of a smooth switch must be positive", value=str(width))
+    return _like(width, x)
+
+
+def _like(value: Scalar, x: Scalar) -> Scalar:
+    return value if isinstance(value, Expr) else constant_like(value, x)

@@ -1,0 +1,404 @@
+"""A hash-consed graph of expressions: equal subexpressions are one node.
+
+Nodes are numbered in the order they are made, so arguments come before what uses them and every walk over
+the graph is a loop over sorted numbers, never a recursion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from typing import Never, TypeAlias
+
+from rigctl.errors import RigctlError
+from rigctl.units import DIMENSIONLESS, Dimension
+
+#: the one-argument functions a node can be
+FUNCTIONS = ("exp", "log", "sqrt", "tanh")
+
+_LARGEST_DENOMINATOR = 64
+_SMOOTH_ALTERNATIVES = "use a smooth switch: positive_part, absolute, minimum, maximum, smooth_step or tanh"
+
+
+class Expr:
+    """One node of a `Graph`: an operation, its arguments, and what a constant, variable or power holds.
+
+    Two expressions of one graph are equal exactly when they are the same object.
+
+    Attributes
+    ----------
+    graph: the graph that owns the node.
+    index: its number in that graph; larger than those of its arguments.
+    op: "constant", "variable", "+", "-", "*", "/", "negative", "power" or one of `FUNCTIONS`.
+    args: its arguments.
+    value: of a constant its number, of a power its exponent, else 0.
+    name: of a variable its name, else "".
+    depends_on: a bit for each variable of the graph that it depends on.
+    """
+
+    __slots__ = ("args", "declared", "depends_on", "graph", "index", "name", "op", "value")
+
+    def __init__(
+        self,
+        graph: Graph,
+        op: str,
+        args: tuple[Expr, ...],
+        value: float | Fraction,
+        name: str,
+        declared: Dimension,
+    ) -> None:
+        self.graph = graph
+        self.index = len(graph.nodes)
+        self.op = op
+        self.args = args
+        self.value = value
+        self.name = name
+        self.declared = declared
+        self.depends_on = 0
+        for arg in args:
+            self.depends_on |= arg.depends_on
+
+    @property
+    def constant(self) -> bool:
+        """True for a number."""
+        return self.op == "constant"
+
+    def __add__(self, other: Scalar) -> Expr:
+        return self.graph.add(self, self.graph.expression(other))
+
+    def __radd__(self, other: float) -> Expr:
+        return self.graph.add(self.graph.expression(other), self)
+
+    def __sub__(self, other: Scalar) -> Expr:
+        return self.graph.subtract(self, self.graph.expression(other))
+
+    def __rsub__(self, other: float) -> Expr:
+        return self.graph.subtract(self.graph.expression(other), self)
+
+    def __mul__(self, other: Scalar) -> Expr:
+        return self.graph.multiply(self, self.graph.expression(other))
+
+    def __rmul__(self, other: float) -> Expr:
+        return self.graph.multiply(self.graph.expression(other), self)
+
+    def __truediv__(self, other: Scalar) -> Expr:
+        return self.graph.divide(self, self.graph.expression(other))
+
+    def __rtruediv__(self, other: float) -> Expr:
+        return self.graph.divide(self.graph.expression(other), self)
+
+    def __neg__(self) -> Expr:
+        return self.graph.negative(self)
+
+    def __pos__(self) -> Expr:
+        return self
+
+    def __pow__(self, exponent: Scalar | Fraction) -> Expr:
+        return self.graph.power(self, exponent)
+
+    def __rpow__(self, base: float) -> Never:
+        raise _varying_exponent(self)
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, int | float):
+            self._no_branch()
+        return self is other
+
+    __hash__ = object.__hash__
+
+    def __lt__(self, other: Scalar) -> Never:
+        self._no_branch()
+
+    __le__ = __gt__ = __ge__ = __lt__
+
+    def __bool__(self) -> bool:  # noqa: PLE0304
+        self._no_branch()
+
+    def __abs__(self) -> Never:
+        self._no_branch()
+
+    def __float__(self) -> float:
+        if self.constant:
+            return float(self.value)
+        raise RigctlError(
+            "an expression is not a number", value=repr(self), hint="use evaluate(expr, values)"
+        )
+
+    def __repr__(self) -> str:
+        from rigctl.engine.symbols.printing import to_text
+
+        return to_text(self)
+
+    def _no_branch(self) -> Never:
+        raise RigctlError(
+            "an equation may not branch on a state or a parameter",
+            value=repr(self),
+            hint=_SMOOTH_ALTERNATIVES,
+        )
+
+
+#: what a physical term takes and returns: an expression, or a plain number when it is tested by itself
+Scalar: TypeAlias = Expr | float
+
+
+class Graph:
+    """The expressions of one model. Every node is made here, simplified and shared.
+
+    The rules are few and cheap (constants fold, 0 and 1 vanish, signs move outwards): a model of thousands
+    of nodes is built in milliseconds.
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Expr] = []
+        self.variables: dict[str, Expr] = {}
+        self.derivatives: dict[tuple[int, int], Expr] = {}
+        self.dimensions: dict[int, Dimension | None] = {}
+        self._made: dict[tuple[object, ...], Expr] = {}
+
+    def variable(self, name: str, dimension: Dimension) -> Expr:
+        """The variable `name`; the same node each time it is asked for.
+
+        Raises
+        ------
+        RigctlError
+            the name is already taken by a variable of another dimension.
+        """
+        known = self.variables.get(name)
+        if known is None:
+            known = self._append(Expr(self, "variable", (), 0.0, name, dimension))
+            known.depends_on = 1 << len(self.variables)
+            self.variables[name] = known
+        elif known.declared != dimension:
+            raise RigctlError(
+                f"variable {name!r} already has the dimension [{known.declared}]", value=str(dimension)
+            )
+        return known
+
+    def constant(self, value: float, dimension: Dimension = DIMENSIONLESS) -> Expr:
+        """A number in SI, with its dimension.
+
+        Raises
+        ------
+        RigctlError
+            the number is not finite.
+        """
+        number = float(value)
+        if not math.isfinite(number):
+            raise RigctlError("a constant of an equation must be finite", value=str(value))
+        # -0.0 and 0.0 are one key of a dictionary and must be one number
+        number = number + 0.0 if number else 0.0
+        return self._make("constant", (), number, dimension)
+
+    def expression(self, value: Scalar) -> Expr:
+        """`value` itself when it belongs to this graph; a dimensionless constant when it is a number.
+
+        Raises
+        ------
+        RigctlError
+            it belongs to another graph, or is neither an expression nor a number.
+        """
+        if isinstance(value, Expr):
+            if value.graph is not self:
+                raise RigctlError("expressions of two models cannot be mixed", value=repr(value))
+            return value
+        try:
+            return self.constant(float(value))
+        except (TypeError, ValueError) as problem:
+            raise RigctlError("not part of an equation", value=repr(value), expected="a number") from problem
+
+    def add(self, a: Expr, b: Expr) -> Expr:
+        """A + b."""
+        if _zero(a):
+            return b
+        if _zero(b):
+            return a
+        if a.constant and b.constant and a.declared == b.declared:
+            return self.constant(float(a.value) + float(b.value), a.declared)
+        if b.op == "negative":
+            return self.subtract(a, b.args[0])
+        if a.op == "negative":
+            return self.subtract(b, a.args[0])
+        return self._make("+", _ordered(a, b))
+
+    def subtract(self, a: Expr, b: Expr) -> Expr:
+        """A - b."""
+        if _zero(b):
+            return a
+        if _zero(a):
+            return self.negative(b)
+        if a is b:
+            return self.constant(0.0)
+        if a.constant and b.constant and a.declared == b.declared:
+            return self.constant(float(a.value) - float(b.value), a.declared)
+        if b.op == "negative":
+            return self.add(a, b.args[0])
+        return self._make("-", (a, b))
+
+    def negative(self, a: Expr) -> Expr:
+        """-a."""
+        if a.constant:
+            return self.constant(-float(a.value), a.declared)
+        if a.op == "negative":
+            return a.args[0]
+        if a.op == "-":
+            return self._make("-", (a.args[1], a.args[0]))
+        return self._make("negative", (a,))
+
+    def multiply(self, a: Expr, b: Expr) -> Expr:
+        """A * b."""
+        if b.constant:
+            a, b = b, a
+        if a.constant:
+            scaled = self._scale(a, b)
+            if scaled is not None:
+                return scaled
+        if a.op == "negative":
+            return self.negative(self.multiply(a.args[0], b))
+        if b.op == "negative":
+            return self.negative(self.multiply(a, b.args[0]))
+        if a is b:
+            return self.power(a, 2)
+        return self._make("*", _ordered(a, b))
+
+    def _scale(self, factor: Expr, b: Expr) -> Expr | None:
+        """The simpler form of ``factor * b`` for a constant `factor`, if there is one."""
+        if _zero(factor) or _zero(b):
+            return self.constant(0.0)
+        if b.constant:
+            return self.constant(float(factor.value) * float(b.value), factor.declared * b.declared)
+        if factor.declared == DIMENSIONLESS and factor.value == 1.0:
+            return b
+        if factor.declared == DIMENSIONLESS and factor.value == -1.0:
+            return self.negative(b)
+        if b.op == "*":
+            inner = next((arg for arg in b.args if arg.constant), None)
+            if inner is not None:
+                rest = b.args[1] if b.args[0] is inner else b.args[0]
+                return self.multiply(self.multiply(factor, inner), rest)
+        return None
+
+    def divide(self, a: Expr, b: Expr) -> Expr:
+        """A / b.
+
+        Raises
+        ------
+        RigctlError
+            b is the number 0.
+        """
+        if _zero(b):
+            raise RigctlError("an equation divides by zero", value=f"{a!r} / 0")
+        if _zero(a):
+            return self.constant(0.0)
+        if b.constant:
+            return self.multiply(self.constant(1.0 / float(b.value), DIMENSIONLESS / b.declared), a)
+        if a is b:
+            return self.constant(1.0)
+        if a.op == "negative":
+            return self.negative(self.divide(a.args[0], b))
+        if b.op == "negative":
+            return self.negative(self.divide(a, b.args[0]))
+        return self._make("/", (a, b))
+
+    def power(self, a: Expr, exponent: Scalar | Fraction) -> Expr:
+        """``a ** exponent`` for a fixed number `exponent`, kept as a fraction where it is one.
+
+        Raises
+        ------
+        RigctlError
+            the exponent is an expression (see `symbols.power`), or zero is raised to a negative power.
+        """
+        if isinstance(exponent, Expr):
+            if not exponent.constant:
+                raise _varying_exponent(exponent)
+            exponent = exponent.value
+        number = _exact(exponent)
+        if number == 0:
+            return self.constant(1.0)
+        if number == 1:
+            return a
+        if number == Fraction(1, 2):
+            return self.function("sqrt", a)
+        if a.constant:
+            if _zero(a) and number < 0:
+                raise RigctlError("an equation divides by zero", value=f"0 ** {exponent}")
+            if a.declared == DIMENSIONLESS or isinstance(number, Fraction):
+                value = _real_power(float(a.value), number)
+                return self.constant(value, a.declared ** Fraction(number) if number else DIMENSIONLESS)
+        if a.op == "power" and isinstance(number, Fraction) and number.denominator == 1:
+            return self.power(a.args[0], a.value * number)
+        if a.op == "negative" and isinstance(number, Fraction) and number.denominator == 1:
+            raised = self.power(a.args[0], number)
+            return self.negative(raised) if number.numerator % 2 else raised
+        return self._make("power", (a,), number)
+
+    def function(self, name: str, a: Expr) -> Expr:
+        """One of `FUNCTIONS` of a."""
+        if a.constant and (name == "sqrt" or a.declared == DIMENSIONLESS):
+            value = float(a.value)
+            if (name == "log" and value <= 0.0) or (name == "sqrt" and value < 0.0):
+                raise RigctlError(f"{name} of a number that is not positive", value=str(value))
+            dimension = a.declared ** Fraction(1, 2) if name == "sqrt" else DIMENSIONLESS
+            try:
+                return self.constant(getattr(math, name)(value), dimension)
+            except OverflowError as problem:
+                raise RigctlError(f"{name} of a number that is too large", value=str(value)) from problem
+        return self._make(name, (a,))
+
+    def reachable(self, roots: Iterable[Expr], known: Iterable[int] = ()) -> Sequence[Expr]:
+        """Every node that `roots` are made of, arguments first; the numbers in `known` are not entered."""
+        seen: set[int] = set()
+        skip = known if isinstance(known, set | dict) else set(known)
+        waiting = list(roots)
+        while waiting:
+            node = waiting.pop()
+            if node.index not in seen and node.index not in skip:
+                seen.add(node.index)
+                waiting.extend(node.args)
+        return [self.nodes[index] for index in sorted(seen)]
+
+    def _make(
+        self,
+        op: str,
+        args: tuple[Expr, ...],
+        value: float | Fraction = 0.0,
+        declared: Dimension = DIMENSIONLESS,
+    ) -> Expr:
+        key = (op, value, declared.exponents if op == "constant" else None, *(arg.index for arg in args))
+        node = self._made.get(key)
+        if node is None:
+            node = self._append(Expr(self, op, args, value, "", declared))
+            self._made[key] = node
+        return node
+
+    def _append(self, node: Expr) -> Expr:
+        self.nodes.append(node)
+        return node
+
+
+def _zero(a: Expr) -> bool:
+    return a.op == "constant" and a.value == 0.0
+
+
+def _varying_exponent(exponent: Expr) -> RigctlError:
+    return RigctlError(
+        "the exponent of ** may not be an expression",
+        value=repr(exponent),
+        hint="use power(x, y) or exp(y*log(x))",
+    )
+
+
+def _ordered(a: Expr, b: Expr) -> tuple[Expr, Expr]:
+    return (a, b) if a.index <= b.index else (b, a)
+
+
+def _exact(exponent: float | Fraction) -> float | Fraction:
+    """A fraction with a small denominator where the exponent is one, else the float itself."""
+    fraction = Fraction(exponent).limit_denominator(_LARGEST_DENOMINATOR)
+    return fraction if abs(float(fraction) - float(exponent)) < 1e-14 else float(exponent)
+
+
+def _real_power(base: float, exponent: float | Fraction) -> float:
+    if base < 0.0 and Fraction(exponent).denominator != 1:
+        raise RigctlError("a negative number has no real root", value=f"{base} ** {exponent}")
+    return float(base ** (int(exponent) if Fraction(exponent).denominator == 1 else float(exponent)))
