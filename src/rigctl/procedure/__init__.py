@@ -1,0 +1,1 @@
+"""What to do: the schema of a procedure's steps, and its expansion to a plan."""
