@@ -1,0 +1,1 @@
+"""Benches behind one protocol: simulated, replayed, and real ones on a serial line."""

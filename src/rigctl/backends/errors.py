@@ -1,0 +1,22 @@
+"""What goes wrong between the host and a bench."""
+
+from __future__ import annotations
+
+from rigctl.errors import ExitCode, Location, RigctlError
+
+
+class BackendLost(RigctlError):
+    """The bench cannot be reached, and trying again within the allowed time did not help."""
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        value: str | None = None,
+        expected: str | None = None,
+        hint: str | None = None,
+        where: Location | None = None,
+    ) -> None:
+        super().__init__(
+            what, value=value, expected=expected, hint=hint, where=where, exit_code=ExitCode.FAILED
+        )

@@ -1,0 +1,159 @@
+"""What every bench can do, real or not; the runner knows nothing else of it.
+
+A bench has channels that are sampled on a regular grid and actuators that are switched at exact times.
+All values are SI, all times are seconds on the clock the backend was given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from rigctl.clock import Clock
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One reading of every channel.
+
+    Parameters
+    ----------
+    time: when the channels were read, in s.
+    values: SI values in the order of ``rig.layout.channels``; NaN where a channel gave none.
+    commands: the actuators' commanded values in the order of ``rig.layout.commands``, in force when
+        the channels were read.
+    """
+
+    time: float
+    values: tuple[float, ...]
+    commands: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CommandReceipt:
+    """When an actuator was really switched.
+
+    Parameters
+    ----------
+    time: the switch, in s.
+    actuator: its name in the rig file.
+    value: the new SI value.
+    uncertainty: half-width of the interval that holds the true switch time, in s; 0 when it is exact.
+    """
+
+    time: float
+    actuator: str
+    value: float
+    uncertainty: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something the bench noticed by itself and that belongs into the run's events.
+
+    `kind` is one of the dataset's event kinds: ``gap`` (samples were lost), ``fault``, ``alarm`` (the
+    board tripped), ``note`` (reconnected, resynchronised).
+    """
+
+    time: float
+    kind: str
+    message: str
+    fields: Mapping[str, object] = field(default_factory=dict)
+
+
+class Backend(Protocol):
+    """A bench: sampled channels, switched actuators, and a way to make everything safe.
+
+    The order of calls is ``open``, then any of the others, then ``close``. Only the runner's thread calls
+    them, except for `safe`, which a signal's cleanup calls in the same thread, whatever was going on.
+    """
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """What the bench says it is: kind, name, firmware, serial number, seed…; complete once open."""
+        ...
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that all times refer to."""
+        ...
+
+    @property
+    def timed(self) -> bool:
+        """True when the bench itself times pulses, so that delays of the host do not matter."""
+        ...
+
+    def open(self) -> None:
+        """Reach the bench, check that it is the right one, and bring its outputs to the safe state.
+
+        Raises
+        ------
+        BackendLost
+            the bench does not answer.
+        RigctlError
+            it is another bench than the rig file says, or somebody else holds it.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let the bench go; outputs are left safe where it can still be reached. Never raises, idempotent."""
+        ...
+
+    def start(self, rate: float) -> None:
+        """Sample at `rate` Hz from now on, the first sample at once; replaces an earlier rate."""
+        ...
+
+    def next_sample(self, timeout: float) -> Sample | None:
+        """Wait on the clock for the next sample; None when none came within `timeout` s of bench time.
+
+        Samples come in order of time, none is skipped because the caller was late.
+
+        Raises
+        ------
+        BackendLost
+            the bench is gone for good.
+        """
+        ...
+
+    def command(
+        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
+    ) -> CommandReceipt:
+        """Switch an actuator to an SI value, now or at bench time `at`, and say when that was.
+
+        With `duration` the bench returns it to its safe value that many seconds later, by itself; the
+        receipt of this return comes from `take_receipts`. A new command to the same actuator replaces
+        a pulse that has not ended.
+
+        An actuator that is worked by hand (``by: operator``) is commanded as well: a real bench only
+        notes what the operator was asked for, a simulated one has its operator turn it.
+
+        Raises
+        ------
+        RigctlError
+            no such actuator, or the value is none that it can take; nothing has moved.
+        BackendLost
+            the bench cannot be reached.
+        """
+        ...
+
+    def take_receipts(self) -> list[CommandReceipt]:
+        """Switches that the bench made since the last call and that `command` did not return: ends of
+        timed pulses, commands that were given for a later time."""
+        ...
+
+    def take_notices(self) -> list[Notice]:
+        """What the bench noticed since the last call: gaps, reconnections, trips, injected faults."""
+        ...
+
+    def safe(self) -> None:
+        """Bring every output to the rig's safe state, now; forget pulses and later commands.
+
+        May be called at any time, repeatedly; blocks for at most one second of wall time.
+
+        Raises
+        ------
+        BackendLost
+            the bench cannot be reached (its own watchdog then makes it safe).
+        """
+        ...

@@ -1,0 +1,46 @@
+"""Backends by name; each is imported when it is chosen, and not before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+
+from rigctl.backends.protocol import Backend
+from rigctl.clock import Clock
+from rigctl.errors import unknown_name
+from rigctl.rig import Rig
+
+#: name on the command line -> module whose ``create(rig, clock, options)`` makes it
+_MODULES: Mapping[str, str] = {
+    "simulated": "rigctl.backends.simulated.create",
+}
+
+
+def backend_names() -> tuple[str, ...]:
+    """The names that `create_backend` knows."""
+    return tuple(_MODULES)
+
+
+def create_backend(
+    rig: Rig, choice: str | None, clock: Clock, options: Mapping[str, object] | None = None
+) -> Backend:
+    """Make the backend called `choice`, or the rig file's own when `choice` is None; opens nothing yet.
+
+    Parameters
+    ----------
+    rig: the bench's description.
+    choice: one of `backend_names`.
+    clock: the clock that the backend waits on.
+    options: what the command line adds; each backend lists its own in its ``create``.
+
+    Raises
+    ------
+    RigctlError
+        there is no such backend, or an option is unknown or wrong.
+    """
+    name = choice or rig.backend.kind
+    if name not in _MODULES:
+        raise unknown_name("backend", name, _MODULES)
+    create = import_module(_MODULES[name]).create
+    backend: Backend = create(rig, clock, dict(options or {}))
+    return backend
