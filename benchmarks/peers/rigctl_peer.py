@@ -1,7 +1,3 @@
 """rigctl, measured like its peers: steps through the runner, rows into the journal and on to Parquet."""
 
 from __future__ import annotations
-
-from pathlib import Path
-
-from workload import answer, seconds

@@ -35,7 +35,9 @@ def test_every_command_loads_and_its_help_shows_an_example(name: str) -> None:
     shown = CliRunner().invoke(app, [name, "--help"])
     assert shown.exit_code == 0
     assert command.name == name
-    assert f"rigctl {name}" in shown.output.replace("Usage: rigctl", ""), "the help of a command has an example"
+    assert f"rigctl {name}" in shown.output.replace("Usage: rigctl", ""), (
+        "the help of a command has an example"
+    )
 
 
 def test_a_misspelt_command_names_the_nearest() -> None:

@@ -1,0 +1,89 @@
+"""`rigctl init`: a working project folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rigctl.errors import Location, RigctlError
+
+_MARKER = """\
+# Marks the root of a rigctl project: relative paths in its files resolve from this folder.
+
+# where runs are kept
+runs = "runs"
+"""
+
+_README = """\
+# A rigctl project
+
+| folder | holds |
+|---|---|
+| `rigs/` | what the bench is: channels, actuators, calibrations, limits, safe state |
+| `procedures/` | what to do with it |
+| `models/` | the physical model that its measurements are compared with |
+| `runs/` | what was measured, one folder each; nothing is ever overwritten |
+
+    rigctl check procedures/quick-check.yaml       # the plan: steps, records, duration, limits
+    rigctl simulate procedures/quick-check.yaml    # on the simulated bench, as fast as it computes
+    rigctl report latest                           # one page about it
+    rigctl run procedures/quick-check.yaml         # on the backend that the rig file names
+"""
+
+_SHIPPED = ("rigs", "procedures", "models")
+
+
+def create_project(directory: Path) -> list[Path]:
+    """Write the shipped rig, procedures and models into `directory`; returns the files written.
+
+    Raises
+    ------
+    RigctlError
+        a file is already there (nothing is written then), or the folder cannot be written.
+    """
+    from rigctl.files.shipped import shipped
+    from rigctl.files.write import write_text
+
+    contents = {directory / "rigctl.toml": _MARKER, directory / "README.md": _README}
+    for kind in _SHIPPED:
+        for source in sorted(shipped(kind).glob("*.yaml")):
+            contents[directory / kind / source.name] = source.read_text(encoding="utf-8")
+    taken = [path for path in contents if path.exists()]
+    if taken:
+        raise RigctlError(
+            "the file is already there and nothing is overwritten",
+            where=Location(taken[0]),
+            hint="Choose an empty folder: 'rigctl init my-bench'",
+        )
+    try:
+        for path, text in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(path, text)
+    except OSError as problem:
+        raise RigctlError(
+            "cannot write the project folder", value=str(problem.strerror), where=Location(directory)
+        ) from problem
+    return list(contents)
+
+
+def init(
+    directory: Annotated[
+        Path, typer.Argument(help="The folder to make; the current one if none is named.")
+    ] = Path(),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Make a working project folder: rig files, procedures, models, and a README that says what to type.
+
+    Example: rigctl init my-bench
+    """
+    written = create_project(directory)
+    if as_json:
+        typer.echo(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
+        return
+    for path in written:
+        typer.echo(f"  {path}")
+    inside = "" if directory == Path() else f"cd {directory} && "
+    typer.echo(f"\nNext: {inside}rigctl check procedures/quick-check.yaml")
