@@ -1,0 +1,18 @@
+"""Where the files that come with rigctl are: ready procedures, rigs and models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import rigctl
+
+
+def shipped(*parts: str) -> Path:
+    """The path of a shipped file or folder, e.g. ``shipped("rigs", "hl32-bench.yaml")``.
+
+    In an installed package they lie in ``rigctl/shipped``, in a checkout in the repository itself.
+    """
+    package = Path(rigctl.__file__).parent
+    installed = package / "shipped"
+    root = installed if installed.is_dir() else package.parents[1]
+    return root.joinpath(*parts)

@@ -1,0 +1,189 @@
+"""Check a document against a pydantic model and say what is wrong in the user's words and place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from rigctl.errors import RigctlError, SeveralErrors, nearest_name, unknown_name
+from rigctl.files import refusal
+from rigctl.files.fields import field_names, types_at
+from rigctl.files.nodes import Key
+from rigctl.files.yaml import Document
+
+M = TypeVar("M", bound=BaseModel)
+
+#: what is expected, by the kind of pydantic's complaint
+_EXPECTED = {
+    "string_type": "text",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "dict_type": "a mapping (name: value)",
+    "mapping_type": "a mapping (name: value)",
+    "model_type": "a mapping (name: value)",
+    "model_attributes_type": "a mapping (name: value)",
+    "dataclass_type": "a mapping (name: value)",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "set_type": "a list",
+    "date_type": "a date, e.g. 2026-03-14",
+    "date_parsing": "a date, e.g. 2026-03-14",
+    "date_from_datetime_parsing": "a date, e.g. 2026-03-14",
+    "date_from_datetime_inexact": "a date, e.g. 2026-03-14",
+    "datetime_parsing": "a date and time, e.g. 2026-03-14T09:30:00Z",
+    "none_required": "nothing",
+}
+
+#: complaints about a bound: the words around it
+_BOUNDS = {
+    "greater_than": ("too small", "more than {gt}"),
+    "greater_than_equal": ("too small", "at least {ge}"),
+    "less_than": ("too large", "less than {lt}"),
+    "less_than_equal": ("too large", "at most {le}"),
+    "too_short": ("too few entries", "at least {min_length}"),
+    "too_long": ("too many entries", "at most {max_length}"),
+    "string_too_short": ("too short", "at least {min_length} characters"),
+    "string_too_long": ("too long", "at most {max_length} characters"),
+    "multiple_of": ("not a multiple", "a multiple of {multiple_of}"),
+    "string_pattern_mismatch": ("not allowed here", "text like {pattern}"),
+}
+
+
+def validate(document: Document, model: type[M], *, keys: Sequence[Key] = ()) -> M:
+    """The part of `document` under `keys` as a `model`.
+
+    Raises
+    ------
+    RigctlError
+        the document does not fit, with file, line, column, value, what was expected and the nearest name;
+        `SeveralErrors` when there is more than one mistake.
+    """
+    value: Any = document.data
+    for key in keys:
+        value = value[key]
+    try:
+        return model.model_validate(value)
+    except ValidationError as problem:
+        errors = list(_translate(problem, document, model, tuple(keys)))
+    raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
+
+
+def _translate(
+    problem: ValidationError, document: Document, model: type[BaseModel], keys: tuple[Key, ...]
+) -> Iterable[RigctlError]:
+    """Every complaint once, in the order of the file; a misspelt field hides the one it left missing."""
+    details: list[dict[str, Any]] = [{**detail} for detail in problem.errors(include_url=False)]
+    misspelt = _misspelt_fields(details)
+    found: dict[str, RigctlError] = {}
+    for detail in details:
+        loc = tuple(detail["loc"])
+        if detail["type"] == "missing" and loc in misspelt:
+            continue
+        error = _error(detail, document, model, keys)
+        place = str(error.where)
+        if place in found:
+            found[place] = _merge(found[place], error)
+        else:
+            found[place] = error
+    return sorted(found.values(), key=lambda error: (error.where.line or 0, error.where.column or 0))
+
+
+def _misspelt_fields(details: list[dict[str, Any]]) -> set[tuple[Key, ...]]:
+    """The missing fields for which an unknown field of nearly the same name stands beside them."""
+    unknown = [tuple(detail["loc"]) for detail in details if detail["type"] == "extra_forbidden"]
+    return {
+        tuple(detail["loc"])
+        for detail in details
+        if detail["type"] == "missing"
+        for other in unknown
+        if other[:-1] == tuple(detail["loc"])[:-1]
+        and nearest_name(str(other[-1]), [str(detail["loc"][-1])]) is not None
+    }
+
+
+def _merge(first: RigctlError, second: RigctlError) -> RigctlError:
+    """Two complaints about one place (the branches of a union): what either branch would have taken."""
+    expected = " or ".join(dict.fromkeys(part for part in (first.expected, second.expected) if part))
+    first.expected = expected or None
+    first.nearest = first.nearest or second.nearest
+    return first
+
+
+def _error(
+    detail: dict[str, Any], document: Document, model: type[BaseModel], keys: tuple[Key, ...]
+) -> RigctlError:
+    kind = detail["type"]
+    loc = (*keys, *detail["loc"])
+    context: dict[str, Any] = detail.get("ctx") or {}
+    if kind == "extra_forbidden":
+        name = str(loc[-1])
+        valid = field_names(types_at(model, tuple(detail["loc"][:-1])))
+        return unknown_name("field", name, valid, where=document.locate(loc, of_key=True))
+    if kind == "missing":
+        return RigctlError(f"the field '{loc[-1]}' is missing", where=document.locate(loc))
+    if kind == refusal.TYPE:
+        error: RigctlError = context["error"]
+        loc = (*loc, *context["keys"])
+        return _named(error, loc).at(document.locate(loc))
+    return _named(_from_kind(kind, detail, context, _written(document, loc, detail)), loc).at(
+        document.locate(loc)
+    )
+
+
+def _from_kind(kind: str, detail: dict[str, Any], context: dict[str, Any], written: str) -> RigctlError:
+    if kind in ("literal_error", "enum"):
+        names = _literals(context.get("expected", ""))
+        near = nearest_name(written, names)
+        return RigctlError("not a known value", value=written, expected=_or(names), nearest=near)
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        names = _literals(context.get("expected_tags", ""))
+        tag = str(context.get("tag", ""))
+        return RigctlError(
+            "not a known value", value=tag or None, expected=_or(names), nearest=nearest_name(tag, names)
+        )
+    if kind in _BOUNDS:
+        what, expected = _BOUNDS[kind]
+        return RigctlError(what, value=written, expected=expected.format(**context))
+    if kind in _EXPECTED:
+        return RigctlError("wrong kind of value", value=written, expected=_EXPECTED[kind])
+    if kind in ("value_error", "assertion_error"):
+        return RigctlError(str(context.get("error") or detail["msg"]), value=written or None)
+    return RigctlError(f"not allowed: {detail['msg']}", value=written)
+
+
+def _named(error: RigctlError, loc: tuple[Key, ...]) -> RigctlError:
+    """Name the field in front of what is wrong with it."""
+    names = [str(key) for key in loc if isinstance(key, str)]
+    if names and f"'{names[-1]}'" not in error.what and "-" not in names[-1]:
+        error.what = f"{names[-1]}: {error.what}"
+        error.args = (error.what,)
+    return error
+
+
+def _written(document: Document, loc: tuple[Key, ...], detail: dict[str, Any]) -> str:
+    value = detail.get("input")
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list | tuple):
+        return "a list"
+    written = document.written(loc)
+    return written if written is not None else str(value)
+
+
+def _literals(expected: str) -> list[str]:
+    """The names in pydantic's ``'a', 'b' or 'c'``."""
+    return [part.strip().strip("'") for part in expected.replace(" or ", ", ").split(",") if part.strip()]
+
+
+def _or(names: list[str]) -> str | None:
+    if len(names) < 2:
+        return names[0] if names else None
+    return ", ".join(names[:-1]) + f" or {names[-1]}"

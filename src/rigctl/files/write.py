@@ -1,0 +1,94 @@
+"""Write a file whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import date
+from enum import Enum
+from pathlib import Path, PurePath
+from typing import Any
+
+from rigctl.errors import ExitCode, Location, RigctlError
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text so that a reader, or a crash, sees the old file or the new one and nothing between.
+
+    Raises
+    ------
+    RigctlError
+        the folder cannot be written to, or the disk is full; the old file is untouched.
+    """
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write bytes as `write_text` does: a temporary file beside it, flushed to disk, then renamed."""
+    temporary: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+        temporary = Path(name)
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        _keep_mode(path, temporary)
+        temporary.replace(path)
+        temporary = None
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write the file: {problem.strerror or problem}",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    finally:
+        if temporary is not None:
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _keep_mode(path: Path, temporary: Path) -> None:
+    """Give the new file the permissions of the one it replaces, or those of a new file."""
+    try:
+        mode = path.stat().st_mode & 0o777
+    except FileNotFoundError:
+        mode = 0o644
+    temporary.chmod(mode)
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write `value` as indented JSON (see `to_json`), atomically."""
+    write_text(path, to_json(value) + "\n")
+
+
+def to_json(value: object, *, indent: int | None = 2) -> str:
+    """JSON that every reader accepts: NaN and infinity become null, paths and dates become text."""
+    return json.dumps(_plain(value), indent=indent, ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy scalars and arrays, without importing numpy here
+        return _plain(value.tolist())
+    return _plain_scalar(value.value if isinstance(value, Enum) else value)
+
+
+def _plain_scalar(value: object) -> str | bool | int | float | None:
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, date):
+        return value.isoformat()
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    raise TypeError(f"cannot write a {type(value).__name__} as JSON")
