@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from numbers import Real
 from typing import Never, TypeAlias
 
 from rigctl.errors import RigctlError
@@ -190,7 +191,7 @@ class Graph:
         number = number + 0.0 if number else 0.0
         return self._make("constant", (), number, dimension)
 
-    def expression(self, value: Scalar) -> Expr:
+    def expression(self, value: object) -> Expr:
         """`value` itself when it belongs to this graph; a dimensionless constant when it is a number.
 
         Raises
@@ -202,10 +203,9 @@ class Graph:
             if value.graph is not self:
                 raise RigctlError("expressions of two models cannot be mixed", value=repr(value))
             return value
-        try:
-            return self.constant(float(value))
-        except (TypeError, ValueError) as problem:
-            raise RigctlError("not part of an equation", value=repr(value), expected="a number") from problem
+        if not isinstance(value, Real):
+            raise RigctlError("not part of an equation", value=repr(value), expected="a number")
+        return self.constant(float(value))
 
     def add(self, a: Expr, b: Expr) -> Expr:
         """A + b."""
