@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import TypeAlias
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -311,3 +312,20 @@ def test_a_graph_travels_to_another_process() -> None:
     copy = pickle.loads(pickle.dumps(expr))
     assert to_text(copy) == to_text(expr)
     assert copy.graph.variable("x", unit("m")) is variables_of(copy)[0]
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        symbols.exp,
+        symbols.log,
+        symbols.sqrt,
+        symbols.tanh,
+        lambda x: symbols.power(x, 0.3),
+        lambda x: symbols.positive_part(x, 0.1),
+    ],
+)
+def test_functions_take_arrays_element_by_element(function: Callable[[object], object]) -> None:
+    points = np.array([-1.0, 0.0, 0.5, 800.0])
+    expected = [function(float(point)) for point in points]
+    np.testing.assert_allclose(np.asarray(function(points)), expected, rtol=1e-15)

@@ -1,5 +1,7 @@
 """Functions of the equations; each takes expressions or plain numbers, so a term can be tested by itself.
 
+Arrays of numbers work too, element by element, for tables and curves.
+
 The solver needs smooth equations. What would be an ``if`` is written with one of the smooth switches here;
 each has a width, the distance from the corner within which it is rounded. A width given as a plain number
 is in the SI unit of the quantity it rounds.
@@ -8,7 +10,7 @@ is in the SI unit of the quantity it rounds.
 from __future__ import annotations
 
 import math
-from typing import overload
+from typing import Any, overload
 
 from rigctl.engine.symbols.dimension import dimension_of
 from rigctl.engine.symbols.graph import Expr, Scalar
@@ -21,10 +23,12 @@ def exp(x: Expr) -> Expr: ...
 def exp(x: float) -> float: ...
 @overload
 def exp(x: Scalar) -> Scalar: ...
-def exp(x: Scalar) -> Scalar:
+def exp(x: Any) -> Any:
     """``e ** x`` of a dimensionless x; infinite beyond the range of a double."""
     if isinstance(x, Expr):
         return x.graph.function("exp", x)
+    if not isinstance(x, int | float):
+        return _elementwise("exp", x)
     try:
         return math.exp(x)
     except OverflowError:
@@ -37,10 +41,12 @@ def log(x: Expr) -> Expr: ...
 def log(x: float) -> float: ...
 @overload
 def log(x: Scalar) -> Scalar: ...
-def log(x: Scalar) -> Scalar:
+def log(x: Any) -> Any:
     """The natural logarithm of a dimensionless x; of a plain number that is not positive: nan or -inf."""
     if isinstance(x, Expr):
         return x.graph.function("log", x)
+    if not isinstance(x, int | float):
+        return _elementwise("log", x)
     if x > 0.0:
         return math.log(x)
     return -math.inf if x == 0.0 else math.nan
@@ -52,10 +58,12 @@ def sqrt(x: Expr) -> Expr: ...
 def sqrt(x: float) -> float: ...
 @overload
 def sqrt(x: Scalar) -> Scalar: ...
-def sqrt(x: Scalar) -> Scalar:
+def sqrt(x: Any) -> Any:
     """The square root; of a plain negative number nan. Its slope at 0 is infinite: see `absolute`."""
     if isinstance(x, Expr):
         return x.graph.function("sqrt", x)
+    if not isinstance(x, int | float):
+        return _elementwise("sqrt", x)
     return math.sqrt(x) if x >= 0.0 else math.nan
 
 
@@ -65,9 +73,11 @@ def tanh(x: Expr) -> Expr: ...
 def tanh(x: float) -> float: ...
 @overload
 def tanh(x: Scalar) -> Scalar: ...
-def tanh(x: Scalar) -> Scalar:
+def tanh(x: Any) -> Any:
     """The hyperbolic tangent of a dimensionless x: a smooth sign."""
-    return x.graph.function("tanh", x) if isinstance(x, Expr) else math.tanh(x)
+    if isinstance(x, Expr):
+        return x.graph.function("tanh", x)
+    return math.tanh(x) if isinstance(x, int | float) else _elementwise("tanh", x)
 
 
 @overload
@@ -76,13 +86,15 @@ def power(x: Expr, y: Scalar) -> Expr: ...
 def power(x: float, y: float) -> float: ...
 @overload
 def power(x: Scalar, y: Scalar) -> Scalar: ...
-def power(x: Scalar, y: Scalar) -> Scalar:
+def power(x: Any, y: Any) -> Any:
     """``x ** y``; when y is an expression, ``exp(y * log(x))`` of a dimensionless, positive x."""
     if isinstance(y, Expr) and not y.constant:
         return exp(y * log(y.graph.expression(x)))
     exponent = float(y)
     if isinstance(x, Expr):
         return x.graph.power(x, exponent)
+    if not isinstance(x, int | float):
+        return _elementwise("power", x, exponent)
     try:
         result = x**exponent
     except ZeroDivisionError:
@@ -180,3 +192,11 @@ def _width(width: Scalar, x: Scalar) -> Scalar:
 
 def _like(value: Scalar, x: Scalar) -> Scalar:
     return value if isinstance(value, Expr) else constant_like(value, x)
+
+
+def _elementwise(name: str, *args: Any) -> Any:
+    """The NumPy function `name` of an array; out of range it is silently inf or nan, as for one number."""
+    import numpy as np
+
+    with np.errstate(all="ignore"):
+        return getattr(np, name)(*args)
