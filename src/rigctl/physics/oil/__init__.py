@@ -1,0 +1,43 @@
+"""Mineral hydraulic oil: density, viscosity over temperature and pressure, stiffness, how it is measured."""
+
+from rigctl.physics.oil.bulk_modulus import air_compliance, effective_bulk_modulus
+from rigctl.physics.oil.density import density
+from rigctl.physics.oil.oils import HL32, OILS, Oil, find_oil
+from rigctl.physics.oil.published import Misfit, PublishedPoint, largest_misfit, misfit, published_viscosity
+from rigctl.physics.oil.viscometer import capillary_constant, kinematic_from_time
+from rigctl.physics.oil.viscosity import (
+    barus_factor,
+    kinematic_viscosity,
+    modulus_coefficient,
+    modulus_factor,
+    vogel,
+    walther,
+    walther_constants,
+)
+from rigctl.physics.oil.vogel_points import VogelConstants, vogel_from_points
+
+__all__ = [
+    "HL32",
+    "OILS",
+    "Misfit",
+    "Oil",
+    "PublishedPoint",
+    "VogelConstants",
+    "air_compliance",
+    "barus_factor",
+    "capillary_constant",
+    "density",
+    "effective_bulk_modulus",
+    "find_oil",
+    "kinematic_from_time",
+    "kinematic_viscosity",
+    "largest_misfit",
+    "misfit",
+    "modulus_coefficient",
+    "modulus_factor",
+    "published_viscosity",
+    "vogel",
+    "vogel_from_points",
+    "walther",
+    "walther_constants",
+]
