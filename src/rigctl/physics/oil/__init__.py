@@ -4,6 +4,7 @@ from rigctl.physics.oil.bulk_modulus import air_compliance, effective_bulk_modul
 from rigctl.physics.oil.density import density
 from rigctl.physics.oil.oils import HL32, OILS, Oil, find_oil
 from rigctl.physics.oil.published import Misfit, PublishedPoint, largest_misfit, misfit, published_viscosity
+from rigctl.physics.oil.table import OilRow, oil_table
 from rigctl.physics.oil.viscometer import capillary_constant, kinematic_from_time
 from rigctl.physics.oil.viscosity import (
     barus_factor,
@@ -21,6 +22,7 @@ __all__ = [
     "OILS",
     "Misfit",
     "Oil",
+    "OilRow",
     "PublishedPoint",
     "VogelConstants",
     "air_compliance",
@@ -35,6 +37,7 @@ __all__ = [
     "misfit",
     "modulus_coefficient",
     "modulus_factor",
+    "oil_table",
     "published_viscosity",
     "vogel",
     "vogel_from_points",
