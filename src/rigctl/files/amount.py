@@ -1,0 +1,91 @@
+"""An SI value that still knows the unit it was written in.
+
+For fields whose dimension depends on another part of the file: the limit of a channel, a constant of the
+model. It is a float wherever one is wanted; whoever knows the dimension checks it with `Amount.check`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from rigctl.errors import RigctlError
+from rigctl.files.quantity import quantity_schema, quantity_text, reader_schema
+from rigctl.units import Unit, describe, parse_quantity, parse_unit
+
+
+class Amount(float):
+    """A float in SI with the unit and the text of the file beside it."""
+
+    __slots__ = ("text", "unit")
+    unit: Unit
+    text: str
+
+    def __new__(cls, si: float, unit: Unit, text: str) -> Self:
+        """Keep `si`, and remember how it was written."""
+        amount = super().__new__(cls, si)
+        amount.unit = unit
+        amount.text = text
+        return amount
+
+    def __getnewargs__(self) -> tuple[float, Unit, str]:  # type: ignore[override]
+        """What a copy or an unpickled one is made from."""
+        return float(self), self.unit, self.text
+
+    def check(self, unit: str, *, difference: bool = False) -> None:
+        """Refuse a dimension other than that of `unit`.
+
+        Raises
+        ------
+        RigctlError
+            the unit is missing or of another dimension.
+        """
+        if self.unit.dimension != parse_unit(unit).dimension:
+            raise RigctlError(
+                "wrong dimension" if self.unit.text else "the unit is missing",
+                value=self.text,
+                expected=describe(unit, difference=difference),
+            )
+
+
+@dataclass(frozen=True)
+class AmountField:
+    """Reads an `Amount`; with `difference`, a temperature is an interval."""
+
+    difference: bool = False
+
+    def read(self, written: object) -> Amount:
+        """The amount that stands in the file.
+
+        Raises
+        ------
+        RigctlError
+            no quantity, or an unknown unit.
+        """
+        if isinstance(written, Amount):
+            return written
+        text = quantity_text(written, "a number with its unit, e.g. '30 bar'")
+        quantity = parse_quantity(text)
+        si = quantity.unit.to_si(quantity.value, difference=self.difference)
+        return Amount(si, quantity.unit, text)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Read with `read`; a refusal becomes an error of the field."""
+        return reader_schema(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A text with a number and a unit, or a plain number."""
+        examples = ("0.5 K", "0.1 bar") if self.difference else ("30 bar", "100 mm", "40 degC")
+        return quantity_schema("a quantity", examples, plain=True)
+
+
+#: a quantity of any dimension, as a float in SI
+AnyAmount = Annotated[Amount, AmountField()]
+#: the same for tolerances, noise and other intervals
+AnyDifference = Annotated[Amount, AmountField(difference=True)]

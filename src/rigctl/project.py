@@ -1,0 +1,81 @@
+"""Where a project begins, where its runs are kept, and how the paths written in its files are found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigctl.errors import Location, RigctlError, unknown_name
+from rigctl.files.shipped import shipped
+
+MARKER = "rigctl.toml"
+_SETTINGS = ("runs",)
+
+
+@dataclass(frozen=True)
+class Project:
+    """A folder with rigs, procedures and models, and the folder its runs are kept in."""
+
+    root: Path
+    runs: Path
+
+    def resolve(self, path: str | Path, relative_to: Path | None = None) -> Path:
+        """The file that a path in a file means.
+
+        Tried in this order: relative to the folder of the file `relative_to`, to the project's root, and
+        among the files that come with rigctl.
+
+        Raises
+        ------
+        RigctlError
+            there is no such file in any of them; names the places that were tried.
+        """
+        wanted = Path(path).expanduser()
+        folders = [relative_to.parent] if relative_to is not None else []
+        tried = [folder / wanted for folder in (*folders, self.root, shipped())]
+        for candidate in tried:
+            if candidate.exists():
+                return candidate
+        places = list(dict.fromkeys(str(candidate) for candidate in tried))
+        raise RigctlError("there is no such file", value=str(path), hint=f"Looked for {', '.join(places)}")
+
+
+def find_project(start: Path | None = None) -> Project:
+    """The project around `start` (the current folder by default).
+
+    The nearest folder upwards that holds ``rigctl.toml`` is its root; without one, `start` itself. Runs are
+    kept in ``runs/`` under it, or where ``runs = "..."`` in ``rigctl.toml`` says.
+
+    Raises
+    ------
+    RigctlError
+        ``rigctl.toml`` cannot be read, or says something unknown.
+    """
+    here = (start or Path.cwd()).absolute()
+    for folder in (here, *here.parents):
+        marker = folder / MARKER
+        if marker.is_file():
+            return Project(folder, folder / _read_runs(marker))
+    return Project(here, here / "runs")
+
+
+def _read_runs(marker: Path) -> Path:
+    """The runs folder that the project file names."""
+    import tomllib
+
+    where = Location(marker)
+    try:
+        settings = tomllib.loads(marker.read_text(encoding="utf-8-sig"))
+    except tomllib.TOMLDecodeError as problem:
+        raise RigctlError(f"not valid TOML: {problem}", where=where) from problem
+    except UnicodeDecodeError as problem:
+        raise RigctlError("the file is not UTF-8 text", expected="UTF-8", where=where) from problem
+    except OSError as problem:
+        raise RigctlError(f"cannot read the file: {problem.strerror or problem}", where=where) from problem
+    for name in settings:
+        if name not in _SETTINGS:
+            raise unknown_name("setting", name, _SETTINGS, where=where)
+    runs = settings.get("runs", "runs")
+    if not isinstance(runs, str) or not runs:
+        raise RigctlError("runs: wrong kind of value", value=str(runs), expected="a folder", where=where)
+    return Path(runs).expanduser()

@@ -1,0 +1,29 @@
+"""What there is: channels, actuators, calibration, limits and the safe state of a bench."""
+
+from rigctl.rig.actuator import Actuator
+from rigctl.rig.calibration import Calibration, Raw
+from rigctl.rig.channel import Channel
+from rigctl.rig.layout import Layout
+from rigctl.rig.limit import Limit
+from rigctl.rig.load import load_rig, parse_rig
+from rigctl.rig.rig import Backend, Rig
+from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
+from rigctl.rig.simulation import Simulation
+
+__all__ = [
+    "Actuator",
+    "Backend",
+    "Calibration",
+    "Channel",
+    "HeatRole",
+    "Layout",
+    "Limit",
+    "MoveRole",
+    "Raw",
+    "Rig",
+    "Roles",
+    "SetRole",
+    "Simulation",
+    "load_rig",
+    "parse_rig",
+]

@@ -1,0 +1,93 @@
+"""Something that the bench, or its operator, switches or sets."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.amount import AmountField, AnyAmount
+from rigctl.files.quantity import Q
+from rigctl.rig.base import Part
+from rigctl.rig.setting import POSITIONS
+from rigctl.units import read_si, show
+
+
+class Actuator(Part):
+    """An output of the bench.
+
+    A *switch* is off (0) or on (1); a *directional_valve* retracts (-1), rests (0) or extends (+1);
+    a *level* is continuous from `low` to `high` in its own unit.
+    """
+
+    kind: Literal["switch", "directional_valve", "level"] = Field(description="how it is commanded")
+    by: Literal["driven", "operator"] = Field(
+        default="driven", description="driven by the board, or turned by hand when the operator is asked"
+    )
+    description: str = Field(default="", description="for reports")
+    prompt: str | None = Field(default=None, description="what the operator is asked to do")
+    unit: str | None = Field(default=None, description="of a level, e.g. bar")
+    low: AnyAmount | None = Field(default=None, description="lowest level")
+    high: AnyAmount | None = Field(default=None, description="highest level")
+    power: Annotated[float, Q("W", low="0 W")] | None = Field(
+        default=None, description="heat it gives while on"
+    )
+    min_interval: Annotated[float, Q("s", low="0 s")] = Field(
+        default=0.0, description="shortest time between two switches"
+    )
+
+    @property
+    def display_unit(self) -> str:
+        """The unit its values are shown in; "1" for one with positions."""
+        return self.unit or "1"
+
+    def read(self, written: object) -> float:
+        """The SI value that a file or a person asks for: a position's word, or a level with its unit.
+
+        Raises
+        ------
+        RigctlError
+            there is no such position, the unit is wrong, or the level is out of range.
+        """
+        positions = POSITIONS.get(self.kind)
+        if positions is None:
+            value = read_si(AmountField().read(written).text, self.display_unit)
+            self._check_level(value)
+            return value
+        if isinstance(written, str) and written in positions:
+            return positions[written]
+        try:
+            number = float(str(written))
+        except ValueError:
+            raise unknown_name("position", str(written), positions) from None
+        self.check(number)
+        return number
+
+    def check(self, value: float) -> None:
+        """Refuse an SI value that the actuator cannot take.
+
+        Raises
+        ------
+        RigctlError
+            no position of it, or a level out of range.
+        """
+        positions = POSITIONS.get(self.kind)
+        if positions is None:
+            self._check_level(value)
+        elif value not in positions.values():
+            words = ", ".join(f"{word} ({number:g})" for word, number in positions.items())
+            raise RigctlError("no position of this actuator", value=f"{value:g}", expected=words)
+
+    def _check_level(self, value: float) -> None:
+        low, high = self.low, self.high
+        if (low is not None and value < low) or (high is not None and value > high):
+            shown = " to ".join(show(end, self.display_unit) for end in (low, high) if end is not None)
+            raise RigctlError("out of range", value=show(value, self.display_unit), expected=shown)
+
+    def show(self, value: float) -> str:
+        """An SI value as a person reads it: the position's word, or the level with its unit."""
+        for word, number in POSITIONS.get(self.kind, {}).items():
+            if number == value:
+                return word
+        return show(value, self.display_unit)

@@ -1,0 +1,31 @@
+"""What all parts of a rig file share."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, StringConstraints
+
+from rigctl.errors import RigctlError
+from rigctl.files.refusal import refusal
+
+#: names of channels, actuators and limits: what an expression can name
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
+Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+
+
+class Part(BaseModel):
+    """A part of a rig file: frozen, and refusing fields that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=False)
+
+
+def _text_of_date(written: object) -> object:
+    # a bare number would be read as seconds since 1970
+    if isinstance(written, date | str):
+        return written
+    raise refusal(RigctlError("no date", value=str(written), expected="a date, e.g. 2026-03-14"))
+
+
+IsoDate = Annotated[date, BeforeValidator(_text_of_date)]

@@ -1,0 +1,98 @@
+"""From what the converter gives to what the channel means, and back."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, FiniteFloat
+
+from rigctl.files.amount import AnyDifference
+from rigctl.files.quantity import Q
+from rigctl.rig.base import IsoDate, Part
+
+_BISECTIONS = 60
+
+
+class Raw(Part):
+    """The range of the analogue-digital converter behind a channel.
+
+    A converter of `bits` bits gives 2^bits values, evenly from `low` to `high`.
+    """
+
+    bits: int = Field(default=10, ge=1, le=32, description="resolution of the converter")
+    low: FiniteFloat = Field(default=0.0, description="raw value of the lowest code")
+    high: FiniteFloat = Field(default=1023.0, description="raw value of the highest code")
+    unit: str = Field(default="count", description="what raw values are counted in: count or V")
+
+    @property
+    def step(self) -> float:
+        """The difference between two neighbouring codes, in raw units."""
+        return (self.high - self.low) / ((1 << self.bits) - 1)
+
+    def quantise(self, raw: float) -> float:
+        """The raw value of the nearest code; clipped to the range, as a converter does."""
+        clipped = min(max(raw, self.low), self.high)
+        return self.low + round((clipped - self.low) / self.step) * self.step
+
+
+class Calibration(Part):
+    """A polynomial from raw values to the channel's display unit: ``sum(c[k] * raw**k)``."""
+
+    coefficients: tuple[FiniteFloat, ...] = Field(
+        default=(0.0, 1.0), min_length=2, max_length=8, description="lowest power first, in the display unit"
+    )
+    date: IsoDate | None = Field(default=None, description="when it was calibrated")
+    reference: str | None = Field(default=None, description="what it was compared with")
+    uncertainty: AnyDifference | None = Field(default=None, description="of the calibrated value, 95 %")
+    valid_for: Annotated[float, Q("s", positive=True)] | None = Field(
+        default=None, description="how long it may be trusted, e.g. '365 day'"
+    )
+
+    def expires(self) -> dt.date | None:
+        """The first day on which it is out of date; None when it never is, or has no date."""
+        if self.date is None or self.valid_for is None:
+            return None
+        try:
+            return self.date + dt.timedelta(seconds=self.valid_for)
+        except OverflowError:
+            return None
+
+
+def polynomial(coefficients: Sequence[float], x: float) -> float:
+    """``sum(coefficients[k] * x**k)`` by Horner's scheme."""
+    value = 0.0
+    for coefficient in reversed(coefficients):
+        value = value * x + coefficient
+    return value
+
+
+def monotonic(coefficients: Sequence[float], low: float, high: float, *, points: int = 257) -> bool:
+    """True when the polynomial only rises or only falls from `low` to `high`, so that it can be inverted."""
+    grid = [low + (high - low) * i / (points - 1) for i in range(points)]
+    values = [polynomial(coefficients, x) for x in grid]
+    steps = [b - a for a, b in pairwise(values)]
+    return all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)
+
+
+def inverse_polynomial(coefficients: Sequence[float], y: float, low: float, high: float) -> float:
+    """The x with ``polynomial(coefficients, x) = y`` for a polynomial that is monotonic from `low` to `high`.
+
+    Exact for a straight line; by bisection otherwise. Outside the range the line through its nearer end
+    goes on, so that a sensor driven out of range clips in the converter and not here.
+    """
+    if not any(coefficients[2:]):
+        return (y - coefficients[0]) / coefficients[1]
+    at_low, at_high = polynomial(coefficients, low), polynomial(coefficients, high)
+    if not min(at_low, at_high) <= y <= max(at_low, at_high):
+        return low + (y - at_low) * (high - low) / (at_high - at_low)
+    rising = at_high > at_low
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if (polynomial(coefficients, middle) < y) == rising:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

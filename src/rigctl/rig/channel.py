@@ -1,0 +1,107 @@
+"""A measured quantity of the bench."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+from pydantic import Field
+
+from rigctl.files.amount import AnyAmount, AnyDifference
+from rigctl.rig.base import Part
+from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
+from rigctl.units import Unit, parse_unit
+
+#: what can be measured, and a unit of its dimension; "other" leaves the dimension to the unit
+QUANTITIES: dict[str, str | None] = {
+    "temperature": "K",
+    "pressure": "Pa",
+    "position": "m",
+    "speed": "m/s",
+    "acceleration": "m/s^2",
+    "flow": "m^3/s",
+    "volume": "m^3",
+    "mass": "kg",
+    "force": "N",
+    "torque": "N*m",
+    "angle": "rad",
+    "frequency": "Hz",
+    "time": "s",
+    "voltage": "V",
+    "current": "A",
+    "power": "W",
+    "viscosity": "m^2/s",
+    "fraction": "1",
+    "other": None,
+}
+QuantityName: TypeAlias = Literal[
+    "temperature",
+    "pressure",
+    "position",
+    "speed",
+    "acceleration",
+    "flow",
+    "volume",
+    "mass",
+    "force",
+    "torque",
+    "angle",
+    "frequency",
+    "time",
+    "voltage",
+    "current",
+    "power",
+    "viscosity",
+    "fraction",
+    "other",
+]
+
+
+class Channel(Part):
+    """One sensor: what it measures, in which unit it is shown, and how raw values become physical ones."""
+
+    unit: str = Field(description="the unit it is shown and stored in, e.g. bar")
+    quantity: QuantityName = Field(description="what it measures")
+    description: str = Field(default="", description="for reports: where the sensor sits, its type")
+    raw: Raw = Field(default=Raw(), description="the converter behind it")
+    calibration: Calibration = Field(default=Calibration(), description="raw values to the unit")
+    noise: AnyDifference | None = Field(default=None, description="standard deviation of one reading")
+    range: tuple[AnyAmount, AnyAmount] | None = Field(
+        default=None, description="what is physically possible; outside, the sensor is broken"
+    )
+    difference: bool = Field(default=False, description="a temperature difference, shown without offset")
+
+    @cached_property
+    def display(self) -> Unit:
+        """The display unit, parsed."""
+        return parse_unit(self.unit)
+
+    @cached_property
+    def si_coefficients(self) -> tuple[float, ...]:
+        """The calibration polynomial from raw values to SI, lowest power first."""
+        first, *rest = self.calibration.coefficients
+        return (
+            self.display.to_si(first, difference=self.difference),
+            *(coefficient * self.display.factor for coefficient in rest),
+        )
+
+    def value_from_raw(self, raw: float) -> float:
+        """The SI value of a raw reading."""
+        return polynomial(self.si_coefficients, raw)
+
+    def raw_from_value(self, value: float) -> float:
+        """The raw reading, not yet quantised, of an SI value."""
+        return inverse_polynomial(self.si_coefficients, value, self.raw.low, self.raw.high)
+
+    @property
+    def resolution(self) -> float:
+        """The SI value of one step of the converter, in the middle of its range."""
+        middle = 0.5 * (self.raw.low + self.raw.high)
+        half = 0.5 * self.raw.step
+        return abs(self.value_from_raw(middle + half) - self.value_from_raw(middle - half))
+
+    def possible(self, value: float) -> bool:
+        """True when an SI value lies in the physically possible range; never for NaN."""
+        if self.range is None:
+            return value == value  # noqa: PLR0124 - NaN is the only value that differs from itself
+        return self.range[0] <= value <= self.range[1]

@@ -1,0 +1,226 @@
+"""What no single field of a rig file can know: names exist, dimensions fit, the safe state is complete."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import date
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.amount import Amount
+from rigctl.rig.calibration import monotonic
+from rigctl.rig.channel import QUANTITIES, Channel
+from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
+from rigctl.rig.layout import RECORD, TIME
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit
+
+#: names that mean something else in an expression or a table
+RESERVED = frozenset(
+    f"{TIME} {RECORD} and or not true false abs min max sqrt exp log first last mean std duration".split()
+)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong in the file: where, as keys from the top, and what."""
+
+    keys: tuple[str | int, ...]
+    error: RigctlError
+    of_key: bool = False
+
+
+def problems(rig: Rig) -> Iterator[Problem]:
+    """Everything wrong that only the whole file shows."""
+    yield from _names(rig)
+    for name, channel in rig.channels.items():
+        yield from _channel(("channels", name), channel)
+    yield from _actuators(rig)
+    yield from _roles(rig)
+    yield from _limits(rig)
+    yield from _safe_state(rig)
+    yield from _constants(rig)
+    yield from _simulation(rig)
+
+
+def _refused(keys: tuple[str | int, ...], check: Callable[[], object]) -> Iterator[Problem]:
+    try:
+        check()
+    except RigctlError as error:
+        field = next((str(key) for key in reversed(keys) if isinstance(key, str)), "")
+        error.what = f"{field}: {error.what}"
+        yield Problem(keys, error)
+
+
+def _amount(
+    keys: tuple[str | int, ...], amount: Amount | None, unit: str, *, difference: bool = False
+) -> Iterator[Problem]:
+    if amount is not None:
+        yield from _refused(keys, lambda: amount.check(unit, difference=difference))
+
+
+def _names(rig: Rig) -> Iterator[Problem]:
+    for part, names in (("channels", rig.channels), ("actuators", rig.actuators)):
+        for name in names:
+            if name in RESERVED:
+                error = RigctlError("this name has a meaning of its own", value=name, expected="another name")
+                yield Problem((part, name), error, of_key=True)
+    for name in rig.actuators:
+        if name in rig.channels:
+            error = RigctlError("a channel and an actuator have the same name", value=name)
+            yield Problem(("actuators", name), error, of_key=True)
+
+
+def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
+    wanted = QUANTITIES[channel.quantity]
+    bad_unit = list(_refused((*keys, "unit"), lambda: parse_unit(channel.unit)))
+    if bad_unit:
+        yield from bad_unit
+        return
+    if wanted and parse_unit(channel.unit).dimension != parse_unit(wanted).dimension:
+        error = RigctlError(
+            f"unit: this is no unit of {channel.quantity}",
+            value=channel.unit,
+            expected=f"a unit like {wanted}",
+        )
+        yield Problem((*keys, "unit"), error)
+        return
+    yield from _amount((*keys, "noise"), channel.noise, channel.unit, difference=True)
+    uncertainty = channel.calibration.uncertainty
+    yield from _amount((*keys, "calibration", "uncertainty"), uncertainty, channel.unit, difference=True)
+    for index, end in enumerate(channel.range or ()):
+        yield from _amount((*keys, "range", index), end, channel.unit)
+    if channel.range and channel.range[0] >= channel.range[1]:
+        yield Problem((*keys, "range"), RigctlError("range: the lower end is not below the upper one"))
+    yield from _converter(keys, channel)
+
+
+def _converter(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
+    raw = channel.raw
+    if raw.low >= raw.high:
+        yield Problem((*keys, "raw"), RigctlError("raw: 'low' is not below 'high'"))
+    elif not monotonic(channel.calibration.coefficients, raw.low, raw.high):
+        error = RigctlError(
+            "coefficients: two raw values give the same reading",
+            expected="a polynomial that only rises or only falls over the raw range",
+        )
+        yield Problem((*keys, "calibration", "coefficients"), error)
+
+
+def _actuators(rig: Rig) -> Iterator[Problem]:
+    for name, actuator in rig.actuators.items():
+        keys = ("actuators", name)
+        if actuator.kind == "level":
+            if actuator.unit is None:
+                yield Problem(keys, RigctlError("a level needs a unit", value=name, expected="'unit: bar'"))
+                continue
+            unit = actuator.unit
+            bad_unit = list(_refused((*keys, "unit"), lambda unit=unit: parse_unit(unit)))  # type: ignore[misc]
+            yield from bad_unit
+            if not bad_unit:
+                yield from _amount((*keys, "low"), actuator.low, unit)
+                yield from _amount((*keys, "high"), actuator.high, unit)
+        else:
+            for field in ("unit", "low", "high"):
+                if getattr(actuator, field) is not None:
+                    error = RigctlError(f"a {actuator.kind} has no '{field}'", expected="kind: level")
+                    yield Problem((*keys, field), error, of_key=True)
+
+
+def _roles(rig: Rig) -> Iterator[Problem]:
+    for role in ("heat", "set_pressure", "extend", "retract"):
+        part = getattr(rig.roles, role)
+        if part is None:
+            continue
+        keys = ("roles", role)
+        yield from _known(rig.actuators, "actuator", part.actuator, (*keys, "actuator"))
+        reader = "position" if role in ("extend", "retract") else "channel"
+        if getattr(part, reader) is not None:
+            yield from _known(rig.channels, "channel", getattr(part, reader), (*keys, reader))
+    if rig.roles.heat is not None and rig.roles.heat.hysteresis is not None:
+        yield from _amount(("roles", "heat", "hysteresis"), rig.roles.heat.hysteresis, "K", difference=True)
+    for role in ("extend", "retract"):
+        part = getattr(rig.roles, role)
+        if part is not None and part.actuator in rig.actuators:
+            actuator = rig.actuators[part.actuator]
+            yield from _refused(("roles", role, "value"), lambda a=actuator, p=part: a.read(p.value.text))  # type: ignore[misc]
+
+
+def _known(
+    names: Mapping[str, object], kind: str, name: str, keys: tuple[str | int, ...]
+) -> Iterator[Problem]:
+    if name not in names:
+        yield Problem(keys, unknown_name(kind, name, names))
+
+
+def _limits(rig: Rig) -> Iterator[Problem]:
+    for name, limit in rig.limits.items():
+        keys = ("limits", name)
+        if limit.channel not in rig.channels:
+            yield from _known(rig.channels, "channel", limit.channel, (*keys, "channel"))
+            continue
+        unit = rig.channels[limit.channel].unit
+        bound: Amount = getattr(limit, limit.bound)
+        per_second = f"{unit}/s" if unit not in ("", "1") else "1/s"
+        yield from _amount((*keys, limit.bound), bound, per_second if limit.of_rate else unit)
+
+
+def _safe_state(rig: Rig) -> Iterator[Problem]:
+    for name, value in rig.safe_state.items():
+        if name not in rig.actuators:
+            yield Problem(("safe_state", name), unknown_name("actuator", name, rig.actuators), of_key=True)
+            continue
+        yield from _refused(("safe_state", name), lambda n=name, v=value: rig.actuators[n].read(v.text))  # type: ignore[misc]
+    for name, actuator in rig.actuators.items():
+        if actuator.by == "driven" and name not in rig.safe_state:
+            error = RigctlError(
+                f"safe_state does not say where '{name}' goes", expected="every driven actuator"
+            )
+            yield Problem(("safe_state",), error)
+
+
+def _constants(rig: Rig) -> Iterator[Problem]:
+    for part, given, known in (
+        ("geometry", rig.geometry, GEOMETRY.get(rig.model or "")),
+        ("constants", rig.constants, CONSTANTS.get(rig.model or "")),
+    ):
+        if known is not None:
+            for name, amount in given.items():
+                yield from _constant((part, name), name, amount, known)
+
+
+def _constant(
+    keys: tuple[str, str], name: str, amount: Amount, known: Mapping[str, Constant]
+) -> Iterator[Problem]:
+    if name not in known:
+        yield Problem(keys, unknown_name(f"name in {keys[0]}", name, known), of_key=True)
+    else:
+        yield from _amount(keys, amount, known[name].unit)
+
+
+def _simulation(rig: Rig) -> Iterator[Problem]:
+    for name, amount in rig.simulation.initial.items():
+        keys = ("simulation", "initial", name)
+        if name not in rig.channels:
+            yield Problem(keys, unknown_name("channel", name, rig.channels), of_key=True)
+        else:
+            yield from _amount(keys, amount, rig.channels[name].unit)
+    for name in rig.simulation.scatter:
+        if name not in rig.actuators:
+            error = unknown_name("actuator", name, rig.actuators)
+            yield Problem(("simulation", "scatter", name), error, of_key=True)
+
+
+def warnings(rig: Rig, today: date) -> Iterator[str]:
+    """What is not wrong but worth saying before a run."""
+    for name, channel in rig.channels.items():
+        calibration = channel.calibration
+        expires = calibration.expires()
+        if calibration.date is None:
+            yield f"channel '{name}' has no calibration date"
+        elif calibration.date > today:
+            yield f"channel '{name}': its calibration is dated {calibration.date}, which is still to come"
+        elif expires is not None and expires <= today:
+            yield f"channel '{name}': its calibration of {calibration.date} ran out on {expires}"
+    if not any(limit.action == "stop" for limit in rig.limits.values()):
+        yield "no limit stops a run: the rig file has no interlock"

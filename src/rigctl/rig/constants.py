@@ -1,0 +1,61 @@
+"""The dimensions and constants that the shipped model families read from a rig file.
+
+A name that a family does not know is most likely misspelt, so it is refused with the nearest one. A rig
+without a model may keep whatever it likes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A unit of its dimension, and what it is."""
+
+    unit: str
+    meaning: str
+
+
+#: lengths, areas and volumes
+GEOMETRY: Mapping[str, Mapping[str, Constant]] = {
+    "hydraulic_cylinder": {
+        "bore": Constant("m", "cylinder bore"),
+        "rod": Constant("m", "rod diameter"),
+        "stroke": Constant("m", "stroke"),
+        "throttle_area": Constant("m^2", "opening of the flow-control valve (A_t)"),
+        "edge_area": Constant("m^2", "opening of one edge of the directional valve, fully open (A_e)"),
+        "dead_volume_a": Constant("m^3", "oil between valve and piston, cap side, piston at the cap"),
+        "dead_volume_b": Constant("m^3", "oil between valve and piston, rod side, piston at the head"),
+        "line_volume": Constant("m^3", "oil between pump and directional valve"),
+        "tank_fill": Constant("m^3", "oil in the tank"),
+    },
+    "heater_board": {},
+    "oil_viscosity": {},
+}
+
+#: everything else
+CONSTANTS: Mapping[str, Mapping[str, Constant]] = {
+    "hydraulic_cylinder": {
+        "discharge_coefficient": Constant("1", "of every restriction (Cd)"),
+        "moving_mass": Constant("kg", "piston, rod and load"),
+        "viscous_damping": Constant("N*s/m", "friction per speed"),
+        "spool_time": Constant("s", "time constant of the spool"),
+        "relief_resistance": Constant("Pa*s/m^3", "rise of the relief pressure per flow (R)"),
+        "pump_flow": Constant("m^3/s", "delivery of the pump"),
+        "hydromechanical_efficiency": Constant("1", "of the pump"),
+        "end_stop_stiffness": Constant("N/m", "of each end stop"),
+        "end_stop_damping": Constant("N*s/m", "of each end stop"),
+        "tank_conductance": Constant("W/K", "heat loss of the tank per kelvin above ambient (UA)"),
+        "ambient_temperature": Constant("K", "around the tank"),
+        "load_force": Constant("N", "constant external load, against extension"),
+    },
+    "heater_board": {
+        "heater_gain": Constant("W", "power of a heater at 100 %"),
+        "heat_capacity": Constant("J/K", "of one heater with its sensor"),
+        "convection": Constant("W/K", "heat loss of one heater per kelvin above ambient"),
+        "ambient_temperature": Constant("K", "around the board"),
+    },
+    "oil_viscosity": {},
+}

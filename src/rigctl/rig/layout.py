@@ -1,0 +1,48 @@
+"""The columns of a sample, in their order: fixed by the rig file, used by bench, runner and dataset alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigctl.expressions import ValueType
+
+#: columns that every run has before the rig's own
+TIME, RECORD = "time", "record"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Names and display units of the columns of a sample.
+
+    `differences` names the columns that hold an interval of temperatures, shown without offset.
+    """
+
+    channels: tuple[str, ...]
+    commands: tuple[str, ...]
+    units: tuple[str, ...]  #: one for each of `columns`
+    differences: frozenset[str] = frozenset()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """``time`` and ``record``, the channels, the commands."""
+        return (TIME, RECORD, *self.channels, *self.commands)
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """What a condition can name, in the order of ``Sample.values + Sample.commands``."""
+        return (*self.channels, *self.commands)
+
+    def unit(self, column: str) -> str:
+        """The display unit of a column; "1" for plain numbers."""
+        return self.units[self.columns.index(column)]
+
+    def types(self) -> Mapping[str, ValueType]:
+        """What kind of value each channel and command is, for checking expressions."""
+        from rigctl.expressions import type_of_unit
+
+        return {
+            name: type_of_unit(self.unit(name), difference=name in self.differences) for name in self.signals
+        }

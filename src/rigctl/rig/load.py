@@ -1,0 +1,45 @@
+"""Read a rig file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rigctl.errors import RigctlError, SeveralErrors
+from rigctl.files.validate import validate
+from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.rig.checks import problems
+from rigctl.rig.rig import Rig
+
+
+def load_rig(path: Path) -> Rig:
+    """The rig that a file describes, checked as far as a file can be.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read or something in it is wrong, with the place.
+    """
+    return _build(read_document(Path(path)))
+
+
+def parse_rig(text: str, path: Path | None = None) -> Rig:
+    """The rig that a text describes, e.g. the one kept with a run; `path` is what messages call it.
+
+    Raises
+    ------
+    RigctlError
+        as `load_rig`.
+    """
+    return _build(parse_document(text, path))
+
+
+def _build(document: Document) -> Rig:
+    rig = validate(document, Rig)
+    found: list[RigctlError] = [
+        problem.error.at(document.locate(problem.keys, of_key=problem.of_key)) for problem in problems(rig)
+    ]
+    if len(found) > 1:
+        raise SeveralErrors(sorted(found, key=lambda error: (error.where.line or 0, error.where.column or 0)))
+    if found:
+        raise found[0]
+    return rig.written_in(document.path, document.text)

@@ -1,0 +1,106 @@
+"""The bench as a file describes it."""
+
+from __future__ import annotations
+
+from datetime import date
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr
+
+from rigctl.files.amount import AnyAmount
+from rigctl.files.quantity import Q
+from rigctl.rig.actuator import Actuator
+from rigctl.rig.base import Name, Part
+from rigctl.rig.channel import Channel
+from rigctl.rig.layout import Layout
+from rigctl.rig.limit import Limit
+from rigctl.rig.roles import Roles
+from rigctl.rig.setting import Setting
+from rigctl.rig.simulation import Simulation
+
+
+class Backend(Part):
+    """How the bench is reached."""
+
+    kind: Literal["simulated", "serial", "emulated", "replay"] = "simulated"
+    port: str | None = Field(default=None, description="serial port or pyserial URL, e.g. /dev/ttyACM0")
+    baud: int | None = Field(default=None, ge=300, description="bits per second")
+    options: dict[str, Any] = Field(
+        default_factory=dict, description="what this kind of backend knows besides"
+    )
+
+
+class Rig(Part):
+    """Channels, actuators, what the model needs to know, limits and the safe state."""
+
+    name: str = Field(min_length=1, description="what the bench is called")
+    description: str = Field(default="", description="for reports")
+    backend: Backend = Field(default=Backend(), description="how the bench is reached by default")
+    model: str | None = Field(default=None, description="model family, e.g. hydraulic_cylinder")
+    oil: str | None = Field(default=None, description="the fluid, e.g. HL32")
+    channels: dict[Name, Channel] = Field(min_length=1, description="what is measured")
+    actuators: dict[Name, Actuator] = Field(default_factory=dict, description="what is switched or set")
+    roles: Roles = Field(default=Roles(), description="which of them the steps mean")
+    geometry: dict[Name, AnyAmount] = Field(default_factory=dict, description="lengths, areas, volumes")
+    constants: dict[Name, AnyAmount] = Field(default_factory=dict, description="what else the model needs")
+    options: dict[Name, str] = Field(default_factory=dict, description="variants of the model")
+    limits: dict[Name, Limit] = Field(default_factory=dict, description="interlocks")
+    safe_state: dict[Name, Setting] = Field(
+        default_factory=dict, description="where every driven actuator goes when anything is wrong"
+    )
+    monitor_rate: Annotated[float, Q("Hz", positive=True)] = Field(
+        default=10.0, description="how often the bench is read between records"
+    )
+    stale_after: Annotated[float, Q("s", positive=True)] = Field(
+        default=1.0, description="a bench that sends nothing for so long is at fault"
+    )
+    simulation: Simulation = Field(default=Simulation(), description="the simulated bench")
+
+    _path: Path | None = PrivateAttr(default=None)
+    _text: str = PrivateAttr(default="")
+
+    def written_in(self, path: Path | None, text: str) -> Rig:
+        """The same rig, knowing its file."""
+        copy = self.model_copy()
+        copy._path = path  # noqa: SLF001 - of its own kind
+        copy._text = text  # noqa: SLF001
+        return copy
+
+    @property
+    def path(self) -> Path | None:
+        """The file it was read from."""
+        return self._path
+
+    @property
+    def text(self) -> str:
+        """The file's text, kept with every run."""
+        return self._text
+
+    @cached_property
+    def sha256(self) -> str:
+        """The hash of the text, as hexadecimal digits."""
+        return sha256(self._text.encode("utf-8")).hexdigest()
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The columns of its samples."""
+        return Layout(
+            channels=tuple(self.channels),
+            commands=tuple(self.actuators),
+            units=(
+                "s",
+                "1",
+                *(channel.unit for channel in self.channels.values()),
+                *(actuator.display_unit for actuator in self.actuators.values()),
+            ),
+            differences=frozenset(name for name, channel in self.channels.items() if channel.difference),
+        )
+
+    def warnings(self, today: date) -> list[str]:
+        """What is not wrong but worth saying before a run, e.g. a calibration that is out of date."""
+        from rigctl.rig.checks import warnings
+
+        return list(warnings(self, today))
