@@ -101,7 +101,10 @@ class Backend(Protocol):
         ...
 
     def start(self, rate: float) -> None:
-        """Sample at `rate` Hz from now on, the first sample at once; replaces an earlier rate."""
+        """Sample at `rate` Hz from now on, the first sample at once; replaces an earlier rate.
+
+        The first sample of the new rate may bear the same time as the last one of the old.
+        """
         ...
 
     def next_sample(self, timeout: float) -> Sample | None:
@@ -119,11 +122,11 @@ class Backend(Protocol):
     def command(
         self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
     ) -> CommandReceipt:
-        """Switch an actuator to an SI value, now or at bench time `at`, and say when that was.
+        """Switch an actuator to an SI value, now or at bench time `at`, and say when that is.
 
         With `duration` the bench returns it to its safe value that many seconds later, by itself; the
         receipt of this return comes from `take_receipts`. A new command to the same actuator replaces
-        a pulse that has not ended.
+        a pulse that has not ended. A command for a time that has passed is carried out now.
 
         An actuator that is worked by hand (``by: operator``) is commanded as well: a real bench only
         notes what the operator was asked for, a simulated one has its operator turn it.
@@ -138,8 +141,7 @@ class Backend(Protocol):
         ...
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """Switches that the bench made since the last call and that `command` did not return: ends of
-        timed pulses, commands that were given for a later time."""
+        """Ends of timed pulses since the last call: the switches that `command` did not report itself."""
         ...
 
     def take_notices(self) -> list[Notice]:

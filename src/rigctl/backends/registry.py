@@ -31,7 +31,8 @@ def create_backend(
     rig: the bench's description.
     choice: one of `backend_names`.
     clock: the clock that the backend waits on.
-    options: what the command line adds; each backend lists its own in its ``create``.
+    options: what the command line says; each backend's ``create`` lists those it knows. The rig file's own
+        options hold where the command line is silent, for the kind of backend that they were written for.
 
     Raises
     ------
@@ -41,6 +42,7 @@ def create_backend(
     name = choice or rig.backend.kind
     if name not in _MODULES:
         raise unknown_name("backend", name, _MODULES)
+    from_rig = rig.backend.options if name == rig.backend.kind else {}
     create = import_module(_MODULES[name]).create
-    backend: Backend = create(rig, clock, dict(options or {}))
+    backend: Backend = create(rig, clock, {**from_rig, **(options or {})})
     return backend

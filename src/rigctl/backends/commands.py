@@ -1,0 +1,36 @@
+"""What an actuator can be told; one check for every backend."""
+
+from __future__ import annotations
+
+import math
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.rig import Rig
+
+
+def check_command(rig: Rig, actuator: str, value: float, duration: float | None = None) -> None:
+    """Refuse what `actuator` cannot do before anything moves.
+
+    Raises
+    ------
+    RigctlError
+        no such actuator, the SI value is none that it can take, or the duration is not positive.
+    """
+    if actuator not in rig.actuators:
+        raise unknown_name("actuator", actuator, rig.actuators)
+    if not math.isfinite(value):
+        raise RigctlError(f"{actuator}: not a finite number", value=f"{value}")
+    try:
+        rig.actuators[actuator].check(value)
+    except RigctlError as error:
+        error.what = f"{actuator}: {error.what}"
+        raise
+    if duration is None:
+        return
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise RigctlError(f"{actuator}: a pulse must last", value=f"{duration:g} s", expected="e.g. 1.05 s")
+    if actuator not in rig.safe_state:
+        raise RigctlError(
+            f"{actuator}: a pulse needs a value to return to",
+            expected=f"'{actuator}' in the rig's safe_state",
+        )

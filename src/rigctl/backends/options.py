@@ -1,0 +1,39 @@
+"""Options of a backend, from a rig file or a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from rigctl.errors import RigctlError, unknown_name
+
+_FLAGS = {"on": True, "off": False, "true": True, "false": False, "yes": True, "no": False}
+
+
+def refuse_unknown(kind: str, options: Mapping[str, object], known: Iterable[str]) -> None:
+    """Refuse an option that the backend does not have, with the nearest that it has."""
+    names = tuple(known)
+    for name in options:
+        if name not in names:
+            raise unknown_name(kind, name, names)
+
+
+def read_flag(name: str, given: object, *, default: bool) -> bool:
+    """On or off; `default` where nothing is given."""
+    if given is None:
+        return default
+    if isinstance(given, bool):
+        return given
+    if isinstance(given, str) and given.casefold() in _FLAGS:
+        return _FLAGS[given.casefold()]
+    raise RigctlError(f"{name} is switched on or off", value=str(given), expected="on or off")
+
+
+def read_texts(name: str, given: object) -> tuple[str, ...]:
+    """One text or several; none where nothing is given."""
+    if given is None:
+        return ()
+    if isinstance(given, str):
+        return (given,)
+    if isinstance(given, Sequence) and all(isinstance(text, str) for text in given):
+        return tuple(given)
+    raise RigctlError(f"{name} is a text or a list of texts", value=str(given))

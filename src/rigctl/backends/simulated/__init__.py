@@ -1,0 +1,1 @@
+"""A bench that is computed: a plant, its sensors, its faults, on any clock."""

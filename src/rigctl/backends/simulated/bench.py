@@ -1,0 +1,175 @@
+"""The simulated bench as the runner sees it: sampled on a grid of an injected clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from rigctl.backends.commands import check_command
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.protocol import CommandReceipt, Notice, Sample
+from rigctl.backends.simulated.device import Device
+from rigctl.backends.simulated.link import Link
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+
+
+class SimulatedBench:
+    """A `Backend` whose bench is computed.
+
+    A sample at time t shows the bench after every switch up to and including t. Samples lie exactly on
+    ``start + k/rate``; a caller who is late gets every one of them. On a virtual clock two runs with the
+    same seed and the same calls give identical samples.
+
+    Parameters
+    ----------
+    rig: what channels and actuators there are.
+    clock: what the bench waits on.
+    switch_on: makes the device when the bench is opened (a plant may have to be compiled first).
+    link: when the line between host and bench is dead.
+    identity: what the bench says it is.
+    """
+
+    timed = True
+
+    def __init__(
+        self,
+        rig: Rig,
+        clock: Clock,
+        switch_on: Callable[[], Device],
+        link: Link,
+        identity: Mapping[str, str],
+    ) -> None:
+        self.clock = clock
+        self.identity: Mapping[str, str] = {"kind": "simulated", "name": rig.name, **identity}
+        self._rig = rig
+        self._switch_on = switch_on
+        self._link = link
+        self._device: Device | None = None
+        self._origin = 0.0  # clock time at which the device was switched on
+        self._rate = 0.0
+        self._start = 0.0  # clock time of the grid's first sample
+        self._index = 0  # of the next sample on the grid
+        self._missed = 0  # samples that did not arrive since the last that did
+        self._notices: list[Notice] = []
+
+    def open(self) -> None:
+        """Switch the device on; its time begins now."""
+        self._device = self._switch_on()
+        self._origin = self.clock.now()
+        self._rate = 0.0
+
+    def close(self) -> None:
+        """Make it safe and switch it off."""
+        if self._device is not None:
+            self._device.make_safe(self.clock.now() - self._origin)
+            self._device.run_to(max(self._device.time, self.clock.now() - self._origin))
+        self._device = None
+
+    def start(self, rate: float) -> None:
+        """Sample at `rate` Hz from now on."""
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '100 Hz'")
+        device = self._opened()
+        self._rate = rate
+        self._start = max(self.clock.now(), self._origin + device.time)
+        self._index = self._missed = 0
+
+    def next_sample(self, timeout: float) -> Sample | None:
+        """The next sample of the grid, as soon as the clock has reached it."""
+        device = self._opened()
+        deadline = self.clock.now() + timeout
+        when = self._next_arriving(deadline)
+        if when > deadline:
+            self.clock.sleep_until(deadline)
+            return None
+        self.clock.sleep_until(when)
+        self._index += 1
+        device.run_to(when - self._origin)
+        if self._missed:
+            self._report_gap(when)
+        return Sample(when, device.read(), device.commands)
+
+    def command(
+        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
+    ) -> CommandReceipt:
+        """Switch an actuator at an exact time."""
+        device = self._opened()
+        check_command(self._rig, actuator, value, duration)
+        now = self._wait_for_link()
+        when = device.command(actuator, value, (now if at is None else max(at, now)) - self._origin, duration)
+        return CommandReceipt(when + self._origin, actuator, value)
+
+    def take_receipts(self) -> list[CommandReceipt]:
+        """Ends of pulses since the last call."""
+        device = self._opened()
+        taken, device.receipts = device.receipts, []
+        return [replace(receipt, time=receipt.time + self._origin) for receipt in taken]
+
+    def take_notices(self) -> list[Notice]:
+        """Faults and gaps since the last call."""
+        device = self._opened()
+        taken = device.notices + self._notices
+        device.notices, self._notices = [], []
+        return [replace(notice, time=notice.time + self._origin) for notice in taken]
+
+    def safe(self) -> None:
+        """Bring every driven actuator to its safe value now."""
+        device = self._opened()
+        now = self.clock.now() - self._origin
+        if self._link.back_at(now) > now:
+            raise _lost()
+        device.make_safe(now)
+        if self._rate == 0.0 or self._start + self._index / self._rate > now + self._origin:
+            device.run_to(max(device.time, now))  # no sample before now is owed: let it happen at once
+
+    def _opened(self) -> Device:
+        if self._device is None:
+            raise BackendLost("the bench is not open")
+        return self._device
+
+    def _next_arriving(self, deadline: float) -> float:
+        """Clock time of the next sample that the line lets through, or of the first after `deadline`.
+
+        Raises
+        ------
+        BackendLost
+            the bench is gone for good by then.
+        """
+        if self._rate == 0.0:
+            return math.inf
+        when = self._start + self._index / self._rate
+        if self._link.perfect:
+            return when
+        while when <= deadline and self._link.silent(when - self._origin):
+            if math.isinf(self._link.back_at(when - self._origin)):
+                self.clock.sleep_until(when)
+                raise _lost()
+            self._index += 1
+            self._missed += 1
+            when = self._start + self._index / self._rate
+        return when
+
+    def _wait_for_link(self) -> float:
+        """Wait until the bench can be reached, and say when that is."""
+        now = self.clock.now()
+        back = self._link.back_at(now - self._origin)
+        if math.isinf(back):
+            raise _lost()
+        self.clock.sleep_until(back + self._origin)
+        return max(now, back + self._origin)
+
+    def _report_gap(self, when: float) -> None:
+        seconds = self._missed / self._rate
+        message = f"{self._missed} samples missing before {when:.3f} s ({seconds:g} s)"
+        self._notices.append(Notice(when - self._origin, "gap", message, {"samples": self._missed}))
+        self._missed = 0
+
+
+def _lost() -> BackendLost:
+    return BackendLost(
+        "the bench does not answer any more",
+        hint="Its watchdog brings the outputs to the safe state; look at the cable and the supply",
+    )

@@ -1,0 +1,76 @@
+"""Make a simulated bench from a rig file and the options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from rigctl.backends.options import read_flag, read_texts, refuse_unknown
+from rigctl.backends.simulated.bench import SimulatedBench
+from rigctl.backends.simulated.device import Device
+from rigctl.backends.simulated.faults import parse_fault
+from rigctl.backends.simulated.imperfections import Imperfections
+from rigctl.backends.simulated.initial import initial_commands, initial_values
+from rigctl.backends.simulated.link import Link
+from rigctl.backends.simulated.plant import Plant
+from rigctl.backends.simulated.roles_plant import RolesPlant
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+
+OPTIONS = ("seed", "noise", "quantised", "faults", "plant", "effects")
+
+
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBench:
+    """A simulated bench, not yet open.
+
+    Parameters
+    ----------
+    rig: its ``simulation`` part gives what the options leave out.
+    clock: virtual, scaled or real.
+    options: any of
+        ``seed`` (a whole number, not negative);
+        ``noise``, ``quantised`` (on or off);
+        ``faults`` (texts as `parse_fault` reads them);
+        ``plant`` (``roles``, or nothing for the model family that the rig names).
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong.
+    """
+    refuse_unknown("option of the simulated bench", options, OPTIONS)
+    flaws = Imperfections(
+        seed=_seed(options.get("seed"), rig.simulation.seed),
+        noise=read_flag("noise", options.get("noise"), default=rig.simulation.noise),
+        quantised=read_flag("quantised", options.get("quantised"), default=True),
+        scatter=dict(rig.simulation.scatter),
+        answer_delay=rig.simulation.answer_delay,
+        faults=tuple(parse_fault(text, rig) for text in read_texts("faults", options.get("faults"))),
+    )
+    make_plant, plant_name = _plant(rig, options)
+
+    def switch_on() -> Device:
+        return Device(rig, make_plant(), initial_commands(rig), flaws)
+
+    identity = {
+        "plant": plant_name,
+        "seed": str(flaws.seed),
+        "noise": "on" if flaws.noise else "off",
+        "faults": ", ".join(str(fault) for fault in flaws.faults) or "none",
+    }
+    return SimulatedBench(rig, clock, switch_on, Link(flaws.faults), identity)
+
+
+def _seed(given: object, default: int) -> int:
+    if given is None:
+        return default
+    if isinstance(given, int) and not isinstance(given, bool) and given >= 0:
+        return given
+    raise RigctlError("not a seed", value=str(given), expected="a whole number, 0 or more")
+
+
+def _plant(rig: Rig, options: Mapping[str, object]) -> tuple[Callable[[], Plant], str]:
+    return (
+        lambda: RolesPlant(rig, initial_values(rig), rig.simulation.ambient_temperature),
+        RolesPlant.description,
+    )

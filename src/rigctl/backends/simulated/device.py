@@ -1,0 +1,119 @@
+"""The bench's side of the simulation: board, actuators, plant and sensors, without host or clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+
+from rigctl.backends.protocol import CommandReceipt, Notice
+from rigctl.backends.simulated.failures import SENSOR_FAILURES
+from rigctl.backends.simulated.faults import Fault, seized_by
+from rigctl.backends.simulated.imperfections import Imperfections, Purpose
+from rigctl.backends.simulated.outputs import Outputs
+from rigctl.backends.simulated.plant import Plant
+from rigctl.backends.simulated.schedule import Schedule
+from rigctl.backends.simulated.sensors import Sensors
+from rigctl.rig import Rig
+
+#: s without the host after which the board brings its outputs to the safe state
+WATCHDOG = 2.0
+
+
+class Device:
+    """What happens on the bench, at exact times in s since it was switched on.
+
+    The plant runs from event to event (switches, ends of pulses, the operator's hand, faults), so that
+    a pulse lasts exactly as long as it was told to, wherever the samples lie.
+    """
+
+    def __init__(
+        self, rig: Rig, plant: Plant, initial_commands: Mapping[str, float], flaws: Imperfections
+    ) -> None:
+        self._rig = rig
+        self._plant = plant
+        self._flaws = flaws
+        self._sensors = Sensors(
+            rig, flaws.generator(Purpose.SENSORS), noise=flaws.noise, quantised=flaws.quantised
+        )
+        settings = flaws.generator(Purpose.SETTINGS)
+        self._outputs = Outputs(rig, plant, initial_commands, settings, flaws.scatter)
+        self._schedule = Schedule()
+        self._pulse_ends: dict[str, int] = {}
+        self.time = 0.0
+        self.receipts: list[CommandReceipt] = []
+        self.notices: list[Notice] = []
+        for fault in flaws.faults:
+            self._schedule.add(fault.begin, partial(self._begin, fault))
+            if math.isfinite(fault.end):
+                self._schedule.add(fault.end, partial(self._finish, fault))
+
+    def run_to(self, time: float) -> None:
+        """Let everything happen that is due up to and including `time`."""
+        schedule, plant = self._schedule, self._plant
+        while schedule.next_time <= time:
+            due, action = schedule.take()
+            plant.advance(due)
+            self.time = due
+            action(due)
+        plant.advance(time)
+        self.time = time
+
+    def read(self) -> tuple[float, ...]:
+        """What the sensors report now, SI, in the order of the rig's layout."""
+        return self._sensors.read(self._plant.read())
+
+    @property
+    def commands(self) -> tuple[float, ...]:
+        """What the actuators are told now, SI, in the order of the rig's layout."""
+        return self._outputs.row
+
+    def command(self, actuator: str, value: float, at: float, duration: float | None) -> float:
+        """Switch an actuator at `at` or, where that has passed, now; the operator takes the time he takes.
+
+        Returns when it is switched.
+        """
+        when = max(at, self.time)
+        if self._rig.actuators[actuator].by == "operator":
+            when += self._flaws.answer_delay
+        self._schedule.add(when, partial(self._switch, actuator, value, duration), commanded=True)
+        return when
+
+    def make_safe(self, time: float) -> None:
+        """Switch every driven actuator to its safe value at `time`, and forget what else was commanded."""
+        self._schedule.drop_commands()
+        self._pulse_ends.clear()
+        for actuator, value in self._rig.safe_state.items():
+            if self._rig.actuators[actuator].by != "operator":
+                self.command(actuator, float(value), time, None)
+
+    def _switch(self, actuator: str, value: float, duration: float | None, time: float) -> None:
+        pending = self._pulse_ends.pop(actuator, None)
+        if pending is not None:
+            self._schedule.drop(pending)
+        self._outputs.switch(actuator, value)
+        if duration is not None:
+            end = partial(self._end_pulse, actuator)
+            self._pulse_ends[actuator] = self._schedule.add(time + duration, end, commanded=True)
+
+    def _end_pulse(self, actuator: str, time: float) -> None:
+        del self._pulse_ends[actuator]
+        value = float(self._rig.safe_state[actuator])
+        self._outputs.switch(actuator, value)
+        self.receipts.append(CommandReceipt(time, actuator, value))
+
+    def _begin(self, fault: Fault, time: float) -> None:
+        self.notices.append(Notice(time, "fault", f"injected fault begins: {fault}", {"fault": fault.kind}))
+        if fault.kind in SENSOR_FAILURES and fault.channel:
+            self._sensors.by_name[fault.channel].failure = SENSOR_FAILURES[fault.kind]()
+        for actuator, value in seized_by(fault, self._rig).items():
+            self._outputs.seize(actuator, value)
+        if fault.kind == "backend_lost" and fault.end - fault.begin > WATCHDOG:
+            self._schedule.add(time + WATCHDOG, self.make_safe)
+
+    def _finish(self, fault: Fault, time: float) -> None:
+        self.notices.append(Notice(time, "fault", f"injected fault ends: {fault}", {"fault": fault.kind}))
+        if fault.kind in SENSOR_FAILURES and fault.channel:
+            self._sensors.by_name[fault.channel].failure = None
+        for actuator in seized_by(fault, self._rig):
+            self._outputs.free(actuator)

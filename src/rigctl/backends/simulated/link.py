@@ -1,0 +1,39 @@
+"""The line between host and simulated bench: when it is dead, and when only the samples stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from rigctl.backends.simulated.faults import Fault
+
+
+class Link:
+    """Times without samples and times without any contact, as the faults say; s since opening."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        faults = tuple(faults)
+        self.losses = _intervals(faults, "backend_lost")
+        self._silences = (*self.losses, *_intervals(faults, "samples_stop"))
+
+    @property
+    def perfect(self) -> bool:
+        """True when nothing is ever lost."""
+        return not self._silences
+
+    def silent(self, time: float) -> bool:
+        """True when a sample taken at `time` does not arrive."""
+        return any(begin <= time < end for begin, end in self._silences)
+
+    def back_at(self, time: float) -> float:
+        """When the bench can be reached: `time` itself, the end of the loss, or infinity."""
+        return max((end for begin, end in self.losses if begin <= time < end), default=time)
+
+
+def _intervals(faults: Sequence[Fault], kind: str) -> tuple[tuple[float, float], ...]:
+    return tuple((fault.begin, fault.end) for fault in faults if fault.kind == kind)
+
+
+def lost_for_good(back: float) -> bool:
+    """True when `Link.back_at` means never."""
+    return math.isinf(back)

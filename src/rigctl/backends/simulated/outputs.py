@@ -1,0 +1,64 @@
+"""The simulated bench's actuators: what they were told, and what of it reaches the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rigctl.backends.simulated.plant import Plant
+from rigctl.rig import Rig
+
+
+class Outputs:
+    """Commanded values, and the way from them to the plant.
+
+    A faulty actuator is *seized*: commands are noted and do not reach the plant until it is freed. A
+    setting may have a relative scatter, as a hand or a proportional valve gives it.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        plant: Plant,
+        initial: Mapping[str, float],
+        generator: np.random.Generator,
+        scatter: Mapping[str, float],
+    ) -> None:
+        self._plant = plant
+        self._generator = generator
+        self._scatter = scatter
+        self._seized: set[str] = set()
+        self._commanded = {name: initial[name] for name in rig.layout.commands}
+        self._row = tuple(self._commanded.values())
+        for name, value in self._commanded.items():
+            plant.switch(name, value)
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """What each actuator was told last, SI, in the order of the rig's layout."""
+        return self._row
+
+    def switch(self, actuator: str, value: float) -> None:
+        """Tell an actuator an SI value."""
+        self._commanded[actuator] = value
+        self._row = tuple(self._commanded.values())
+        if actuator not in self._seized:
+            self._act(actuator)
+
+    def seize(self, actuator: str, value: float | None = None) -> None:
+        """Let commands to `actuator` have no effect, and put it to `value` unless it stays where it is."""
+        self._seized.add(actuator)
+        if value is not None:
+            self._plant.switch(actuator, value)
+
+    def free(self, actuator: str) -> None:
+        """Let it obey again, at once."""
+        self._seized.discard(actuator)
+        self._act(actuator)
+
+    def _act(self, actuator: str) -> None:
+        value = self._commanded[actuator]
+        if actuator in self._scatter:
+            value *= 1.0 + self._scatter[actuator] * float(self._generator.standard_normal())
+        self._plant.switch(actuator, value)

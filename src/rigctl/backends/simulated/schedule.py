@@ -1,0 +1,47 @@
+"""What the simulated bench will do by itself, in order of time."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable
+from itertools import count
+
+#: called with the exact time at which it happens
+Action = Callable[[float], None]
+
+
+class Schedule:
+    """Actions at exact times; those of one time happen in the order in which they were added."""
+
+    def __init__(self) -> None:
+        self._queue: list[tuple[float, int, bool, Action]] = []
+        self._number = count()
+        #: when the first action is due; infinite when there is none
+        self.next_time = math.inf
+
+    def add(self, time: float, action: Action, *, commanded: bool = False) -> int:
+        """Let `action` happen at `time`; returns a number by which it can be dropped."""
+        number = next(self._number)
+        heapq.heappush(self._queue, (time, number, commanded, action))
+        self.next_time = self._queue[0][0]
+        return number
+
+    def take(self) -> tuple[float, Action]:
+        """Remove the first action and return it with its time."""
+        time, _, _, action = heapq.heappop(self._queue)
+        self.next_time = self._queue[0][0] if self._queue else math.inf
+        return time, action
+
+    def drop(self, number: int) -> None:
+        """Forget one action."""
+        self._keep([entry for entry in self._queue if entry[1] != number])
+
+    def drop_commands(self) -> None:
+        """Forget everything that somebody commanded."""
+        self._keep([entry for entry in self._queue if not entry[2]])
+
+    def _keep(self, entries: list[tuple[float, int, bool, Action]]) -> None:
+        heapq.heapify(entries)
+        self._queue = entries
+        self.next_time = entries[0][0] if entries else math.inf

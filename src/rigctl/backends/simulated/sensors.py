@@ -1,0 +1,119 @@
+"""From a true value to what the bench reports: noise, calibration, converter.
+
+A channel reads ``value(code(true + noise·z))``: white noise z ~ N(0, 1), the calibration inverted to raw
+units, rounded to one of the converter's codes and clipped to its range, and the calibration applied again.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from rigctl.rig import Channel, Rig
+
+#: a failed sensor: (the sensor, true SI value, standard normal number) -> what it reports, SI
+Failure = Callable[["Sensor", float, float], float]
+
+_BLOCK = 512  # rows of noise drawn at once: a call of the generator costs more than its numbers
+_TABLE_BITS = 16  # a curved calibration is tabulated up to this resolution
+
+
+class Sensor:
+    """One channel of a simulated bench.
+
+    Attributes
+    ----------
+    convert: the converter: an SI value to the nearest that the channel can report.
+    failure: what it reports instead when it is broken.
+    """
+
+    __slots__ = ("_noise", "channel", "convert", "failure")
+
+    def __init__(self, channel: Channel, *, noise: bool = True, quantised: bool = True) -> None:
+        self.channel = channel
+        self.convert = _converter(channel) if quantised else _unchanged
+        self.failure: Failure | None = None
+        self._noise = float(channel.noise or 0.0) if noise else 0.0
+
+    def sound(self, true: float, z: float) -> float:
+        """What a sound sensor reports, SI."""
+        return self.convert(true + self._noise * z)
+
+    def read(self, true: float, z: float) -> float:
+        """What this one reports, SI; NaN where it reports nothing."""
+        failure = self.failure
+        if failure is not None:
+            return failure(self, true, z)
+        return self.convert(true + self._noise * z)
+
+
+class Sensors:
+    """All channels of a rig, in the order of its layout, with one seeded stream of noise.
+
+    The stream depends on the seed and the number of readings alone: a failed sensor uses up its numbers
+    as a sound one does, so that its neighbours read the same.
+    """
+
+    def __init__(
+        self, rig: Rig, generator: np.random.Generator, *, noise: bool = True, quantised: bool = True
+    ) -> None:
+        self.by_name = {
+            name: Sensor(channel, noise=noise, quantised=quantised) for name, channel in rig.channels.items()
+        }
+        self._sensors = tuple(self.by_name.values())
+        self._noise = _rows(generator, len(self._sensors))
+
+    def read(self, true: Sequence[float]) -> tuple[float, ...]:
+        """One reading of every channel from the true SI values."""
+        row = next(self._noise)
+        return tuple(
+            [sensor.read(value, z) for sensor, value, z in zip(self._sensors, true, row, strict=True)]
+        )
+
+
+def _rows(generator: np.random.Generator, width: int) -> Iterator[list[float]]:
+    """Standard normal numbers, `width` at a time."""
+    while True:
+        yield from generator.standard_normal((_BLOCK, width)).tolist()
+
+
+def _unchanged(value: float) -> float:
+    return value
+
+
+def _converter(channel: Channel) -> Callable[[float], float]:
+    """Quantisation of an SI value by the channel's converter."""
+    if not any(channel.calibration.coefficients[2:]):
+        return _straight(channel)
+    if channel.raw.bits <= _TABLE_BITS:
+        return _tabulated(channel)
+    raw = channel.raw
+    return lambda value: channel.value_from_raw(raw.quantise(channel.raw_from_value(value)))
+
+
+def _straight(channel: Channel) -> Callable[[float], float]:
+    """Codes are evenly spaced values."""
+    raw = channel.raw
+    last = (1 << raw.bits) - 1
+    first_value = channel.value_from_raw(raw.low)
+    step = (channel.value_from_raw(raw.high) - first_value) / last
+
+    def convert(value: float) -> float:
+        code = round((value - first_value) / step)
+        return first_value + min(max(code, 0), last) * step
+
+    return convert
+
+
+def _tabulated(channel: Channel) -> Callable[[float], float]:
+    """Codes lie on a monotonic curve: look up between which two halves of a code the value falls."""
+    raw = channel.raw
+    codes = range(1 << raw.bits)
+    values = [channel.value_from_raw(raw.low + code * raw.step) for code in codes]
+    bounds = [channel.value_from_raw(raw.low + (code + 0.5) * raw.step) for code in codes[:-1]]
+    if values[0] > values[-1]:
+        values.reverse()
+        bounds.reverse()
+    return lambda value: values[bisect(bounds, value)]
