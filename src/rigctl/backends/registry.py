@@ -12,6 +12,7 @@ from rigctl.rig import Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
 _MODULES: Mapping[str, str] = {
+    "replay": "rigctl.backends.replay.create",
     "simulated": "rigctl.backends.simulated.create",
 }
 

@@ -1,0 +1,142 @@
+"""A recording as a bench: it gives its samples at their times and obeys by taking note."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from rigctl.backends.commands import check_command
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.protocol import CommandReceipt, Notice, Sample
+from rigctl.backends.replay.recording import Recording
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+
+_BLOCK = 1024  # rows turned into tuples at once
+
+
+class Player:
+    """A `Backend` that plays a `Recording`.
+
+    The first `start` begins the recording; samples come at their recorded distances in time, whatever rate
+    is asked for, with the commands that were in force when they were taken. What is commanded now changes
+    nothing, but receipts come as from a bench that times its pulses.
+
+    Parameters
+    ----------
+    rig: what channels and actuators there are.
+    clock: what the player waits on.
+    load: reads the recording when the bench is opened.
+    identity: what the bench says it is.
+    """
+
+    timed = True
+
+    def __init__(
+        self, rig: Rig, clock: Clock, load: Callable[[], Recording], identity: Mapping[str, str]
+    ) -> None:
+        self.clock = clock
+        self.identity: Mapping[str, str] = {"kind": "replay", "name": rig.name, **identity}
+        self._rig = rig
+        self._load = load
+        self._recording: Recording | None = None
+        self._origin: float | None = None  # clock time of the first sample
+        self._index = 0
+        self._rows: list[
+            tuple[float, list[float], list[float]]
+        ] = []  # the block being played, last row first
+        self._pulse_ends: dict[str, float] = {}
+
+    def open(self) -> None:
+        """Read the recording."""
+        self._recording = self._load()
+        self._origin = None
+        self._index = 0
+        self._rows.clear()
+        self._pulse_ends.clear()
+
+    def close(self) -> None:
+        """Forget the recording."""
+        self._recording = None
+
+    def start(self, rate: float) -> None:
+        """Begin to play, or play on."""
+        self._opened()
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '100 Hz'")
+        if self._origin is None:
+            self._origin = self.clock.now()
+
+    def next_sample(self, timeout: float) -> Sample | None:
+        """The next recorded sample, at its time.
+
+        Raises
+        ------
+        BackendLost
+            the recording has ended.
+        """
+        recording = self._opened()
+        deadline = self.clock.now() + timeout
+        if self._origin is None:
+            self.clock.sleep_until(deadline)
+            return None
+        if not self._rows:
+            self._rows = self._next_rows(recording)
+        when = self._origin + self._rows[-1][0]
+        if when > deadline:
+            self.clock.sleep_until(deadline)
+            return None
+        self.clock.sleep_until(when)
+        _, values, commands = self._rows.pop()
+        return Sample(when, tuple(values), tuple(commands))
+
+    def command(
+        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
+    ) -> CommandReceipt:
+        """Take note of a command."""
+        self._opened()
+        check_command(self._rig, actuator, value, duration)
+        now = self.clock.now()
+        when = now if at is None else max(at, now)
+        self._pulse_ends.pop(actuator, None)
+        if duration is not None:
+            self._pulse_ends[actuator] = when + duration
+        return CommandReceipt(when, actuator, value)
+
+    def take_receipts(self) -> list[CommandReceipt]:
+        """Ends of pulses that have passed since the last call."""
+        self._opened()
+        now = self.clock.now()
+        ended = sorted((end, actuator) for actuator, end in self._pulse_ends.items() if end <= now)
+        for _, actuator in ended:
+            del self._pulse_ends[actuator]
+        return [
+            CommandReceipt(end, actuator, float(self._rig.safe_state[actuator])) for end, actuator in ended
+        ]
+
+    def take_notices(self) -> list[Notice]:
+        """A recording notices nothing."""
+        return []
+
+    def safe(self) -> None:
+        """Forget pulses; nothing can move."""
+        self._opened()
+        self._pulse_ends.clear()
+
+    def _opened(self) -> Recording:
+        if self._recording is None:
+            raise BackendLost("the recording is not open")
+        return self._recording
+
+    def _next_rows(self, recording: Recording) -> list[tuple[float, list[float], list[float]]]:
+        part = slice(self._index, self._index + _BLOCK)
+        times = recording.times[part].tolist()
+        if not times:
+            raise BackendLost(
+                f"the recording ended after {recording.times[-1]:g} s",
+                hint="Play it with the procedure that it was recorded with",
+            )
+        self._index += len(times)
+        rows = zip(times, recording.values[part].tolist(), recording.commands[part].tolist(), strict=True)
+        return list(rows)[::-1]

@@ -1,0 +1,96 @@
+"""A recording played as a bench."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.replay.player import Player
+from rigctl.backends.replay.recording import Recording, continuous_time
+from rigctl.clock import VirtualClock
+from rigctl.errors import ExitCode
+from rigctl.rig import Rig
+
+
+def recording(count: int = 2500, step: float = 0.01) -> Recording:
+    times = np.arange(count) * step
+    values = np.column_stack([300.0 + times, 20e5 + times, 0.01 * times])
+    values[count // 3, 2] = np.nan
+    return Recording(times, values, np.column_stack([times > 1.0, times > 2.0, times * 0.0 + np.nan]))
+
+
+def player(rig: Rig, played: Recording) -> Player:
+    bench = Player(rig, VirtualClock(), lambda: played, {"run": "20261121-120000-stroke"})
+    bench.open()
+    return bench
+
+
+def test_every_sample_comes_at_its_recorded_distance_whatever_rate_is_asked_for(rig: Rig) -> None:
+    played = recording()
+    bench = player(rig, played)
+    assert bench.next_sample(3.0) is None
+    bench.start(10.0)
+    taken = []
+    for k in range(len(played.times)):
+        if k == 1000:
+            bench.start(50.0)
+        sample = bench.next_sample(1.0)
+        assert sample
+        taken.append(sample)
+    assert [sample.time for sample in taken] == (3.0 + played.times).tolist()
+    assert np.array_equal([sample.values for sample in taken], played.values, equal_nan=True)
+    assert np.array_equal([sample.commands for sample in taken], played.commands, equal_nan=True)
+    assert math.isnan(taken[2500 // 3].values[2])
+
+
+def test_the_end_of_the_recording_is_a_failure_in_plain_words(rig: Rig) -> None:
+    bench = player(rig, recording(3))
+    bench.start(100.0)
+    for _ in range(3):
+        assert bench.next_sample(1.0)
+    with pytest.raises(BackendLost, match=r"the recording ended after 0\.02 s") as problem:
+        bench.next_sample(1.0)
+    assert problem.value.exit_code == ExitCode.FAILED
+    bench.close()
+    bench.close()
+    with pytest.raises(BackendLost, match="not open"):
+        bench.safe()
+
+
+def test_a_gap_in_the_recording_is_a_gap_when_it_is_played(rig: Rig) -> None:
+    played = recording(4)
+    played.times[2:] += 5.0
+    bench = player(rig, played)
+    bench.start(100.0)
+    results = [bench.next_sample(2.0) for _ in range(6)]
+    assert [sample and round(sample.time, 3) for sample in results] == [0.0, 0.01, None, None, 5.02, 5.03]
+
+
+def test_commands_are_noted_with_receipts_and_change_nothing(rig: Rig) -> None:
+    bench = player(rig, recording())
+    bench.start(100.0)
+    bench.next_sample(1.0)
+    assert bench.command("valve", 1.0, duration=0.055).time == 0.0
+    bench.command("heater", 1.0, duration=0.02)
+    for _ in range(5):
+        bench.next_sample(1.0)
+    assert [(r.time, r.actuator, r.value) for r in bench.take_receipts()] == [(0.02, "heater", 0.0)]
+    sample = bench.next_sample(1.0)
+    assert sample
+    assert sample.commands[:2] == (0.0, 0.0)
+    assert [(r.time, r.actuator, r.value) for r in bench.take_receipts()] == [(0.055, "valve", 0.0)]
+    bench.command("valve", 1.0, duration=0.1)
+    bench.safe()
+    for _ in range(20):
+        bench.next_sample(1.0)
+    assert bench.take_receipts() == []
+    assert bench.take_notices() == []
+
+
+def test_records_that_each_start_at_zero_follow_one_another() -> None:
+    times = np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2, 0.2, 0.3])
+    assert continuous_time(times) == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.6])
+    assert len(continuous_time(np.array([]))) == 0
