@@ -1,0 +1,171 @@
+"""How a family of models is declared: variables, parameters, equations, and the slots that effects use.
+
+A family is data. Its equations are small functions of a `Scope`, which hands out variables by name; an
+effect adds a term to one of the family's slots and touches nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from rigctl.engine.symbols import Scalar
+from rigctl.errors import unknown_name
+
+if TYPE_CHECKING:
+    from rigctl.physics.scope import Scope
+
+#: an equation: variables of a scope in, a value out
+Formula: TypeAlias = "Callable[[Scope], Scalar]"
+
+
+@dataclass(frozen=True)
+class StateVariable:
+    """A quantity with a derivative.
+
+    Attributes
+    ----------
+    unit: in SI.
+    scale: a change of it that matters, for the solver's absolute tolerance.
+    rate: its derivative.
+    start: its value at the start of a record when nothing else is known.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    rate: Formula
+    start: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class InputVariable:
+    """A quantity that is commanded or given from outside, constant between two switches.
+
+    `value` is what it has when nobody says (SI). With `delay`, its switches act later: a formula of the scope
+    whose local variables `before` and `after` are the commanded values.
+    """
+
+    name: str
+    unit: str
+    value: float
+    meaning: str
+    delay: Formula | None = None
+
+
+@dataclass(frozen=True)
+class ParameterDeclaration:
+    """A constant of the equations.
+
+    Attributes
+    ----------
+    unit: what it is shown in, e.g. mm^2; `value`, `low` and `high` are SI.
+    fixed: never fitted, a number of the compiled equations (a bore, say).
+    """
+
+    name: str
+    unit: str
+    value: float
+    meaning: str
+    low: float = 0.0
+    high: float = float("inf")
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class Definition:
+    """An algebraic variable: a formula with a name and a unit (SI)."""
+
+    name: str
+    unit: str
+    formula: Formula
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A named place of the equations where effects add terms, or factors.
+
+    Attributes
+    ----------
+    unit: of a term, in SI; a factor has "1".
+    combine: "sum" adds the terms to the base, "product" multiplies it.
+    kind: of the process, of a sensor, or of the time at which a command acts.
+    local: names that a term at this slot may use besides the family's variables.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    combine: Literal["sum", "product"] = "sum"
+    kind: Literal["process", "sensor", "command"] = "process"
+    local: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class OutputVariable:
+    """What a sensor reads: `formula` with its unit (SI)."""
+
+    name: str
+    unit: str
+    formula: Formula
+    meaning: str
+
+
+@dataclass(frozen=True)
+class ModelFamily:
+    """States, inputs, parameters, equations and slots of one kind of bench.
+
+    Attributes
+    ----------
+    options: the variants of the equations, each with its choices; the first is the default.
+    rig_names: what a rig file calls a parameter when it is not its own name.
+    """
+
+    name: str
+    title: str
+    source: str
+    states: tuple[StateVariable, ...]
+    inputs: tuple[InputVariable, ...]
+    parameters: tuple[ParameterDeclaration, ...]
+    definitions: tuple[Definition, ...]
+    slots: tuple[Slot, ...]
+    outputs: tuple[OutputVariable, ...]
+    options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    rig_names: Mapping[str, str] = field(default_factory=dict)
+
+    def slot(self, name: str) -> Slot:
+        """The slot called `name`.
+
+        Raises
+        ------
+        RigctlError
+            there is none; it says the nearest.
+        """
+        for slot in self.slots:
+            if slot.name == name:
+                return slot
+        raise unknown_name(f"slot of {self.name}", name, [slot.name for slot in self.slots])
+
+    def parameter(self, name: str) -> ParameterDeclaration:
+        """The parameter called `name`.
+
+        Raises
+        ------
+        RigctlError
+            there is none; it says the nearest.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise unknown_name(f"parameter of {self.name}", name, [p.name for p in self.parameters])
+
+    def units(self) -> dict[str, str]:
+        """The SI unit of every variable that a formula may use, by name."""
+        from rigctl.physics.units import si_unit
+
+        named: tuple[StateVariable | InputVariable | Definition, ...]
+        named = (*self.states, *self.inputs, *self.definitions)
+        return {item.name: item.unit for item in named} | {p.name: si_unit(p.unit) for p in self.parameters}

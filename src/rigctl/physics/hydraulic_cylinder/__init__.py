@@ -1,0 +1,10 @@
+"""A double-acting cylinder with one rod, its valve, relief valve, pump and heated tank.
+
+States: oil temperature, spool, supply pressure, both chamber pressures, position, velocity. Pressures are
+gauge, temperatures in K, everything in SI. Nothing branches: corners are rounded by the smooth switches of
+the engine, each width stated beside it.
+"""
+
+from rigctl.physics.hydraulic_cylinder.family import HYDRAULIC_CYLINDER
+
+__all__ = ["HYDRAULIC_CYLINDER"]

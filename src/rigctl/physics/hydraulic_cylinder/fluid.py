@@ -1,0 +1,42 @@
+"""The oil as the cylinder sees it: density, viscosity and stiffness at its temperature and pressure."""
+
+from __future__ import annotations
+
+from rigctl.engine.symbols import Scalar, constant_like, smooth_step
+from rigctl.physics import oil
+from rigctl.physics.scope import Scope
+
+#: gauge pressure at which vapour has taken half of the stiffness, in Pa; without air it cannot reach -1 bar
+VAPOUR_PRESSURE = -0.7e5
+#: width of that fall, in Pa
+VAPOUR_WIDTH = 3e3
+
+
+def line_temperature(m: Scope) -> Scalar:
+    """Of the oil in lines and cylinder: the tank's, unless an effect sets it apart."""
+    return m.oil_temperature + m.total("line_temperature")
+
+
+def density(m: Scope) -> Scalar:
+    """Of the oil in lines and cylinder."""
+    return oil.density(m.line_temperature, m.density_15, m.thermal_expansion)
+
+
+def viscosity(m: Scope) -> Scalar:
+    """Of the oil in the cylinder, at the mean pressure of its chambers."""
+    return viscosity_at(m, 0.5 * (m.pressure_a + m.pressure_b))
+
+
+def viscosity_at(m: Scope, pressure: Scalar) -> Scalar:
+    """Dynamic viscosity at a gauge pressure: Vogel's law, times what effects make of the pressure."""
+    at_atmosphere = oil.vogel(m.line_temperature, m.vogel_a, m.vogel_b, m.vogel_c)
+    return at_atmosphere * m.factor("viscosity", pressure=pressure)
+
+
+def bulk_modulus_at(m: Scope, pressure: Scalar) -> Scalar:
+    """Effective bulk modulus at a gauge pressure: ``h(p) / (1/beta + sum of compliances)``.
+
+    h falls from 1 to 0 where vapour forms, around `VAPOUR_PRESSURE`.
+    """
+    compliance = 1.0 / m.bulk_modulus + m.total("compliance", pressure=pressure)
+    return smooth_step(pressure - constant_like(VAPOUR_PRESSURE, pressure), VAPOUR_WIDTH) / compliance

@@ -1,0 +1,45 @@
+"""The piston: forces, end stops, and the spool that lets the oil in."""
+
+from __future__ import annotations
+
+from rigctl.engine.symbols import Scalar, positive_part, smooth_step
+from rigctl.physics.scope import Scope
+
+#: how sharply an end stop begins, in m: rounded over 2 um, 0.2 N at 1 mm before it
+CONTACT_WIDTH = 2e-6
+
+
+def spool_rate(m: Scope) -> Scalar:
+    """``(command - u) / tau``: the spool follows the solenoids with a first-order lag."""
+    return (m.valve - m.spool) / m.spool_time
+
+
+def position_rate(m: Scope) -> Scalar:
+    """The velocity."""
+    return m.velocity
+
+
+def friction(m: Scope) -> Scalar:
+    """Against the motion: ``b * v`` and what effects add."""
+    return m.viscous_damping * m.velocity + m.total("friction")
+
+
+def load(m: Scope) -> Scalar:
+    """Against extension: the rig's constant load and what effects add."""
+    return m.load_force + m.total("load")
+
+
+def end_stops(m: Scope) -> Scalar:
+    """The push of the stops at 0 and at full stroke: spring and damper while they touch."""
+    before_start = -m.position
+    beyond_end = m.position - m.stroke
+    spring = positive_part(before_start, CONTACT_WIDTH) - positive_part(beyond_end, CONTACT_WIDTH)
+    touching = smooth_step(before_start, CONTACT_WIDTH) + smooth_step(beyond_end, CONTACT_WIDTH)
+    return m.end_stop_stiffness * spring - m.end_stop_damping * touching * m.velocity
+
+
+def velocity_rate(m: Scope) -> Scalar:
+    """``(A_A*pA - A_B*pB - load - friction + end stops) / m``."""
+    pressure_force = m.area_a * m.pressure_a - m.area_b * m.pressure_b
+    mass = m.moving_mass + m.total("mass")
+    return (pressure_force - m.load - m.friction + m.end_stops) / mass

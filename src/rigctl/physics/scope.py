@@ -1,0 +1,155 @@
+"""The variables of a model by name, each worked out when it is first asked for.
+
+The same equations run on expressions (to be compiled) and on plain numbers (to be tested): a scope is
+filled with either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from rigctl.engine.symbols import Expr, Scalar, check_dimension
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.physics.family import Formula, ModelFamily, Slot
+from rigctl.units import parse_unit
+
+
+@dataclass(frozen=True)
+class Addition:
+    """A term, or a factor, that something named `label` adds at `slot`."""
+
+    slot: str
+    label: str
+    formula: Formula
+
+
+class Scope:
+    """Variables by attribute: ``m.pressure_a``, ``m.density``; slots by `total` and `factor`.
+
+    Parameters
+    ----------
+    family: whose equations these are.
+    known: values of its states, inputs and parameters, and of whatever else the additions use.
+    additions: what effects add at the family's slots.
+    options: the chosen variants of the equations.
+    """
+
+    def __init__(
+        self,
+        family: ModelFamily,
+        known: Mapping[str, Scalar],
+        *,
+        additions: Sequence[Addition] = (),
+        options: Mapping[str, str] | None = None,
+    ) -> None:
+        self._family = family
+        self._known = dict(known)
+        self._formulas = {item.name: item.formula for item in family.definitions}
+        self._rates = {state.name: state.rate for state in family.states}
+        self._additions = tuple(additions)
+        self._options = {name: choices[0] for name, choices in family.options.items()} | dict(options or {})
+        self._working: list[str] = []
+
+    def __getattr__(self, name: str) -> Scalar:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self[name]
+
+    def __getitem__(self, name: str) -> Scalar:
+        """The variable `name`.
+
+        Raises
+        ------
+        RigctlError
+            there is none, or it depends on itself.
+        """
+        if name not in self._known:
+            formula = self._formulas.get(name)
+            if formula is None:
+                raise unknown_name("variable", name, {*self._known, *self._formulas})
+            self._known[name] = self._work_out(name, formula)
+        return self._known[name]
+
+    def rate(self, state: str) -> Scalar:
+        """The derivative of a state of the family."""
+        key = f"rate of {state}"
+        if key not in self._known:
+            if state not in self._rates:
+                raise unknown_name("state", state, self._rates)
+            self._known[key] = self._work_out(key, self._rates[state])
+        return self._known[key]
+
+    def option(self, name: str) -> str:
+        """Which variant of the equations is chosen.
+
+        Raises
+        ------
+        RigctlError
+            the choice is none of the family's.
+        """
+        chosen, choices = self._options[name], self._family.options[name]
+        if chosen not in choices:
+            raise unknown_name(f"choice of the option '{name}'", chosen, choices)
+        return chosen
+
+    def total(self, slot: str, **local: Scalar) -> Scalar:
+        """The sum of what effects add at `slot`; exactly 0 when there is nothing.
+
+        `local` are the values of the slot's own variables.
+        """
+        declared = self._declared(slot, "sum")
+        result: Scalar = 0.0
+        for term in self._terms(declared, local):
+            result = result + term
+        return result
+
+    def factor(self, slot: str, **local: Scalar) -> Scalar:
+        """The product of the factors of effects at `slot`; exactly 1 when there is none."""
+        declared = self._declared(slot, "product")
+        result: Scalar = 1.0
+        for term in self._terms(declared, local):
+            result = result * term
+        return result
+
+    def _declared(self, slot: str, combine: str) -> Slot:
+        declared = self._family.slot(slot)
+        if declared.combine != combine:
+            raise RigctlError(f"the slot {slot} is a {declared.combine}", expected=combine)
+        return declared
+
+    def _terms(self, slot: Slot, local: Mapping[str, Scalar]) -> Iterator[Scalar]:
+        for addition in self._additions:
+            if addition.slot == slot.name:
+                with self._locally(local):
+                    value = self._work_out(f"{addition.label} at {slot.name}", addition.formula)
+                _check(value, slot, addition.label)
+                yield value
+
+    @contextmanager
+    def _locally(self, local: Mapping[str, Scalar]) -> Iterator[None]:
+        """The slot's own variables, for the time of one term."""
+        hidden = {name: self._known[name] for name in local if name in self._known}
+        self._known |= local
+        try:
+            yield
+        finally:
+            for name in local:
+                del self._known[name]
+            self._known |= hidden
+
+    def _work_out(self, what: str, formula: Formula) -> Scalar:
+        if what in self._working:
+            circle = " -> ".join([*self._working[self._working.index(what) :], what])
+            raise RigctlError(f"an equation depends on itself: {circle}")
+        self._working.append(what)
+        try:
+            return formula(self)
+        finally:
+            self._working.pop()
+
+
+def _check(value: Scalar, slot: Slot, label: str) -> None:
+    if isinstance(value, Expr):
+        check_dimension(value, parse_unit(slot.unit).dimension, f"the term of {label} at {slot.name}")
