@@ -304,10 +304,21 @@ def read_si(text: str | float, unit: str, *, difference: bool = False) -> float:
 
 
 def describe(unit: str, *, difference: bool = False) -> str:
-    """What a quantity of this dimension is called in a message."""
-    if difference and unit == "K":
+    """What a quantity of the dimension of `unit` is called in a message."""
+    dimension = parse_unit(unit).dimension
+    return describe_dimension(dimension, difference=difference, otherwise=f"a quantity in {unit}")
+
+
+def describe_dimension(
+    dimension: Dimension, *, difference: bool = False, otherwise: str | None = None
+) -> str:
+    """What a quantity of this dimension is called in a message; a base unit's product if it has no name."""
+    if difference and str(dimension) == "K":
         return "a temperature difference, e.g. '0.5 K'"
-    return _NAMED.get(unit, f"a quantity in {unit}")
+    for unit, words in _NAMED.items():
+        if parse_unit(unit).dimension == dimension:
+            return words
+    return otherwise or f"a quantity in {dimension}"
 
 
 def convert(value: float, from_unit: str, to_unit: str, *, difference: bool = False) -> float:

@@ -1,0 +1,142 @@
+"""An expression as the rest of the program uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from rigctl.errors import Location, RigctlError
+from rigctl.expressions.check import Typed, fit, infer
+from rigctl.expressions.compile import compile_tree
+from rigctl.expressions.nodes import Constant, Literal, Name, Node, Variable, replace_leaves, walk
+from rigctl.expressions.parser import parse_tree
+from rigctl.expressions.substitute import substitute, substitute_text
+from rigctl.expressions.types import ValueType
+from rigctl.units import Quantity
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A condition or a formula of a user's file: parsed, and never executed as a program.
+
+    Two expressions are equal when they are written alike.
+    """
+
+    text: str
+    root: Node = field(compare=False, repr=False)
+    where: Location = field(default=Location(), compare=False, repr=False)
+    #: the tree with its numbers in SI, once the types of its names are known
+    resolved: Node | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Channels, commands and measures in it."""
+        return frozenset(node.name for node in walk(self.root) if isinstance(node, Name))
+
+    @cached_property
+    def variables(self) -> frozenset[str]:
+        """The ``$variables`` in it, without their dollar."""
+        return frozenset(node.name for node in walk(self.root) if isinstance(node, Variable))
+
+    @property
+    def constant(self) -> bool:
+        """True when it names nothing."""
+        return not self.names and not self.variables
+
+    def check(self, types: Mapping[str, ValueType], *, expected: ValueType | None = None) -> ValueType:
+        """The type of its value.
+
+        Parameters
+        ----------
+        types: the type of each name; a variable is written with its dollar, ``$oil``.
+        expected: the type that is wanted, which also decides what a lone ``0.5 degC`` means.
+
+        Raises
+        ------
+        RigctlError
+            an unknown name, dimensions that do not fit, or another type than expected.
+        """
+        return self._typed(types, expected).type
+
+    def checked(self, types: Mapping[str, ValueType], *, expected: ValueType | None = None) -> Expression:
+        """The same expression, which now knows what its numbers mean in SI, so that it can be evaluated.
+
+        Raises
+        ------
+        RigctlError
+            as `check`.
+        """
+        return replace(self, resolved=self._typed(types, expected).node)
+
+    def evaluate(self, values: Mapping[str, float]) -> float | bool:
+        """Its value for SI values by name; variables are written with their dollar.
+
+        What has no value (a division by zero, the logarithm of a negative number) is NaN, and a comparison
+        with NaN is false.
+
+        Raises
+        ------
+        RigctlError
+            a name has no value.
+        ValueError
+            a literal in degC stands beside a name and the expression was not `checked`: whether it is a
+            point or a difference is unknown.
+        """
+        return compile_tree(self._in_si(), tuple(values))(tuple(values.values()))
+
+    def compile(
+        self, types: Mapping[str, ValueType], row: Sequence[str]
+    ) -> Callable[[Sequence[float]], float | bool]:
+        """A fast function of a row of SI values whose columns are called `row`.
+
+        Raises
+        ------
+        RigctlError
+            as `check`; also for a name that is no column of the row.
+        """
+        known = {name: kind for name, kind in types.items() if name in row}
+        return compile_tree(self._typed(known, None).node, row)
+
+    def substitute(self, values: Mapping[str, Quantity]) -> Expression:
+        """The same expression with some variables replaced by quantities; the others stay.
+
+        `values` is keyed by name, without the dollar. What was `checked` must be checked again.
+        """
+        text, root = substitute_text(self.text, values), substitute(self.root, values)
+        return replace(self, text=text, root=root, resolved=None)
+
+    def _typed(self, types: Mapping[str, ValueType], expected: ValueType | None) -> Typed:
+        try:
+            typed = infer(self.root, types)
+            return typed if expected is None else fit(typed, expected)
+        except RigctlError as error:
+            if error.value is None:
+                error.value = self.text
+            raise error.at(self.where) from None
+
+    def _in_si(self) -> Node:
+        if self.resolved is not None:
+            return self.resolved
+        if self.constant:
+            return self._typed({}, None).node
+        return replace_leaves(self.root, self._constant)
+
+    def _constant(self, node: Node) -> Node:
+        if not isinstance(node, Literal):
+            return node
+        if node.unit.absolute_temperature:
+            raise ValueError(f"'{self.text}' must be checked before it is evaluated")
+        return Constant(node.unit.to_si(node.value))
+
+
+def parse(text: str, where: Location | None = None) -> Expression:
+    """Read an expression.
+
+    Raises
+    ------
+    RigctlError
+        the text is no expression of the grammar (see `rigctl.expressions.parser`).
+    """
+    place = where or Location()
+    return Expression(text, parse_tree(text, place), place)

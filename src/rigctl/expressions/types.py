@@ -1,0 +1,54 @@
+"""What kind of value an expression has: a dimension, and what sort of temperature a temperature is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rigctl.units import DIMENSIONLESS, Dimension, describe_dimension, parse_unit
+
+
+@dataclass(frozen=True)
+class ValueType:
+    """A dimension; for one of temperature also whether it is a point on the scale or a difference.
+
+    A temperature of which neither is said (``300 K`` as written) may be used as both.
+    """
+
+    dimension: Dimension
+    temperature: Literal["point", "difference"] | None = None
+    boolean: bool = False
+
+    def __str__(self) -> str:
+        return self.wanted.partition(", e.g.")[0]
+
+    @property
+    def wanted(self) -> str:
+        """What it is called where it is expected: with an example."""
+        if self.boolean:
+            return "a condition, e.g. 'position < 1 mm'"
+        return describe_dimension(self.dimension, difference=self.temperature == "difference")
+
+    @property
+    def is_temperature(self) -> bool:
+        """True for a dimension of temperature alone."""
+        return not self.boolean and self.dimension == KELVIN
+
+
+KELVIN = parse_unit("K").dimension
+NUMBER = ValueType(DIMENSIONLESS)
+BOOLEAN = ValueType(DIMENSIONLESS, boolean=True)
+
+
+def type_of_unit(unit: str, *, difference: bool = False) -> ValueType:
+    """The type of a value in `unit`; a temperature is a point unless it is a `difference`.
+
+    Raises
+    ------
+    RigctlError
+        the unit is unknown.
+    """
+    dimension = parse_unit(unit).dimension
+    if dimension == KELVIN:
+        return ValueType(dimension, "difference" if difference else "point")
+    return ValueType(dimension)
