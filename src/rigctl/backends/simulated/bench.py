@@ -62,10 +62,7 @@ class SimulatedBench:
         self._rate = 0.0
 
     def close(self) -> None:
-        """Make it safe and switch it off."""
-        if self._device is not None:
-            self._device.make_safe(self.clock.now() - self._origin)
-            self._device.run_to(max(self._device.time, self.clock.now() - self._origin))
+        """Switch it off, and with it every output."""
         self._device = None
 
     def start(self, rate: float) -> None:
@@ -119,7 +116,7 @@ class SimulatedBench:
         """Bring every driven actuator to its safe value now."""
         device = self._opened()
         now = self.clock.now() - self._origin
-        if self._link.back_at(now) > now:
+        if not self._link.perfect and self._link.back_at(now) > now:
             raise _lost()
         device.make_safe(now)
         if self._rate == 0.0 or self._start + self._index / self._rate > now + self._origin:
@@ -155,11 +152,13 @@ class SimulatedBench:
     def _wait_for_link(self) -> float:
         """Wait until the bench can be reached, and say when that is."""
         now = self.clock.now()
-        back = self._link.back_at(now - self._origin)
+        if self._link.perfect:
+            return now
+        back = self._origin + self._link.back_at(now - self._origin)
         if math.isinf(back):
             raise _lost()
-        self.clock.sleep_until(back + self._origin)
-        return max(now, back + self._origin)
+        self.clock.sleep_until(back)
+        return max(now, back)
 
     def _report_gap(self, when: float) -> None:
         seconds = self._missed / self._rate

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 
 from rigctl.backends.simulated.faults import Fault
@@ -32,8 +31,3 @@ class Link:
 
 def _intervals(faults: Sequence[Fault], kind: str) -> tuple[tuple[float, float], ...]:
     return tuple((fault.begin, fault.end) for fault in faults if fault.kind == kind)
-
-
-def lost_for_good(back: float) -> bool:
-    """True when `Link.back_at` means never."""
-    return math.isinf(back)
