@@ -30,11 +30,11 @@ class Project:
         RigctlError
             there is no such file in any of them; names the places that were tried.
         """
-        wanted = Path(path).expanduser()
+        wanted = _expanded(path)
         folders = [relative_to.parent] if relative_to is not None else []
         tried = [folder / wanted for folder in (*folders, self.root, shipped())]
         for candidate in tried:
-            if candidate.exists():
+            if _exists(candidate):
                 return candidate
         places = list(dict.fromkeys(str(candidate) for candidate in tried))
         raise RigctlError("there is no such file", value=str(path), hint=f"Looked for {', '.join(places)}")
@@ -78,4 +78,20 @@ def _read_runs(marker: Path) -> Path:
     runs = settings.get("runs", "runs")
     if not isinstance(runs, str) or not runs:
         raise RigctlError("runs: wrong kind of value", value=str(runs), expected="a folder", where=where)
-    return Path(runs).expanduser()
+    return _expanded(runs)
+
+
+def _expanded(path: str | Path) -> Path:
+    """The path with a leading ``~`` made the home folder, where there is one."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        return Path(path)
+
+
+def _exists(path: Path) -> bool:
+    """Whether something is there; a name that no file system takes is not."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False

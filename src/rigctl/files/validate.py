@@ -122,20 +122,26 @@ def _error(
 ) -> RigctlError:
     kind = detail["type"]
     loc = (*keys, *detail["loc"])
+    of_key = bool(loc) and loc[-1] == "[key]"
+    if of_key:
+        loc = loc[:-1]
     context: dict[str, Any] = detail.get("ctx") or {}
     if kind == "extra_forbidden":
         name = str(loc[-1])
         valid = field_names(types_at(model, tuple(detail["loc"][:-1])))
         return unknown_name("field", name, valid, where=document.locate(loc, of_key=True))
+    if kind == "missing" and isinstance(loc[-1], int):
+        return RigctlError("too few entries", expected=f"{loc[-1] + 1} or more", where=document.locate(loc))
     if kind == "missing":
         return RigctlError(f"the field '{loc[-1]}' is missing", where=document.locate(loc))
     if kind == refusal.TYPE:
         error: RigctlError = context["error"]
+        if of_key:
+            return error.at(document.locate(loc, of_key=True))
         loc = (*loc, *context["keys"])
         return _named(error, loc).at(document.locate(loc))
-    return _named(_from_kind(kind, detail, context, _written(document, loc, detail)), loc).at(
-        document.locate(loc)
-    )
+    error = _from_kind(kind, detail, context, _written(document, loc, detail))
+    return _named(error, loc).at(document.locate(loc))
 
 
 def _from_kind(kind: str, detail: dict[str, Any], context: dict[str, Any], written: str) -> RigctlError:
@@ -149,6 +155,8 @@ def _from_kind(kind: str, detail: dict[str, Any], context: dict[str, Any], writt
         return RigctlError(
             "not a known value", value=tag or None, expected=_or(names), nearest=nearest_name(tag, names)
         )
+    if kind == "string_too_short" and not written:
+        return RigctlError("this is empty", expected="a text")
     if kind in _BOUNDS:
         what, expected = _BOUNDS[kind]
         return RigctlError(what, value=written, expected=expected.format(**context))

@@ -5,14 +5,10 @@ from __future__ import annotations
 from datetime import date
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, StringConstraints
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
-
-#: names of channels, actuators and limits: what an expression can name
-NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
-Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
 
 
 class Part(BaseModel):

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr
 
 from rigctl.files.amount import AnyAmount
+from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
-from rigctl.rig.base import Name, Part
+from rigctl.rig.base import Part
 from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit

@@ -7,8 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from rigctl.files.amount import AnyAmount
+from rigctl.files.name import Name
 from rigctl.files.quantity import Q
-from rigctl.rig.base import Name, Part
+from rigctl.rig.base import Part
 
 
 class Simulation(Part):

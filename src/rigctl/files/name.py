@@ -1,0 +1,41 @@
+"""Names that a user gives in a file: of channels, actuators, limits, variables, measures."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field
+
+from rigctl.errors import RigctlError
+from rigctl.files.refusal import refusal
+
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
+
+
+def read_name(written: object) -> str:
+    """The name that stands in the file.
+
+    Raises
+    ------
+    RigctlError
+        it could not be used in an expression or as a column.
+    """
+    if isinstance(written, str) and re.fullmatch(NAME_PATTERN, written):
+        return written
+    raise RigctlError(
+        "not a name",
+        value=str(written),
+        expected="a letter, then letters, digits and _, e.g. supply_pressure",
+    )
+
+
+def _validate(written: object) -> str:
+    try:
+        return read_name(written)
+    except RigctlError as error:
+        raise refusal(error) from error
+
+
+#: what an expression can name
+Name = Annotated[str, BeforeValidator(_validate), Field(pattern=NAME_PATTERN)]
