@@ -1,0 +1,79 @@
+"""From the two append-only files of a run to its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from rigctl.dataset import log, run_json, samples, tables
+from rigctl.dataset.annotations import NAME as ANNOTATIONS
+from rigctl.dataset.annotations import as_data, excluded_records, read_annotations
+from rigctl.dataset.history import COMPLETE, History, ended_at, read_history
+from rigctl.dataset.parquet import write_table
+from rigctl.dataset.samples import SampleFacts, remove_journal, write_samples
+
+#: version of what is in a run's folder
+FORMAT: Final = 1
+#: the files whose checksums run.json keeps; annotations.jsonl only once there is one
+CHECKED: Final = (samples.NAME, tables.RECORDS, tables.EVENTS, log.NAME, ANNOTATIONS)
+
+
+def finalise(folder: Path) -> dict[str, Any]:
+    """Make the run's tables and ``run.json`` from its journal, log and annotations; return ``run.json``.
+
+    A pure function of those files, up to the bytes: it may be repeated, and interrupted anywhere. The
+    journal is removed at the end, when ``samples.parquet`` has been read back and found complete. The
+    caller holds the folder's lock.
+
+    Raises
+    ------
+    RigctlError
+        a file is damaged or the disk is full; nothing that was measured is lost.
+    """
+    history = read_history(folder)
+    facts = write_samples(folder, history.header)
+    _end_interrupted(history, facts)
+    said = read_annotations(folder)
+    write_table(folder / tables.RECORDS, tables.records_table(history.records, excluded_records(said)))
+    write_table(folder / tables.EVENTS, tables.events_table(history.events))
+    files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
+    info = {**_summary(history, facts), "annotations": as_data(said), "files": files}
+    run_json.write_info(folder, info)
+    remove_journal(folder)
+    return info
+
+
+def _end_interrupted(history: History, facts: SampleFacts) -> None:
+    """A record that nobody closed ends with its last sample."""
+    for entry in history.records:
+        if entry.end is None:
+            entry.end = max(entry.start, facts.last_of_record.get(entry.index, entry.start))
+
+
+def _summary(history: History, facts: SampleFacts) -> Mapping[str, Any]:
+    """Everything in ``run.json`` but annotations and checksums."""
+    duration = max(history.last_time, facts.last_time)
+    return {
+        "format": FORMAT,
+        **history.header.to_json(),
+        "status": history.status,
+        "reason": history.reason,
+        "ended": ended_at(history, duration).isoformat(),
+        "duration": duration,
+        "records": len(history.records),
+        "complete_records": sum(entry.outcome == COMPLETE for entry in history.records),
+        "rows": facts.rows,
+        "measures": tables.measured_values(history.measures),
+        "sessions": [
+            {
+                "session": session.number,
+                "offset": session.offset,
+                **session.facts,
+                "ended": session.ended,
+                "status": session.status,
+                "reason": session.reason,
+            }
+            for session in history.sessions
+        ],
+    }

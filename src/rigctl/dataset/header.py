@@ -1,0 +1,145 @@
+"""What is known of a run when it begins."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rigctl.rig import Layout, Rig
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file that a run was made from, kept with it word for word.
+
+    Parameters
+    ----------
+    name: what the file calls itself, e.g. ``stroke campaign``.
+    text: its content.
+    sha256: of the content, hexadecimal; computed when left out.
+    path: where it lay.
+    """
+
+    name: str
+    text: str = ""
+    sha256: str = ""
+    path: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.sha256:
+            object.__setattr__(self, "sha256", hashlib.sha256(self.text.encode("utf-8")).hexdigest())
+
+
+@dataclass(frozen=True)
+class RunHeader:
+    """What is known of a run when it begins; the first line of its log.
+
+    Parameters
+    ----------
+    id: the wanted name of the run's folder, see `new_run_id`.
+    procedure, rig: the files the run was made from.
+    layout: the columns of a sample and the units they are shown in.
+    backend: the bench's own account of itself: kind, name, firmware, serial number.
+    operator: who is in charge.
+    clock: name of the clock: ``real``, ``10x``, ``virtual``.
+    seed: of everything random, on a simulated bench.
+    versions: of rigctl and what it stands on, see `current_versions`.
+    started: calendar time (with its zone) at which the run's time is zero.
+    plan_digest: hash of the expanded plan, compared before a run is resumed.
+    arguments: what the procedure was called with.
+    calibrations: by channel, as in the rig file.
+    source: ``bench`` for a run that was carried out, ``import`` for data that was brought in.
+    """
+
+    id: str
+    procedure: Source
+    rig: Source
+    layout: Layout
+    started: datetime
+    backend: Mapping[str, str] = field(default_factory=dict)
+    operator: str = ""
+    clock: str = "real"
+    seed: int | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+    plan_digest: str = ""
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    calibrations: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    source: str = "bench"
+
+    def __post_init__(self) -> None:
+        if self.started.tzinfo is None:
+            raise ValueError("the start of a run needs a time zone")
+
+    def to_json(self) -> dict[str, Any]:
+        """The header as plain data, for the log and for run.json."""
+        return {
+            "id": self.id,
+            "source": self.source,
+            "procedure": vars(self.procedure),
+            "rig": vars(self.rig),
+            "layout": {
+                "channels": list(self.layout.channels),
+                "commands": list(self.layout.commands),
+                "units": list(self.layout.units),
+                "differences": sorted(self.layout.differences),
+            },
+            "calibrations": {name: dict(facts) for name, facts in self.calibrations.items()},
+            "backend": dict(self.backend),
+            "operator": self.operator,
+            "clock": self.clock,
+            "seed": self.seed,
+            "versions": dict(self.versions),
+            "started": self.started.isoformat(),
+            "plan_digest": self.plan_digest,
+            "arguments": dict(self.arguments),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> RunHeader:
+        """Read back what `to_json` wrote."""
+        from rigctl.rig.layout import Layout
+
+        fields = dict(data)
+        layout = fields.pop("layout")
+        return cls(
+            procedure=Source(**fields.pop("procedure")),
+            rig=Source(**fields.pop("rig")),
+            layout=Layout(
+                channels=tuple(layout["channels"]),
+                commands=tuple(layout["commands"]),
+                units=tuple(layout["units"]),
+                differences=frozenset(layout["differences"]),
+            ),
+            started=datetime.fromisoformat(fields.pop("started")),
+            **fields,
+        )
+
+
+def current_versions() -> dict[str, str]:
+    """Versions of rigctl, of Python, of the system, and of the packages whose results a run depends on."""
+    found = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
+    for package in ("rigctl", "numpy", "numba", "pyarrow"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def source_of_rig(rig: Rig) -> Source:
+    """The rig file as it is kept with a run."""
+    return Source(rig.name, rig.text, rig.sha256, str(rig.path or ""))
+
+
+def calibrations_of(rig: Rig) -> dict[str, dict[str, Any]]:
+    """What is known of every channel's sensor, as plain data: quantity, converter, calibration, noise."""
+    return {
+        name: channel.model_dump(mode="json", include={"quantity", "raw", "calibration", "noise"})
+        for name, channel in rig.channels.items()
+    }

@@ -1,0 +1,198 @@
+"""What a run's log says: its sessions, records and measures, and how it ended. A pure reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
+
+from rigctl.dataset import log
+from rigctl.dataset.header import RunHeader
+from rigctl.errors import ExitCode, Location, RigctlError
+
+#: status of a run, and outcome of a record, that nobody could end: killed, or the computer stopped
+INTERRUPTED: Final = "interrupted"
+#: outcome of a record that was measured as planned
+COMPLETE: Final = "complete"
+_KILLED: Final = "the program that carried it out ended without closing the run"
+
+
+@dataclass(frozen=True)
+class MeasuredValue:
+    """A value kept with a record or with the run: SI, with the unit it is shown in and its limits."""
+
+    name: str
+    value: float
+    unit: str
+    low: float | None = None
+    high: float | None = None
+    passed: bool = True
+    difference: bool = False
+
+
+@dataclass
+class RecordEntry:
+    """One record as the log tells it; times in s of the run, `end` None when the log does not say."""
+
+    index: int
+    name: str
+    path: str
+    rate: float
+    sweep: Mapping[str, tuple[float, str]]
+    session: int
+    start: float
+    end: float | None = None
+    outcome: str = INTERRUPTED
+    measures: dict[str, MeasuredValue] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EventEntry:
+    """One line of the log, its time in s of the run; `data` holds what has no column of its own."""
+
+    time: float
+    kind: str
+    record: int
+    path: str | None
+    message: str | None
+    data: Mapping[str, Any]
+
+
+@dataclass
+class Session:
+    """One program carrying out a part of a run; `offset` is the run's time at its start."""
+
+    number: int
+    offset: float
+    facts: Mapping[str, Any]
+    ended: float | None = None
+    status: str = INTERRUPTED
+    reason: str | None = _KILLED
+
+
+@dataclass
+class History:
+    """A run's log, read."""
+
+    header: RunHeader
+    sessions: list[Session] = field(default_factory=list)
+    records: list[RecordEntry] = field(default_factory=list)
+    measures: dict[str, MeasuredValue] = field(default_factory=dict)  #: outside any record
+    events: list[EventEntry] = field(default_factory=list)
+    last_time: float = 0.0
+
+    @property
+    def status(self) -> str:
+        """How the last session ended: ``finished``, ``failed``, ``aborted`` or ``interrupted``."""
+        return self.sessions[-1].status if self.sessions else INTERRUPTED
+
+    @property
+    def reason(self) -> str | None:
+        """Why it did not finish."""
+        return self.sessions[-1].reason if self.sessions else _KILLED
+
+
+def read_history(folder: Path) -> History:
+    """Read the log of a run.
+
+    Raises
+    ------
+    RigctlError
+        there is no log, or it is damaged before its last line.
+    """
+    path = folder / log.NAME
+    lines = log.read_lines(path)
+    try:
+        return _interpret(lines)
+    except (KeyError, TypeError, ValueError, IndexError) as problem:
+        raise RigctlError(
+            "the log is damaged", value=str(problem), where=Location(path), exit_code=ExitCode.FAILED
+        ) from problem
+
+
+def _interpret(lines: Iterable[Mapping[str, Any]]) -> History:
+    rest = iter(lines)
+    first = next(rest, {})
+    history = History(RunHeader.from_json(first["header"]))
+    reader = _Reader(history)
+    for line in rest:
+        reader.read(line)
+    return history
+
+
+class _Reader:
+    """Goes through the lines and remembers which record is open."""
+
+    def __init__(self, history: History) -> None:
+        self._history = history
+        self._open: RecordEntry | None = None
+        self._offset = 0.0
+
+    def read(self, line: Mapping[str, Any]) -> None:
+        kind = line["kind"]
+        if kind == "session":
+            self._offset = line["offset"]
+            self._open = None
+            facts = {key: line[key] for key in line if key not in ("time", "kind", "session", "offset")}
+            self._history.sessions.append(Session(line["session"], self._offset, facts))
+        time = line["time"] + self._offset
+        self._history.last_time = max(self._history.last_time, time)
+        if kind == "record" and line["state"] == "open":
+            self._open_record(line, time)
+        self._add_event(line, time)
+        if kind == "record" and line["state"] == "closed":
+            self._close_record(line["outcome"], time)
+        elif kind == "measure":
+            self._add_measure(line)
+        elif kind == "end":
+            session = self._history.sessions[-1]
+            session.ended, session.status, session.reason = time, line["status"], line["reason"]
+
+    def _open_record(self, line: Mapping[str, Any], time: float) -> None:
+        sweep = {name: (_number(value), unit) for name, (value, unit) in line["sweep"].items()}
+        session = self._history.sessions[-1].number
+        self._open = RecordEntry(
+            line["record"], line["name"], line["path"], line["rate"], sweep, session, start=time
+        )
+        if self._open.index != len(self._history.records):
+            raise ValueError(f"record {self._open.index} where {len(self._history.records)} was due")
+        self._history.records.append(self._open)
+
+    def _close_record(self, outcome: str, time: float) -> None:
+        if self._open is not None:
+            self._open.outcome, self._open.end = outcome, time
+        self._open = None
+
+    def _add_measure(self, line: Mapping[str, Any]) -> None:
+        index = line["record"]
+        target = self._history.records[index].measures if index >= 0 else self._history.measures
+        facts = {key: line[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
+        target[line["name"]] = MeasuredValue(value=_number(line["value"]), **facts)
+
+    def _add_event(self, line: Mapping[str, Any], time: float) -> None:
+        known = ("time", "kind", "message", "path")
+        data = {key: value for key, value in line.items() if key not in known}
+        record = self._open.index if self._open else -1
+        path, message = line.get("path"), line.get("message")
+        self._history.events.append(EventEntry(time, line["kind"], record, _text(path), _text(message), data))
+
+
+def _number(value: float | None) -> float:
+    """JSON has no NaN: it was written as null."""
+    return float("nan") if value is None else float(value)
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)
+
+
+def ended_at(history: History, seconds: float) -> datetime:
+    """The calendar time at `seconds` of the run's time, by the clock of its last session."""
+    from datetime import timedelta
+
+    if not history.sessions:
+        return history.header.started + timedelta(seconds=seconds)
+    last = history.sessions[-1]
+    return datetime.fromisoformat(last.facts["started"]) + timedelta(seconds=seconds - last.offset)

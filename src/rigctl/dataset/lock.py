@@ -1,0 +1,135 @@
+"""Who writes to a run's folder: at most one program, and the system knows when it is gone."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from rigctl.errors import ExitCode, Location, RigctlError
+
+if TYPE_CHECKING:
+    from filelock import FileLock
+
+LOCK_NAME: Final = "run.lock"
+STATE_NAME: Final = "state.json"
+#: a heartbeat from another computer that is older than this belongs to a program that is gone, in s
+FRESH: Final = 5.0
+
+
+class FolderLock:
+    """The right to write to a run's folder.
+
+    The operating system takes it back when the program ends, however it ends; a killed program leaves no
+    lock behind, and a step of the calendar clock does not break one.
+    """
+
+    def __init__(self, lock: FileLock) -> None:
+        self._lock = lock
+
+    def release(self) -> None:
+        """Give the right back and remove the file; idempotent, never raises."""
+        with suppress(OSError):
+            self._lock.release(force=True)
+        with suppress(OSError):
+            Path(self._lock.lock_file).unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+
+def try_lock(folder: Path) -> FolderLock | None:
+    """Take the right to write to a run's folder; None when a running program has it.
+
+    Raises
+    ------
+    RigctlError
+        the folder cannot be written to.
+    """
+    from filelock import FileLock, Timeout
+
+    if _beats_elsewhere(folder):
+        return None
+    lock = FileLock(folder / LOCK_NAME, thread_local=False)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        return None
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write to the run's folder: {problem.strerror}",
+            where=Location(folder),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    return FolderLock(lock)
+
+
+def lock_folder(folder: Path) -> FolderLock:
+    """Take the right to write to a run's folder.
+
+    Raises
+    ------
+    RigctlError
+        a running program has it, or the folder cannot be written to.
+    """
+    lock = try_lock(folder)
+    if lock is None:
+        raise RigctlError(
+            "the run is in progress",
+            value=folder.name,
+            hint="Wait until it ends, or end it with 'rigctl abort'",
+            exit_code=ExitCode.FAILED,
+        )
+    return lock
+
+
+def in_progress(folder: Path) -> bool:
+    """True while a program writes to the run's folder."""
+    if not (folder / LOCK_NAME).exists():
+        return _beats_elsewhere(folder)
+    lock = try_lock(folder)
+    if lock is None:
+        return True
+    lock.release()
+    return False
+
+
+@dataclass(frozen=True)
+class RunState:
+    """What the program that carries out a run last said of itself in ``state.json``."""
+
+    host: str
+    pid: int
+    fields: dict[str, Any]
+    age: float  #: s since it was written, by the calendar
+
+    @property
+    def fresh(self) -> bool:
+        """True while the next heartbeat is not overdue."""
+        return self.age <= FRESH
+
+
+def read_state(folder: Path) -> RunState | None:
+    """The last heartbeat of a run; None when there is none, or it is being written right now."""
+    path = folder / STATE_NAME
+    try:
+        age = time.time() - path.stat().st_mtime
+        fields = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(fields, dict):
+        return None
+    return RunState(str(fields.get("host", "")), int(fields.get("pid") or 0), fields, age)
+
+
+def _beats_elsewhere(folder: Path) -> bool:
+    """True when a program on another computer, whose lock cannot be relied on here, writes to the folder."""
+    state = read_state(folder)
+    return state is not None and state.fresh and state.host not in ("", platform.node())

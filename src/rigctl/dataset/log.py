@@ -1,0 +1,134 @@
+"""Everything that happened in a run, one JSON object per line, append-only.
+
+The first line is the run's header; sessions, records, measures, commands, alarms and the end follow. A last
+line that was cut off by a kill is ignored.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from rigctl.dataset.journal import write_fully
+from rigctl.errors import ExitCode, Location, RigctlError
+
+NAME: Final = "log.jsonl"
+
+
+def _as_plain(value: object) -> object:
+    """What JSON does not know: numpy scalars and arrays become numbers, everything else its text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+_encode = json.JSONEncoder(
+    ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_as_plain
+).encode
+
+
+def encode_line(fields: Mapping[str, Any]) -> str:
+    """One line of JSON; NaN and infinity, which JSON does not have, become null."""
+    try:
+        return _encode(fields)
+    except ValueError:
+        return _encode(_without_nan(fields))
+
+
+def _without_nan(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return value
+
+
+class LogWriter:
+    """Appends lines to a log; they wait in memory until `flush`.
+
+    An existing log is continued after its last whole line.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._waiting: list[str] = []
+        self._file = path.open("ab", buffering=0)
+        self._whole = whole_length(path)
+        self._file.truncate(self._whole)
+
+    def append(self, fields: Mapping[str, Any]) -> None:
+        """Add one line."""
+        self._waiting.append(encode_line(fields))
+
+    def flush(self) -> None:
+        """Hand every waiting line to the operating system.
+
+        Raises
+        ------
+        OSError
+            they could not be written. The file ends at its last whole line, the lines still wait.
+        """
+        if not self._waiting:
+            return
+        # surrogates can come from names of files; they must not keep a run from being logged
+        content = ("\n".join(self._waiting) + "\n").encode("utf-8", "backslashreplace")
+        try:
+            write_fully(self._file, content)
+        except OSError:
+            self._file.truncate(self._whole)
+            raise
+        self._whole += len(content)
+        self._waiting.clear()
+
+    def sync(self) -> None:
+        """Wait until what was flushed is on the disk itself."""
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close the file without flushing; idempotent."""
+        self._file.close()
+
+
+def whole_length(path: Path) -> int:
+    """Number of bytes up to the end of the last whole line."""
+    return path.read_bytes().rfind(b"\n") + 1
+
+
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """The whole lines of a file of JSON objects.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, or a line before the last is no JSON object; names the line.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
+        ) from problem
+    lines = content[: content.rfind(b"\n") + 1].splitlines()
+    return [_read_line(line, Location(path, number)) for number, line in enumerate(lines, start=1)]
+
+
+def _read_line(line: bytes, where: Location) -> dict[str, Any]:
+    try:
+        fields = json.loads(line)
+    except ValueError as problem:
+        raise _damaged(where) from problem
+    if not isinstance(fields, dict):
+        raise _damaged(where)
+    return fields
+
+
+def _damaged(where: Location) -> RigctlError:
+    return RigctlError(
+        "the line is damaged", expected="a JSON object", where=where, exit_code=ExitCode.FAILED
+    )

@@ -1,0 +1,82 @@
+"""Parquet files, opened and replaced so that damage and a full disk are told in plain words."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import mkstemp
+from typing import TYPE_CHECKING
+
+from rigctl.errors import ExitCode, Location, RigctlError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+
+@contextmanager
+def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a Parquet file for reading.
+
+    Raises
+    ------
+    RigctlError
+        there is no such file, or it is damaged, noticed here or while it is read.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            yield file
+    except FileNotFoundError as problem:
+        raise RigctlError("the file is missing", where=Location(path), exit_code=ExitCode.FAILED) from problem
+    except (OSError, pa.ArrowException) as problem:
+        raise RigctlError(
+            "the file is damaged",
+            hint=f"'rigctl runs verify {path.parent.name}' says what can be saved",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+
+
+@contextmanager
+def replace_with(path: Path) -> Iterator[Path]:
+    """A draft beside `path` that takes its place, flushed to disk, when the block ends well."""
+    with write_error(path):
+        handle, name = mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+        os.close(handle)
+    draft = Path(name)
+    try:
+        yield draft
+        with write_error(path):
+            draft.chmod(0o644)
+            with draft.open("rb+") as file:
+                os.fsync(file.fileno())
+            draft.replace(path)
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def write_error(path: Path) -> Iterator[None]:
+    """Turn the system's errors of a write to `path` into one that a user can act on."""
+    try:
+        yield
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write the file: {problem.strerror or problem}",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a small table in one step: the old file stays until the new one is whole."""
+    import pyarrow.parquet as pq
+
+    with replace_with(path) as draft, write_error(path):
+        pq.write_table(table, draft, compression="zstd")

@@ -1,0 +1,274 @@
+"""A run that is over, opened for reading."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from rigctl.dataset import journal, run_json, samples, tables
+from rigctl.dataset.catalogue import find_run
+from rigctl.dataset.header import RunHeader
+from rigctl.dataset.history import COMPLETE
+from rigctl.dataset.lock import in_progress
+from rigctl.dataset.parquet import open_parquet
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.units import parse_unit
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from rigctl.rig import Layout
+
+
+@dataclass(frozen=True)
+class Switch:
+    """An actuator was switched to an SI value; `uncertainty` is the half-width of its time, in s."""
+
+    time: float
+    actuator: str
+    value: float
+    uncertainty: float
+
+
+@dataclass(frozen=True)
+class Record:
+    """One excitation: everything SI, times in s of the run.
+
+    Parameters
+    ----------
+    time: of each sample, shape (n,).
+    channels, commands: values at these times by name, shape (n,) each; NaN where a value is missing.
+    switches: exact times of the commands from `start` to `end`.
+    sweep: the variables it was measured at.
+    measures: values that the procedure took of it.
+    """
+
+    index: int
+    name: str
+    path: str
+    rate: float
+    start: float
+    end: float
+    outcome: str
+    excluded: str | None
+    time: NDArray[np.float64]
+    channels: Mapping[str, NDArray[np.float64]]
+    commands: Mapping[str, NDArray[np.float64]]
+    switches: tuple[Switch, ...]
+    sweep: Mapping[str, float]
+    measures: Mapping[str, float]
+
+    @property
+    def usable(self) -> bool:
+        """True for a record that analysis may use: complete and not excluded."""
+        return self.outcome == COMPLETE and self.excluded is None
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that is over. Nothing is read before it is asked for, and only the columns that are needed.
+
+    Parameters
+    ----------
+    folder: where it lies.
+    info: the content of ``run.json``.
+    """
+
+    folder: Path
+    info: Mapping[str, Any] = field(repr=False)
+
+    @property
+    def id(self) -> str:
+        """The run's id."""
+        return str(self.info["id"])
+
+    @cached_property
+    def header(self) -> RunHeader:
+        """What was known of the run when it began."""
+        names = RunHeader.__dataclass_fields__
+        return RunHeader.from_json({key: value for key, value in self.info.items() if key in names})
+
+    @property
+    def layout(self) -> Layout:
+        """The columns of a sample and their display units."""
+        return self.header.layout
+
+    def samples(self, columns: Sequence[str] | None = None, record: int | None = None) -> pd.DataFrame:
+        """The samples in display units; ``attrs["units"]`` has the unit of each column.
+
+        Parameters
+        ----------
+        columns: names to read; all when left out.
+        record: only those of this record.
+
+        Raises
+        ------
+        RigctlError
+            no such column or record, or the file is missing or damaged.
+        """
+        return _frame(self._read(tuple(columns) if columns is not None else self.layout.columns, record))
+
+    @cached_property
+    def records(self) -> pd.DataFrame:
+        """One row per record, sweep values and measures in the units of ``attrs["units"]``."""
+        with open_parquet(self.folder / tables.RECORDS) as file:
+            return _frame(file.read())
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """One row per event, in the order of time; ``data`` is JSON."""
+        with open_parquet(self.folder / tables.EVENTS) as file:
+            return _frame(file.read())
+
+    @cached_property
+    def switches(self) -> tuple[Switch, ...]:
+        """Every switch of an actuator with its exact time, in the order of time."""
+        commands = self.events[self.events["kind"] == "command"]
+        found = []
+        for time, data in zip(commands["time"], commands["data"], strict=True):
+            facts = json.loads(data)
+            if "actuator" in facts and facts.get("value") is not None:
+                uncertainty = float(facts.get("uncertainty") or 0.0)
+                found.append(Switch(float(time), facts["actuator"], float(facts["value"]), uncertainty))
+        return tuple(found)
+
+    @cached_property
+    def usable(self) -> tuple[int, ...]:
+        """Indices of the records that analysis may use: complete and not excluded."""
+        rows = self.records
+        good = rows[(rows["outcome"] == COMPLETE) & rows["excluded"].isna()]
+        return tuple(good["record"].tolist())
+
+    def signals(self, name: str, record: int | None = None) -> NDArray[np.float64]:
+        """The values of one column in SI, shape (n,); of one record, or of the whole run.
+
+        Raises
+        ------
+        RigctlError
+            no such column or record.
+        """
+        return self._si(self._read((name,), record), name)
+
+    def record(self, index: int) -> Record:
+        """One record with its samples.
+
+        Raises
+        ------
+        RigctlError
+            there is no such record.
+        """
+        table = self._read(self.layout.columns, index)
+        with open_parquet(self.folder / tables.RECORDS) as file:
+            rows = file.read()
+        row = {key: values[index] for key, values in rows.to_pydict().items()}
+        start, end = row["start"], row["end"]
+        switches = tuple(switch for switch in self.switches if start <= switch.time <= end)
+        facts = {key: row[key] for key in ("name", "path", "rate", "start", "end", "outcome", "excluded")}
+        return Record(
+            index=index,
+            **facts,
+            time=self._si(table, "time"),
+            channels=_fixed({name: self._si(table, name) for name in self.layout.channels}),
+            commands=_fixed({name: self._si(table, name) for name in self.layout.commands}),
+            switches=switches,
+            sweep=_fixed(_values_si(rows.schema, row, "sweep")),
+            measures=_fixed(_values_si(rows.schema, row, "measure")),
+        )
+
+    def _read(self, columns: Sequence[str], record: int | None) -> pa.Table:
+        for name in columns:
+            if name not in self.layout.columns:
+                raise unknown_name("column", name, self.layout.columns)
+        with open_parquet(self.folder / samples.NAME) as file:
+            if record is None:
+                return file.read(columns=list(columns))
+            if not 0 <= record < self.info["records"]:
+                count = self.info["records"]
+                raise RigctlError(
+                    f"run {self.id} has no such record",
+                    value=str(record),
+                    expected=f"0 to {count - 1}" if count else "none, for it has no records",
+                )
+            return _read_record(file, columns, record)
+
+    def _si(self, table: pa.Table, name: str) -> NDArray[np.float64]:
+        import numpy as np
+
+        unit = parse_unit(self.layout.unit(name))
+        values = table[name].to_numpy().astype(np.float64)
+        offset = 0.0 if name in self.layout.differences else unit.offset
+        return np.asarray(values * unit.factor + offset, dtype=np.float64)
+
+
+def open_run(ref: str | Path, runs: Path | None = None) -> Run:
+    """Open a run that is over.
+
+    Parameters
+    ----------
+    ref: id, unambiguous start of one, path, or ``latest``.
+    runs: the folder that holds the runs; the project's when left out.
+
+    Raises
+    ------
+    RigctlError
+        there is no such run, or it is still in progress or was never closed.
+    """
+    folder = find_run(ref, runs)
+    info = run_json.read_info(folder)
+    if info["status"] == run_json.RUNNING or (folder / journal.NAME).exists():
+        going_on = in_progress(folder)
+        raise RigctlError(
+            "the run is still in progress" if going_on else "the run was never closed",
+            value=folder.name,
+            hint=None if going_on else f"'rigctl runs verify {folder.name}' recovers it",
+        )
+    return Run(folder, MappingProxyType(info))
+
+
+def _read_record(file: Any, columns: Sequence[str], record: int) -> pa.Table:
+    """The rows of one record, from the row groups that can hold it."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    place = file.schema_arrow.get_field_index("record")
+    groups = []
+    for group in range(file.num_row_groups):
+        range_ = file.metadata.row_group(group).column(place).statistics
+        if range_ is None or not range_.has_min_max or range_.min <= record <= range_.max:
+            groups.append(group)
+    names = list(dict.fromkeys([*columns, "record"]))
+    table = file.read_row_groups(groups, columns=names)
+    return table.filter(pc.equal(table["record"], pa.scalar(record, pa.int32()))).select(list(columns))
+
+
+def _frame(table: pa.Table) -> pd.DataFrame:
+    frame: pd.DataFrame = table.to_pandas()
+    frame.attrs["units"] = {
+        column.name: unit
+        for column in table.schema
+        if (unit := (column.metadata or {}).get(b"unit", b"").decode("utf-8"))
+    }
+    return frame
+
+
+def _values_si(schema: pa.Schema, row: Mapping[str, Any], kind: str) -> dict[str, float]:
+    """The sweep values or the measures of a record, by the names they had in the procedure."""
+    found = {}
+    for column in schema:
+        facts = {key.decode(): value.decode("utf-8") for key, value in (column.metadata or {}).items()}
+        if facts.get("kind") == kind and row[column.name] is not None:
+            unit = parse_unit(facts["unit"])
+            found[facts["variable"]] = unit.to_si(row[column.name], difference="difference" in facts)
+    return found
+
+
+def _fixed(values: dict[str, Any]) -> Mapping[str, Any]:
+    return MappingProxyType(values)

@@ -1,0 +1,37 @@
+"""The name of a run: when it began and what it carried out."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from datetime import UTC, datetime
+from pathlib import Path
+
+#: longest slug; keeps a run's paths well below the 260 characters that some systems allow
+_SLUG_LENGTH = 40
+
+
+def slug(name: str) -> str:
+    """A procedure's name as part of a folder's name: lower-case ASCII letters, digits and dashes.
+
+    ``slug("Stroke campaign (40 °C)")`` is ``stroke-campaign-40-c``; a name without any of these is ``run``.
+    """
+    ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii").lower()
+    return re.sub(r"[^a-z0-9]+", "-", ascii_name)[:_SLUG_LENGTH].strip("-") or "run"
+
+
+def new_run_id(name: str, when: datetime, runs: Path) -> str:
+    """``YYYYMMDD-HHMMSS-slug`` in UTC; ``-2``, ``-3``, … is appended while a folder of that name exists.
+
+    Two programs may still be given the same name in the same moment; `RunWriter.create` settles that.
+    """
+    wanted = f"{when.astimezone(UTC):%Y%m%d-%H%M%S}-{slug(name)}"
+    return next_free(wanted, runs)
+
+
+def next_free(wanted: str, runs: Path) -> str:
+    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that is no entry of `runs`."""
+    candidate, number = wanted, 2
+    while (runs / candidate).exists():
+        candidate, number = f"{wanted}-{number}", number + 1
+    return candidate

@@ -1,0 +1,375 @@
+"""Records a run as it happens, so that whatever ends it, what was measured is there.
+
+Two append-only files are the truth while a run goes on: the journal of its samples and the log of
+everything else. Both are handed to the operating system at least twice a second, and to the disk at the end
+of a record. `close` makes the run's tables from them; `rigctl.dataset.verify` does when nobody could.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import mkdtemp
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset import journal, log
+from rigctl.dataset.history import read_history
+from rigctl.dataset.journal import JournalWriter
+from rigctl.dataset.lock import FolderLock, lock_folder
+from rigctl.dataset.log import LogWriter
+from rigctl.dataset.run_id import next_free
+from rigctl.dataset.run_json import RUNNING, read_info, write_info
+from rigctl.errors import ExitCode, Location, RigctlError, shorten
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rigctl.dataset.header import RunHeader
+
+#: how long a row or an event may wait in memory, s of wall time
+FLUSH_AFTER: Final = 0.5
+#: how much of blocks may wait in memory
+_FLUSH_BYTES: Final = 1 << 21
+#: how often at most a record's end waits for the disk itself, s of wall time
+_SYNC_AFTER: Final = 1.0
+
+
+class RunWriter:
+    """Writes one session of a run. Made by `create` or `reopen`; for one thread.
+
+    All values are SI, all times seconds of this session's clock.
+
+    When the disk is full or gone, the call that notices raises once; what comes later is kept in memory, and
+    `close` tries again.
+    """
+
+    def __init__(self, folder: Path, lock: FolderLock, header: RunHeader, session: _Session) -> None:
+        self.folder = folder
+        self.header = header
+        self._lock = lock
+        self._log = LogWriter(folder / log.NAME)
+        self._journal = JournalWriter(
+            folder / journal.NAME,
+            header.layout.columns,
+            {"run": header.id, "session": session.number, "offset": session.offset},
+        )
+        self._pack_row = self._journal.append
+        self._next_record = session.next_record
+        self._record = -1
+        self._last_row: Sequence[float] = (0.0,)
+        self._last_event = 0.0
+        self._due = monotonic() + FLUSH_AFTER
+        self._synced = monotonic()
+        self._failure: RigctlError | None = None
+        self._closed = False
+
+    @classmethod
+    def create(cls, runs: Path, header: RunHeader) -> RunWriter:
+        """Begin a run in a folder of its own under `runs`.
+
+        The folder is named ``header.id``, with a number appended if another program has just taken that name.
+
+        Raises
+        ------
+        RigctlError
+            the folder cannot be made or written to; nothing was created.
+        """
+        try:
+            runs.mkdir(parents=True, exist_ok=True)
+            folder = _make_folder(runs, header)
+        except OSError as problem:
+            raise RigctlError(
+                f"cannot make a folder for the run: {problem.strerror}",
+                where=Location(runs),
+                hint="Choose another folder with 'runs = \"…\"' in rigctl.toml",
+            ) from problem
+        header = replace(header, id=folder.name)
+        return _begin(folder, header, _Session())
+
+    @classmethod
+    def reopen(cls, folder: Path, header: RunHeader | None = None) -> RunWriter:
+        """Go on with a run that was not finished: a new session in the same folder.
+
+        What is there stays as it is. A record that was open is marked ``interrupted``; it is measured
+        again under the next index. The run's time goes on after its last sample.
+
+        Parameters
+        ----------
+        header: who and what carries out the new session; as at the beginning when left out.
+
+        Raises
+        ------
+        RigctlError
+            the run is in progress or finished, or its columns are others than `header` says.
+        """
+        from rigctl.dataset.finalise import finalise
+
+        with lock_folder(folder):
+            finalise(folder)
+        history = read_history(folder)
+        began = history.header
+        header = replace(header or began, id=began.id)
+        if history.status == "finished":
+            raise RigctlError("the run is finished; there is nothing to go on with", value=began.id)
+        if header.layout != began.layout:
+            raise RigctlError(
+                "the rig's channels or units have changed since the run began",
+                value=", ".join(header.layout.columns),
+                expected=", ".join(began.layout.columns),
+            )
+        elapsed = (header.started - began.started).total_seconds()
+        session = _Session(
+            number=len(history.sessions),
+            offset=max(elapsed, read_info(folder)["duration"] + 1.0),
+            next_record=len(history.records),
+        )
+        return _begin(folder, header, session)
+
+    @property
+    def id(self) -> str:
+        """The run's id: its folder's name."""
+        return self.header.id
+
+    @property
+    def record(self) -> int:
+        """Index of the open record; −1 between records. Belongs into every row."""
+        return self._record
+
+    def append(self, row: Sequence[float]) -> None:
+        """Add one sample: values in the order of ``layout.columns``.
+
+        Raises
+        ------
+        RigctlError
+            the disk is full or gone.
+        """
+        self._pack_row(row)
+        self._last_row = row
+        if monotonic() >= self._due:
+            self._flush_due()
+
+    def append_block(self, rows: NDArray[np.float64]) -> None:
+        """Add many samples at once: shape (n, columns)."""
+        self._journal.append_block(rows)
+        if len(rows):
+            self._last_row = (float(rows[-1, 0]),)
+        if self._journal.waiting >= _FLUSH_BYTES or monotonic() >= self._due:
+            self._flush_due()
+
+    def event(self, time: float, kind: str, **fields: Any) -> None:
+        """Log something that happened.
+
+        Parameters
+        ----------
+        time: when, s.
+        kind: ``state``, ``step``, ``command``, ``operator``, ``alarm``, ``note``, ``gap``, ``fault``, …
+        fields: whatever else there is to say. ``message`` and ``path`` (of the step) have columns of their
+            own; a ``command`` has ``actuator``, ``value`` and ``uncertainty`` of its time.
+        """
+        self._log.append({"time": time, "kind": kind, **fields})
+        self._last_event = time
+        if monotonic() >= self._due:
+            self._flush_due()
+
+    def open_record(
+        self, time: float, name: str, sweep: Mapping[str, tuple[float, str]], path: str, rate: float
+    ) -> int:
+        """Begin a record.
+
+        Parameters
+        ----------
+        sweep: the variables it is measured at: SI value and the unit it is shown in.
+        path: of the record's step in the plan.
+        rate: of its samples, Hz.
+
+        Returns
+        -------
+        Its index in the run, from 0.
+        """
+        if self._record >= 0:
+            raise ValueError(f"record {self._record} is still open")
+        self._record = self._next_record
+        self._next_record += 1
+        values = {key: [value, unit] for key, (value, unit) in sweep.items()}
+        opened = {"state": "open", "record": self._record, "name": name, "path": path, "rate": rate}
+        self.event(time, "record", **opened, sweep=values)
+        if self._failure is None:
+            self.flush()  # a sample on disk never belongs to a record the log does not know
+        return self._record
+
+    def measure(  # noqa: PLR0917 - a value with its limits
+        self,
+        name: str,
+        value: float,
+        unit: str,
+        low: float | None = None,
+        high: float | None = None,
+        passed: bool = True,
+        *,
+        difference: bool = False,
+    ) -> None:
+        """Keep a value with the open record, or with the run when none is open.
+
+        Parameters
+        ----------
+        value, low, high: SI; the limits are included.
+        unit: the unit it is shown in.
+        difference: it is an interval of temperatures, shown without offset.
+        """
+        self.event(
+            max(self._last_row[0], self._last_event),
+            "measure",
+            record=self._record,
+            name=name,
+            value=value,
+            unit=unit,
+            low=low,
+            high=high,
+            passed=passed,
+            difference=difference,
+        )
+
+    def close_record(self, time: float, outcome: str) -> None:
+        """End the open record: ``complete``, ``failed``, ``aborted``, …"""
+        if self._record < 0:
+            raise ValueError("no record is open")
+        self.event(time, "record", state="closed", record=self._record, outcome=outcome)
+        self._record = -1
+        if self._failure is None:
+            self.flush(sync=monotonic() >= self._synced + _SYNC_AFTER)
+
+    def flush(self, *, sync: bool = False) -> None:
+        """Hand all rows and events to the operating system; with `sync`, wait for the disk itself.
+
+        Raises
+        ------
+        RigctlError
+            the disk is full or gone.
+        """
+        for file in (self._journal, self._log):  # in this order: a closed record's samples are all there
+            try:
+                file.flush()
+                if sync:
+                    file.sync()
+            except OSError as problem:
+                raise self._fail(file.path, problem) from problem
+        self._failure = None
+        self._due = monotonic() + FLUSH_AFTER
+        if sync:
+            self._synced = monotonic()
+
+    def close(self, status: str, reason: str | None = None) -> Path:
+        """End the session and make the run's tables; the folder is whole afterwards. Idempotent.
+
+        Parameters
+        ----------
+        status: ``finished``, ``failed`` or ``aborted``.
+        reason: why, when it did not finish.
+
+        Raises
+        ------
+        RigctlError
+            the disk is full or gone; what had been written is kept, and ``rigctl runs verify`` goes on
+            from there.
+        """
+        from rigctl.dataset.finalise import finalise
+
+        if self._closed:
+            return self.folder
+        self._closed = True
+        ended = max(self._last_row[0], self._last_event)
+        self._log.append({"time": ended, "kind": "end", "status": status, "reason": reason})
+        try:
+            try:
+                self.flush(sync=True)
+            finally:
+                self._journal.close()
+                self._log.close()
+            finalise(self.folder)
+        finally:
+            self._lock.release()
+        return self.folder
+
+    def _flush_due(self) -> None:
+        if self._failure is None:
+            self.flush()
+
+    def _fail(self, path: Path, problem: OSError) -> RigctlError:
+        self._failure = RigctlError(
+            f"cannot write: {problem.strerror or problem}; what was written before is kept",
+            hint=f"Make room, then 'rigctl runs verify {shorten(self.id)}'",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        )
+        return self._failure
+
+
+class _Session:
+    """Which part of a run a writer writes, and where its time and its records go on."""
+
+    def __init__(self, number: int = 0, offset: float = 0.0, next_record: int = 0) -> None:
+        self.number = number
+        self.offset = offset
+        self.next_record = next_record
+
+
+def _make_folder(runs: Path, header: RunHeader) -> Path:
+    """A new folder with the run's first files, put in its place in one step: whole or not there.
+
+    A folder cannot be renamed onto one that has files in it, so a name taken by somebody else in the same
+    moment is noticed.
+    """
+    draft = Path(mkdtemp(prefix=".new-", dir=runs))
+    try:
+        draft.chmod(0o755)
+        while True:
+            run_id = next_free(header.id, runs)
+            named = replace(header, id=run_id).to_json()
+            line = log.encode_line({"time": 0.0, "kind": "run", "header": named})
+            (draft / log.NAME).write_bytes(line.encode("utf-8", "backslashreplace") + b"\n")
+            write_info(draft, {**named, "status": RUNNING, "reason": None})
+            try:
+                return draft.rename(runs / run_id)
+            except OSError:
+                if not (runs / run_id).exists():
+                    raise
+    except BaseException:
+        with suppress(OSError):
+            shutil.rmtree(draft)
+        raise
+
+
+def _begin(folder: Path, header: RunHeader, session: _Session) -> RunWriter:
+    """Take the folder's lock, open the two files and say that a session begins."""
+    lock = lock_folder(folder)
+    try:
+        writer = RunWriter(folder, lock, header, session)
+        facts = header.to_json()
+        writer.event(
+            0.0,
+            "session",
+            session=session.number,
+            offset=session.offset,
+            **{key: facts[key] for key in ("started", "operator", "backend", "clock", "seed", "versions")},
+            written=datetime.now(UTC).isoformat(timespec="seconds"),
+        )
+        writer.flush()
+        if session.number:
+            write_info(folder, {**read_info(folder), "status": RUNNING, "reason": None})
+    except OSError as problem:
+        lock.release()
+        raise RigctlError(
+            f"cannot write to the run's folder: {problem.strerror}",
+            where=Location(folder),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    except BaseException:
+        lock.release()
+        raise
+    return writer
