@@ -74,7 +74,7 @@ def find_statistics(text: str) -> tuple[str, tuple[Statistic, ...]]:
 
     Returns
     -------
-    The text with ``max(position)`` written as the name ``max_of_position``, and the statistics in it, each once.
+    The text with ``max(position)`` written as the name ``max_of_position``, and its statistics, each once.
     ``max(a, b)`` with two arguments stays the function it is.
     """
     found: dict[str, Statistic] = {}

@@ -1,0 +1,190 @@
+"""Where in the plan a step stands while it is built, and how nodes are made there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigctl.errors import RigctlError
+from rigctl.files.nodes import Key
+from rigctl.procedure.actions import Action
+from rigctl.procedure.plan import Group, GroupKind, Leaf, Node
+from rigctl.procedure.reader import Reader
+from rigctl.procedure.values import Variables
+from rigctl.units import Quantity
+
+if TYPE_CHECKING:
+    from rigctl.procedure.load import Procedure
+    from rigctl.procedure.steps.base import Cleanup, Step
+
+MAX_NODES = 100_000
+MAX_CALLS = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class Context(Reader):
+    """A reader that knows its place in the plan."""
+
+    path: str = ""  #: of the step; empty at the top of the procedure
+    sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every sweep around, through calls
+    recording: bool = False  #: inside a record
+    calls: tuple[Procedure, ...]  #: from the procedure that was asked for to this one
+
+    def allow(self, more: int) -> None:
+        """Refuse a plan that grows beyond what a person could mean."""
+        if self.findings.nodes + more > MAX_NODES:
+            raise RigctlError(
+                "the plan grows too large",
+                value=f"{self.findings.nodes + more} steps",
+                expected=f"at most {MAX_NODES} steps",
+            )
+
+    def leaf(self, label: str, action: Action) -> Leaf:
+        """The step's only node."""
+        return Leaf(self.path, label, self.where(), action)
+
+    def body(self, steps: Sequence[Step], key: str) -> Group:
+        """The steps under `key` as the inside of a record, a loop or a branch."""
+        prefix = self.path if key == "do" else f"{self.path}/{key}"
+        children = self._steps(steps, key, prefix)
+        return Group(f"{self.path}/{key}", key, self.where(key), children)
+
+    def block(
+        self,
+        steps: Sequence[Step],
+        key: str,
+        *,
+        label: str,
+        kind: GroupKind = GroupKind.DO,
+        bindings: Mapping[str, str] | None = None,
+        cleanup: Cleanup | None = None,
+    ) -> Group:
+        """The steps under `key` as a group that is the step's own node."""
+        children = self._steps(steps, key, self.path)
+        return self.collect(children, label=label, kind=kind, bindings=bindings, cleanup=cleanup)
+
+    def collect(
+        self,
+        children: Sequence[Node],
+        *,
+        label: str,
+        kind: GroupKind,
+        bindings: Mapping[str, str] | None = None,
+        cleanup: Cleanup | None = None,
+        path: str | None = None,
+    ) -> Group:
+        """Nodes that are already built, as one group with its cleanup."""
+        own = self.path if path is None else path
+        blocks = self.cleanup_groups(cleanup, own)
+        return Group(
+            path=own or "procedure",
+            label=label,
+            where=self.where(),
+            children=tuple(children),
+            kind=kind,
+            bindings=bindings or {},
+            on_failure=blocks.get("on_failure"),
+            on_abort=blocks.get("on_abort"),
+            finally_=blocks.get("finally"),
+        )
+
+    def with_cleanup(self, node: Node, cleanup: Cleanup) -> Node:
+        """The node itself, or a group around it when the step has cleanup blocks."""
+        if not (cleanup.on_failure or cleanup.on_abort or cleanup.finally_):
+            return node
+        path = f"{self.path.rpartition('/')[0]}/block" if "/" in self.path else "block"
+        return self.collect([node], label=node.label, kind=GroupKind.DO, cleanup=cleanup, path=path)
+
+    def inside_record(self) -> Context:
+        """The same place, with a record open."""
+        return replace(self, recording=True)
+
+    def at_point(self, label: str, point: Mapping[str, Quantity]) -> Context:
+        """The same place at one point of a sweep."""
+        with self.located("do"):
+            self.allow(1)
+        self.findings.nodes += 1
+        return replace(
+            self,
+            path=f"{self.path}[{label}]",
+            variables={**self.variables, **point},
+            sweep={**self.sweep, **point},
+        )
+
+    def sweep_values(self) -> dict[str, tuple[float, str]]:
+        """The values of every sweep around, in SI, with the units they are shown in."""
+        return {name: (value.si, value.unit.text) for name, value in self.sweep.items()}
+
+    def open_call(self, written: str) -> Procedure:
+        """Read the procedure that a call names.
+
+        Raises
+        ------
+        RigctlError
+            there is no such file, something in it is wrong, or it calls itself in the end; names the chain.
+        """
+        from rigctl.procedure.load import load_procedure
+        from rigctl.project import find_project
+
+        project = find_project(self.document.path.parent if self.document.path else None)
+        path = project.resolve(written, relative_to=self.document.path)
+        chain = [str(procedure.path) for procedure in self.calls]
+        if any(_same_file(procedure.path, path) for procedure in self.calls):
+            names = " calls ".join(Path(name).name for name in [*chain, str(path)])
+            raise RigctlError("a procedure calls itself", value=names, expected="calls that come to an end")
+        if len(self.calls) > MAX_CALLS:
+            raise RigctlError("calls are nested too deep", expected=f"at most {MAX_CALLS}")
+        cached = self.findings.procedures.get(path)
+        if cached is None:
+            cached = self.findings.procedures[path] = load_procedure(path)
+        return cached
+
+    def called(self, procedure: Procedure, variables: Variables) -> Context:
+        """The top of another procedure that is called from here."""
+        return replace(
+            self,
+            document=procedure.document,
+            keys=(),
+            variables=variables,
+            calls=(*self.calls, procedure),
+        )
+
+    def _steps(self, steps: Sequence[Step], key: str, prefix: str) -> tuple[Node, ...]:
+        return tuple(self._step(step, (key, index), prefix) for index, step in enumerate(steps))
+
+    def _step(self, step: Step, keys: tuple[Key, ...], prefix: str) -> Node:
+        inner = replace(
+            self,
+            keys=(*self.keys, *keys),
+            path=f"{prefix}/{int(keys[-1]) + 1}/{step.verb}".lstrip("/"),
+        )
+        with inner.located():
+            self.allow(1)
+        self.findings.nodes += 1
+        return step.build(inner)
+
+    def cleanup_groups(self, cleanup: Cleanup | None, path: str) -> dict[str, Group]:
+        """The cleanup blocks that are written, in the order in which they would run."""
+        if cleanup is None:
+            return {}
+        named = {
+            "on_failure": cleanup.on_failure,
+            "on_abort": cleanup.on_abort,
+            "finally": cleanup.finally_,
+        }
+        return {
+            key: self._cleanup_group(steps, key, f"{path}/{key}".lstrip("/"))
+            for key, steps in named.items()
+            if steps
+        }
+
+    def _cleanup_group(self, steps: Sequence[Step], key: str, path: str) -> Group:
+        """One cleanup block."""
+        children = self._steps(steps, key, path)
+        return Group(path, key, self.where(key), children, kind=GroupKind.CLEANUP)
+
+
+def _same_file(one: Path | None, other: Path) -> bool:
+    return one is not None and one.resolve() == other.resolve()

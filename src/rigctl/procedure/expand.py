@@ -1,0 +1,51 @@
+"""From a procedure and a rig to a plan: sweeps laid out, calls opened, variables resolved and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.procedure.arguments import bind, read_arguments
+from rigctl.procedure.context import Context
+from rigctl.procedure.digest import digest
+from rigctl.procedure.load import Procedure
+from rigctl.procedure.plan import GroupKind, Plan
+from rigctl.procedure.reader import Findings
+from rigctl.procedure.shown import shown_bindings
+from rigctl.rig import Rig
+
+
+def expand(procedure: Procedure, rig: Rig, arguments: Mapping[str, str | float] | None = None) -> Plan:
+    """Everything that running the procedure on this rig would do.
+
+    Parameters
+    ----------
+    arguments: as written, e.g. ``{"supply": "30 bar"}``; those left out have their defaults.
+
+    Raises
+    ------
+    RigctlError
+        an argument is wrong, a step does not fit the rig, a set-point is beyond the rig's limits, a sweep is
+        empty, a procedure calls itself, or the plan grows beyond 100 000 steps.
+    """
+    variables = bind(procedure, read_arguments(procedure, arguments or {}))
+    context = Context(
+        rig=rig,
+        document=procedure.document,
+        variables=variables,
+        findings=Findings(),
+        calls=(procedure,),
+    )
+    root = context.block(procedure.steps, "steps", label=procedure.name, kind=GroupKind.ROOT)
+    blocks = context.cleanup_groups(procedure.file, "")
+    shown = shown_bindings(variables)
+    return Plan(
+        name=procedure.name,
+        procedure=procedure,
+        rig=rig,
+        root=root,
+        on_failure=blocks.get("on_failure"),
+        on_abort=blocks.get("on_abort"),
+        finally_=blocks.get("finally"),
+        arguments=shown,
+        digest=digest(root, *blocks.values()),
+    )

@@ -1,0 +1,137 @@
+"""Read a procedure file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+
+from pydantic import Field
+
+from rigctl.errors import RigctlError
+from rigctl.files.validate import validate
+from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.procedure.arguments import Argument, ArgumentFields
+from rigctl.procedure.fields import Name
+from rigctl.procedure.steps.any_step import AnyStep
+from rigctl.procedure.steps.base import Cleanup
+from rigctl.project import find_project
+
+
+class ProcedureFile(Cleanup):
+    """What to do on a bench, step by step."""
+
+    procedure: str = Field(min_length=1, max_length=100, description="its name")
+    description: str = Field(default="", description="for reports")
+    rig: str | None = Field(
+        default=None, description="the rig file; one that is only called needs none, its caller's counts"
+    )
+    arguments: dict[Name, Argument] = Field(
+        default_factory=dict, description="what a call or --arg may give; used as $name"
+    )
+    steps: list[AnyStep] = Field(min_length=1, description="carried out in this order")
+
+
+ProcedureFile.model_rebuild(_types_namespace={"AnyStep": AnyStep})
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """A procedure file that has been read and found well formed; what it means on a rig, `expand` says."""
+
+    file: ProcedureFile
+    document: Document = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.file.procedure
+
+    @property
+    def path(self) -> Path | None:
+        """The file it was read from."""
+        return self.document.path
+
+    @property
+    def text(self) -> str:
+        """The file's text, kept with every run."""
+        return self.document.text
+
+    @cached_property
+    def sha256(self) -> str:
+        """The hash of the text, as hexadecimal digits."""
+        return sha256(self.text.encode("utf-8")).hexdigest()
+
+    @property
+    def arguments(self) -> Mapping[str, ArgumentFields]:
+        """What may be given, by name."""
+        return self.file.arguments
+
+    @property
+    def steps(self) -> Sequence[AnyStep]:
+        """What it does."""
+        return self.file.steps
+
+    @property
+    def on_failure(self) -> Sequence[AnyStep]:
+        """Carried out when a step failed."""
+        return self.file.on_failure or ()
+
+    @property
+    def on_abort(self) -> Sequence[AnyStep]:
+        """Carried out when the run was aborted."""
+        return self.file.on_abort or ()
+
+    @property
+    def finally_(self) -> Sequence[AnyStep]:
+        """Carried out in every case, last."""
+        return self.file.finally_ or ()
+
+    @property
+    def rig_path(self) -> Path:
+        """The rig file it names: relative to its own folder, to the project, or one that is shipped.
+
+        Raises
+        ------
+        RigctlError
+            it names none, or there is no such file.
+        """
+        where = self.document.locate(("rig",))
+        if self.file.rig is None:
+            raise RigctlError(
+                "this procedure names no rig", expected="'rig: rigs/….yaml' or --rig", where=where
+            )
+        try:
+            project = find_project(self.path.parent if self.path else None)
+            return project.resolve(self.file.rig, relative_to=self.path)
+        except RigctlError as error:
+            error.what = f"rig: {error.what}"
+            raise error.at(where) from None
+
+
+def load_procedure(path: Path) -> Procedure:
+    """The procedure that a file describes.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read or something in it is wrong, with the place.
+    """
+    return _build(read_document(Path(path)))
+
+
+def parse_procedure(text: str, path: Path | None = None) -> Procedure:
+    """The procedure that a text describes, e.g. the one kept with a run; `path` is what messages call it.
+
+    Raises
+    ------
+    RigctlError
+        as `load_procedure`.
+    """
+    return _build(parse_document(text, path))
+
+
+def _build(document: Document) -> Procedure:
+    return Procedure(validate(document, ProcedureFile), document)

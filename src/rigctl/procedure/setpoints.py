@@ -1,0 +1,52 @@
+"""Set-points against the rig: what would trip an interlock, or cannot be reached, is refused beforehand."""
+
+from __future__ import annotations
+
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+from rigctl.units import show
+
+
+def check_set_point(rig: Rig, channel: str, value: float) -> None:
+    """Refuse a set-point (SI) that the channel cannot read, or that one of its limits would stop.
+
+    Raises
+    ------
+    RigctlError
+        outside the channel's physical range, or past a limit whose action is stop; names the limit.
+    """
+    described = rig.channels[channel]
+    shown = show(value, described.unit, difference=described.difference)
+    if not described.possible(value):
+        low, high = described.range or (value, value)
+        raise RigctlError(
+            f"outside the range of the channel '{channel}'",
+            value=shown,
+            expected=f"{show(low, described.unit)} to {show(high, described.unit)}",
+        )
+    for name, limit in rig.limits.items():
+        if limit.channel != channel or limit.action != "stop" or limit.of_rate:
+            continue
+        bound = limit.threshold
+        if value > bound if limit.bound == "above" else value < bound:
+            side = "at most" if limit.bound == "above" else "at least"
+            raise RigctlError(
+                f"this set-point would trip the limit '{name}' of '{channel}'",
+                value=shown,
+                expected=f"{side} {show(bound, described.unit)}",
+            )
+
+
+def check_level(rig: Rig, actuator: str, value: float) -> None:
+    """Refuse a level (SI) outside the actuator's range.
+
+    Raises
+    ------
+    RigctlError
+        out of range; names the actuator.
+    """
+    try:
+        rig.actuators[actuator].check(value)
+    except RigctlError as error:
+        error.what = f"{error.what} of the actuator '{actuator}'"
+        raise

@@ -1,0 +1,51 @@
+"""What all steps share."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from rigctl.procedure.context import Context
+    from rigctl.procedure.plan import Node
+    from rigctl.procedure.steps.any_step import AnyStep
+
+
+class Part(BaseModel):
+    """A part of a procedure file: frozen, and refusing fields that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Step(Part):
+    """One entry of a list of steps: a mapping whose first key, the verb, says what it is."""
+
+    verb: ClassVar[str]
+
+    @abstractmethod
+    def build(self, context: Context) -> Node:
+        """The node of the plan, with every variable resolved and checked against the rig.
+
+        Raises
+        ------
+        RigctlError
+            the step does not fit the rig, with its place in the file.
+        """
+
+
+class Cleanup(Part):
+    """What is carried out when the steps of a block are left, however they are left."""
+
+    on_failure: list[AnyStep] | None = Field(default=None, description="when one of its steps failed")
+    on_abort: list[AnyStep] | None = Field(default=None, description="when the run was aborted inside it")
+    finally_: list[AnyStep] | None = Field(
+        default=None, alias="finally", description="in every case, after the others"
+    )
+
+
+class Block(Step, Cleanup):
+    """A step that contains steps."""
+
+    do: list[AnyStep] = Field(min_length=1, description="the steps")

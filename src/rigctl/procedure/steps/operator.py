@@ -1,0 +1,66 @@
+"""`prompt`: ask the operator, and keep the answer as data."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from rigctl.errors import RigctlError
+from rigctl.files.refusal import refusal
+from rigctl.procedure.actions import Prompt
+from rigctl.procedure.context import Context
+from rigctl.procedure.fields import Name, Short, UnitName
+from rigctl.procedure.plan import Leaf
+from rigctl.procedure.steps.base import Part, Step
+from rigctl.procedure.values import AnyValue
+from rigctl.units import show
+
+
+class PromptFields(Part):
+    """Without a `name`, a confirmation is enough; with one, a value is typed with its unit and kept."""
+
+    question: str = Field(
+        min_length=1, max_length=500, description="what the operator reads; $names are filled in"
+    )
+    name: Name | None = Field(default=None, description="what the answer is called")
+    unit: UnitName | None = Field(default=None, description="the answer's unit; 1 for a plain number")
+    low: AnyValue | None = Field(default=None, description="smallest answer taken")
+    high: AnyValue | None = Field(default=None, description="largest answer taken")
+    simulated: AnyValue | None = Field(default=None, description="what a simulated operator answers")
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.name is not None and self.unit is None:
+            raise refusal(RigctlError("a typed answer needs a unit", expected="e.g. 'unit: s'"))
+        if self.name is None:
+            for field in ("unit", "low", "high", "simulated"):
+                if getattr(self, field) is not None:
+                    raise refusal(RigctlError("only a named answer has this", expected="a 'name'"), (field,))
+        return self
+
+
+class PromptStep(Step):
+    """Ask the operator; the run waits for the answer."""
+
+    verb: ClassVar[str] = "prompt"
+    prompt: Annotated[PromptFields, Short("question")]
+
+    def build(self, context: Context) -> Leaf:
+        """A `Prompt`, its bounds checked against its unit."""
+        fields = self.prompt
+        question = context.fill_in(fields.question, "prompt", "question")
+        if fields.name is None or fields.unit is None:
+            return context.leaf(f"ask: {question}", Prompt(question))
+        low = context.optional_si(fields.low, "prompt", "low", unit=fields.unit)
+        high = context.optional_si(fields.high, "prompt", "high", unit=fields.unit)
+        simulated = context.optional_si(fields.simulated, "prompt", "simulated", unit=fields.unit)
+        with context.located("prompt", "simulated"):
+            below = low is not None and simulated is not None and simulated < low
+            above = high is not None and simulated is not None and simulated > high
+            if simulated is not None and (below or above):
+                raise RigctlError("outside the bounds of the answer", value=show(simulated, fields.unit))
+        context.check_bounds(low, high, fields.unit, "prompt")
+        context.learn(fields.name, fields.unit, "prompt", "name")
+        action = Prompt(question, fields.name, fields.unit, low, high, simulated)
+        return context.leaf(f"ask {fields.name} [{fields.unit}]: {question}", action)

@@ -1,0 +1,82 @@
+"""`set`: command actuators directly."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.procedure.actions import Set
+from rigctl.procedure.context import Context
+from rigctl.procedure.plan import Leaf
+from rigctl.procedure.setpoints import check_level
+from rigctl.procedure.shown import shown_time
+from rigctl.procedure.steps.base import Part, Step
+from rigctl.procedure.values import MARK, OPEN, Duration
+from rigctl.rig import Actuator
+
+
+def _truth_to_word(written: Any) -> Any:
+    # YAML 1.2 reads `true` as a truth value, and people write it for a switch
+    return {True: "on", False: "off"}[written] if isinstance(written, bool) else written
+
+
+#: a position's word, a number, or a quantity; what fits depends on the actuator
+Command = Annotated[
+    str | int | float,
+    BeforeValidator(_truth_to_word),
+    WithJsonSchema({"type": ["string", "number", "boolean"], "examples": ["on", "extend", "30 bar"]}),
+]
+
+
+def _lengthen(written: Any) -> Any:
+    return written if isinstance(written, dict) and "values" in written else {"values": written}
+
+
+class SetFields(Part):
+    """Written in full to return the actuators to their safe values after a time."""
+
+    values: dict[str, Command] = Field(min_length=1, description="actuator: value")
+    for_: Duration | None = Field(
+        default=None, alias="for", description="after which they return to their safe values"
+    )
+
+
+class SetStep(Step):
+    """Command one or more actuators: ``set: {heater: on}``."""
+
+    verb: ClassVar[str] = "set"
+    set: Annotated[
+        SetFields,
+        BeforeValidator(_lengthen, json_schema_input_type=SetFields | dict[str, Command]),
+    ]
+
+    def build(self, context: Context) -> Leaf:
+        """A `Set` with every value checked against its actuator's range."""
+        fields = self.set
+        actuators = context.rig.actuators
+        values: dict[str, float] = {}
+        for name, command in fields.values.items():
+            with context.located("set", "values", name):
+                if name not in actuators:
+                    raise unknown_name("actuator", name, actuators)
+                values[name] = _read(context, name, actuators[name], command)
+        duration = context.optional_si(fields.for_, "set", "for")
+        if duration is not None:
+            for name in values:
+                if name not in context.rig.safe_state:
+                    with context.located("set", "values", name):
+                        raise RigctlError("this actuator has no safe value to return to", value=name)
+        shown = ", ".join(f"{name} {actuators[name].show(value)}" for name, value in values.items())
+        label = f"set {shown}" + (f" for {shown_time(duration)}" if duration else "")
+        return context.leaf(label, Set(values, duration))
+
+
+def _read(context: Context, name: str, actuator: Actuator, command: str | float) -> float:
+    if isinstance(command, str) and MARK in command:
+        value = OPEN.read(command).si(context.variables, actuator.display_unit)
+    else:
+        value = actuator.read(command)
+    check_level(context.rig, name, value)
+    return value

@@ -1,0 +1,21 @@
+"""`do`: steps that belong together, with their cleanup."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rigctl.procedure.context import Context
+from rigctl.procedure.plan import Group
+from rigctl.procedure.steps.base import Block
+
+
+class DoStep(Block):
+    """Carry out steps in order; `finally` and its like say what follows however that ends."""
+
+    verb: ClassVar[str] = "do"
+
+    def build(self, context: Context) -> Group:
+        """A `Group` with its cleanup."""
+        count = len(self.do)
+        label = f"do {count} step{'s' if count > 1 else ''}"
+        return context.block(self.do, "do", label=label, cleanup=self)

@@ -1,0 +1,239 @@
+"""Quantities of a procedure: literals with a unit, or expressions of ``$variables``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.expressions import Expression, parse, type_of_unit
+from rigctl.files.quantity import quantity_text, reader_schema
+from rigctl.units import Quantity, Unit, describe, parse_quantity, parse_unit
+
+#: what ``$name`` stands for: a quantity, or a list of them that a sweep runs through
+Variable: TypeAlias = Quantity | tuple[Quantity, ...]
+Variables: TypeAlias = Mapping[str, Variable]
+
+MARK = "$"
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a field takes: a dimension and bounds in SI, both included unless said otherwise.
+
+    `unit` is any unit of the dimension; None leaves the dimension to whoever resolves the value, because it
+    depends on the rig. With `difference`, a temperature is an interval.
+    """
+
+    unit: str | None
+    difference: bool = False
+    at_least: float | None = None
+    more_than: float | None = None
+    at_most: float | None = None
+    whole: bool = False
+    examples: tuple[str, ...] = ()
+
+    def read(self, written: object) -> Value:
+        """What stands in the file, checked as far as a file alone can be.
+
+        Raises
+        ------
+        RigctlError
+            no quantity, a wrong dimension, out of bounds, or a formula that cannot be read.
+        """
+        if isinstance(written, Value):
+            return written
+        text = quantity_text(written, self.expected())
+        if MARK in text:
+            return Value(text, self, None, parse(text))
+        value = Value(text, self, parse_quantity(text), None)
+        if self.unit is not None:
+            value.si({})
+        return value
+
+    def expected(self) -> str:
+        """What an error says would have been right."""
+        if self.whole:
+            return "a whole number"
+        return "a number with its unit, e.g. '30 bar'" if self.unit is None else self._described(self.unit)
+
+    def _described(self, unit: str) -> str:
+        return describe(unit, difference=self.difference)
+
+    def check(self, si: float, text: str) -> float:
+        """Refuse an SI value outside the bounds, or a fraction where a whole number belongs."""
+        if self.whole and si != int(si):
+            raise RigctlError("not a whole number", value=text, expected="a whole number")
+        if self.more_than is not None and si <= self.more_than:
+            bound = "zero" if self.more_than == 0.0 else f"{self.more_than:g}"
+            raise RigctlError("too small", value=text, expected=f"more than {bound}")
+        if self.at_least is not None and si < self.at_least:
+            raise RigctlError("too small", value=text, expected=f"at least {self.at_least:g}")
+        if self.at_most is not None and si > self.at_most:
+            raise RigctlError("too large", value=text, expected=f"at most {self.at_most:g}")
+        return si
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Read with `read`; a refusal becomes an error of the field."""
+        return reader_schema(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A text with a number and a unit, or with variables; a plain number where that will do."""
+        plain = self.unit in (None, "1")
+        examples = self.examples or _EXAMPLES.get(self.unit or "", ("30 bar",))
+        return {
+            "type": ["string", "number"] if plain else "string",
+            "pattern": r"\$|^\s*[+-]?(\d|\.\d)",
+            "examples": list(examples),
+            "description": f"{self.expected().partition(', e.g.')[0]}, or an expression of $variables",
+        }
+
+
+_EXAMPLES: Mapping[str, tuple[str, ...]] = {
+    "s": ("2 s", "10 min", "2 h"),
+    "K": ("40 degC", "313.15 K"),
+    "Pa": ("30 bar", "5 MPa"),
+    "m": ("100 mm",),
+    "Hz": ("100 Hz",),
+    "1": ("3", "$count"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A quantity as written: either a literal, or an expression with ``$variables`` in it."""
+
+    text: str
+    kind: Kind
+    literal: Quantity | None
+    expression: Expression | None
+
+    def si(self, variables: Variables, unit: str | None = None, *, difference: bool | None = None) -> float:
+        """The value in SI, checked against its kind.
+
+        Parameters
+        ----------
+        variables: what the names after a dollar stand for.
+        unit: any unit of the wanted dimension, where the kind leaves it open.
+        difference: an interval of temperatures, where the kind leaves that open.
+
+        Raises
+        ------
+        RigctlError
+            an unknown variable, another dimension, or out of bounds.
+        """
+        wanted = unit or self.kind.unit
+        if wanted is None:
+            raise ValueError("a value of open dimension needs a unit to be resolved")
+        interval = self.kind.difference if difference is None else difference
+        quantity = self.literal or self._simple(variables)
+        if quantity is None:
+            si = self._evaluate(variables, wanted, interval)
+        else:
+            si = _in_dimension(quantity, wanted, interval, self._shown(quantity))
+        return self.kind.check(si, self.text)
+
+    def quantity(self, variables: Variables) -> Quantity:
+        """The value with a unit to show it in: its own, or that of the first variable of its expression."""
+        known = self.literal or self._simple(variables)
+        if known is not None:
+            return known
+        first = _scalar(variables, min(self._names(), key=self.text.index))
+        si = self._evaluate(variables, first.unit.text or "1", self.kind.difference)
+        return Quantity(first.unit.from_si(si), first.unit)
+
+    def _names(self) -> frozenset[str]:
+        return self.expression.variables if self.expression else frozenset()
+
+    def _simple(self, variables: Variables) -> Quantity | None:
+        """The quantity behind a lone ``$name``."""
+        name = self.text.strip().removeprefix(MARK)
+        return _scalar(variables, name) if name.isidentifier() and MARK in self.text else None
+
+    def _shown(self, quantity: Quantity) -> str:
+        return self.text if self.literal else f"{self.text} = {quantity}"
+
+    def _evaluate(self, variables: Variables, unit: str, difference: bool) -> float:
+        if self.expression is None:
+            raise ValueError("a literal is not evaluated")
+        expected = type_of_unit(unit, difference=difference)
+        return float(substituted(self.expression, variables).checked({}, expected=expected).evaluate({}))
+
+
+def substituted(expression: Expression, variables: Variables) -> Expression:
+    """The expression with every ``$variable`` replaced by what it stands for.
+
+    Raises
+    ------
+    RigctlError
+        an unknown variable, or one that stands for a list.
+    """
+    return expression.substitute({name: _scalar(variables, name) for name in expression.variables})
+
+
+def _scalar(variables: Variables, name: str) -> Quantity:
+    if name not in variables:
+        raise unknown_name("variable", name, variables)
+    found = variables[name]
+    if isinstance(found, tuple):
+        raise RigctlError("this variable is a list", value=MARK + name, expected="a single quantity")
+    return found
+
+
+def _in_dimension(quantity: Quantity, unit: str, difference: bool, text: str) -> float:
+    if quantity.unit.dimension != parse_unit(unit).dimension:
+        missing = quantity.unit.text == ""
+        raise RigctlError(
+            "the unit is missing" if missing else "wrong dimension",
+            value=text,
+            expected=describe(unit, difference=difference),
+        )
+    return quantity.unit.to_si(quantity.value, difference=difference)
+
+
+def with_value(quantity: Quantity, value: float) -> Quantity:
+    """A quantity of the same unit; rounded to 12 digits, so that 0.1 + 0.2 reads 0.3."""
+    return Quantity(float(f"{value:.12g}"), quantity.unit)
+
+
+def in_unit(si: float, unit: Unit) -> Quantity:
+    """An SI value as a quantity in `unit`."""
+    return Quantity(unit.from_si(si), unit)
+
+
+DURATION = Kind("s", more_than=0.0)
+PERIOD = Kind("s", at_least=0.0)
+RATE = Kind("Hz", more_than=0.0, examples=("100 Hz",))
+TEMPERATURE = Kind("K", at_least=0.0)
+TEMPERATURE_TOLERANCE = Kind("K", difference=True, more_than=0.0, examples=("0.5 K",))
+PRESSURE = Kind("Pa")
+PRESSURE_TOLERANCE = Kind("Pa", more_than=0.0, examples=("0.5 bar",))
+LENGTH = Kind("m")
+LENGTH_TOLERANCE = Kind("m", more_than=0.0, examples=("1 mm",))
+COUNT = Kind("1", at_least=0.0, at_most=1e6, whole=True)
+SEED = Kind("1", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
+OPEN = Kind(None)
+OPEN_DIFFERENCE = Kind(None, difference=True, examples=("10 K", "5 bar"))
+OPEN_TOLERANCE = Kind(None, difference=True, more_than=0.0, examples=("0.5 bar",))
+
+Duration = Annotated[Value, DURATION]
+Period = Annotated[Value, PERIOD]
+Rate = Annotated[Value, RATE]
+Temperature = Annotated[Value, TEMPERATURE]
+TemperatureTolerance = Annotated[Value, TEMPERATURE_TOLERANCE]
+Pressure = Annotated[Value, PRESSURE]
+PressureTolerance = Annotated[Value, PRESSURE_TOLERANCE]
+Length = Annotated[Value, LENGTH]
+LengthTolerance = Annotated[Value, LENGTH_TOLERANCE]
+Count = Annotated[Value, COUNT]
+Seed = Annotated[Value, SEED]
+AnyValue = Annotated[Value, OPEN]
+AnyDifference = Annotated[Value, OPEN_DIFFERENCE]
+AnyTolerance = Annotated[Value, OPEN_TOLERANCE]
