@@ -102,10 +102,19 @@ def descend(root: Node, keys: Sequence[Key]) -> tuple[Node, Node]:
     The last value reached, and the place its key stands (the value itself in a list and at the top).
     """
     value = place = root
-    for key in keys:
-        found = value.child(key)
-        if found is None:
-            continue
+    for key in known_keys(root, keys):
+        found = value.child(key) or value
         place = value.keys[str(key)] if isinstance(value, MappingNode) else found
         value = found
     return value, place
+
+
+def known_keys(root: Node, keys: Sequence[Key]) -> list[Key]:
+    """Those of `keys` that lead on in the document."""
+    value, known = root, []
+    for key in keys:
+        found = value.child(key)
+        if found is not None:
+            known.append(key)
+            value = found
+    return known

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from rigctl.errors import RigctlError, SeveralErrors, nearest_name, unknown_name
 from rigctl.files import refusal
 from rigctl.files.fields import field_names, types_at
-from rigctl.files.nodes import Key
+from rigctl.files.nodes import Key, known_keys
 from rigctl.files.yaml import Document
 
 M = TypeVar("M", bound=BaseModel)
@@ -139,22 +139,23 @@ def _error(
         if of_key:
             return error.at(document.locate(loc, of_key=True))
         loc = (*loc, *context["keys"])
-        return _named(error, loc).at(document.locate(loc))
+        return _named(error, loc, document).at(document.locate(loc))
     error = _from_kind(kind, detail, context, _written(document, loc, detail))
-    return _named(error, loc).at(document.locate(loc))
+    return _named(error, loc, document).at(document.locate(loc))
 
 
-def _from_kind(kind: str, detail: dict[str, Any], context: dict[str, Any], written: str) -> RigctlError:
-    if kind in ("literal_error", "enum"):
-        names = _literals(context.get("expected", ""))
-        near = nearest_name(written, names)
-        return RigctlError("not a known value", value=written, expected=_or(names), nearest=near)
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        names = _literals(context.get("expected_tags", ""))
-        tag = str(context.get("tag", ""))
+def _from_kind(  # noqa: PLR0911 - one for each kind of complaint
+    kind: str, detail: dict[str, Any], context: dict[str, Any], written: str
+) -> RigctlError:
+    if kind in ("literal_error", "enum", "union_tag_invalid"):
+        names = _literals(context.get("expected") or context.get("expected_tags", ""))
+        value = str(context.get("tag", written))
         return RigctlError(
-            "not a known value", value=tag or None, expected=_or(names), nearest=nearest_name(tag, names)
+            "not a known value", value=value, expected=_or(names), nearest=nearest_name(value, names)
         )
+    if kind == "union_tag_not_found":
+        field = str(context.get("discriminator", "")).strip("'")
+        return RigctlError(f"the field '{field}' is missing")
     if kind == "string_too_short" and not written:
         return RigctlError("this is empty", expected="a text")
     if kind in _BOUNDS:
@@ -167,10 +168,10 @@ def _from_kind(kind: str, detail: dict[str, Any], context: dict[str, Any], writt
     return RigctlError(f"not allowed: {detail['msg']}", value=written)
 
 
-def _named(error: RigctlError, loc: tuple[Key, ...]) -> RigctlError:
+def _named(error: RigctlError, loc: tuple[Key, ...], document: Document) -> RigctlError:
     """Name the field in front of what is wrong with it."""
-    names = [str(key) for key in loc if isinstance(key, str)]
-    if names and f"'{names[-1]}'" not in error.what and "-" not in names[-1]:
+    names = [key for key in known_keys(document.root, loc) if isinstance(key, str)]
+    if names and f"'{names[-1]}'" not in error.what:
         error.what = f"{names[-1]}: {error.what}"
         error.args = (error.what,)
     return error

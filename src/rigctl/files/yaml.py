@@ -65,13 +65,13 @@ def read_document(path: Path) -> Document:
     """
     where = Location(path)
     try:
+        if path.is_dir():  # opening one says so on Linux, and "permission denied" on Windows
+            raise RigctlError("this is a folder", expected="a YAML file", where=where)
         if path.stat().st_size > MAX_BYTES:
             raise _too_large(where)
         content = path.read_bytes()
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", value=str(path), where=where) from problem
-    except IsADirectoryError as problem:
-        raise RigctlError("this is a folder", expected="a YAML file", where=where) from problem
     except (OSError, ValueError) as problem:
         raise RigctlError(f"cannot read the file: {_reason(problem)}", where=where) from problem
     if len(content) > MAX_BYTES:

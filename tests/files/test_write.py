@@ -1,0 +1,106 @@
+"""Writing whole files or none."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import stat
+from datetime import UTC, date, datetime
+from enum import Enum
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+import pytest
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.files.write import to_json, write_json, write_text
+
+
+def test_text_is_utf_8_with_plain_line_ends(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.txt"
+    write_text(path, "20 °C\nx\n")
+    assert path.read_bytes() == b"20 \xc2\xb0C\nx\n"
+
+
+def test_writing_replaces_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    write_text(path, "new")
+    assert path.read_text(encoding="utf-8") == "new"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_failure_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RigctlError, match="No space left") as caught:
+        write_text(path, "new")
+    assert caught.value.exit_code is ExitCode.FAILED
+    assert caught.value.where.file == path
+    assert path.read_text(encoding="utf-8") == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    with pytest.raises(RigctlError, match="cannot write the file"):
+        write_text(tmp_path / "file" / "a.txt", "x")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such permissions")
+def test_permissions_are_those_of_any_new_file_and_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    other = tmp_path / "b.txt"
+    other.write_text("", encoding="utf-8")
+    write_text(path, "x")
+    assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE(other.stat().st_mode)
+    path.chmod(0o600)
+    write_text(path, "y")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+class Colour(Enum):
+    RED = "red"
+
+
+def test_json_of_what_the_program_holds(tmp_path: Path) -> None:
+    value = {
+        "nan": math.nan,
+        "infinite": np.float64("inf"),
+        "array": np.array([[1, 2], [3, 4]]),
+        "number": np.float32(0.5),
+        "date": date(2026, 3, 14),
+        "time": datetime(2026, 3, 14, 9, 30, tzinfo=UTC),
+        "path": PurePosixPath("a/b"),
+        "enum": Colour.RED,
+        "set": (1, 2),
+        1: "°",
+    }
+    write_json(tmp_path / "a.json", value)
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == {
+        "nan": None,
+        "infinite": None,
+        "array": [[1, 2], [3, 4]],
+        "number": 0.5,
+        "date": "2026-03-14",
+        "time": "2026-03-14T09:30:00+00:00",
+        "path": "a/b",
+        "enum": "red",
+        "set": [1, 2],
+        "1": "°",
+    }
+
+
+def test_what_cannot_be_json_is_a_mistake_of_the_program() -> None:
+    with pytest.raises(TypeError, match="object"):
+        to_json({"a": object()})
+
+
+def test_json_on_one_line() -> None:
+    assert to_json({"a": [1]}, indent=None) == '{"a": [1]}'
