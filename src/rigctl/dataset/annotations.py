@@ -66,7 +66,7 @@ def excluded_records(annotations: Iterable[Annotation]) -> dict[int, str]:
 
 
 def append_annotations(folder: Path, annotations: Iterable[Annotation]) -> None:
-    """Add statements to a run's file; it is not yet seen in its tables, see `rigctl.dataset.annotate`."""
+    """Add statements to a run's file; it is not yet seen in its tables, see `rigctl.dataset.curate`."""
     path = folder / NAME
     try:
         writer = LogWriter(path)

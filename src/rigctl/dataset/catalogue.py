@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import journal, run_json
+from rigctl.dataset import journal, log, run_json
 from rigctl.dataset.history import INTERRUPTED
 from rigctl.dataset.lock import in_progress
 from rigctl.dataset.run_json import read_info
@@ -50,8 +50,14 @@ def run_folders(runs: Path) -> list[Path]:
     """The folders of all runs, oldest first; ids begin with their date and time."""
     if not runs.is_dir():
         return []
-    names = (entry for entry in runs.iterdir() if not entry.name.startswith("."))
-    return sorted((entry for entry in names if (entry / run_json.NAME).is_file()), key=_order)
+    return sorted((entry for entry in runs.iterdir() if _is_run(entry)), key=_order)
+
+
+def _is_run(folder: Path) -> bool:
+    """A run has lost ``run.json`` or its log at worst; a dot marks one that is just being made."""
+    if folder.name.startswith("."):
+        return False
+    return (folder / run_json.NAME).is_file() or (folder / log.NAME).is_file()
 
 
 def _order(folder: Path) -> tuple[str, int, str]:
@@ -117,7 +123,7 @@ def find_run(ref: str | Path, runs: Path | None = None) -> Path:
     """
     text = str(ref)
     as_path = Path(text)
-    if (as_path / run_json.NAME).is_file():
+    if text and _is_run(as_path):
         return as_path.resolve()
     if as_path.name == run_json.NAME and as_path.is_file():
         return as_path.parent.resolve()

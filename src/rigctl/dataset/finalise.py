@@ -64,6 +64,7 @@ def _summary(history: History, facts: SampleFacts) -> Mapping[str, Any]:
         "records": len(history.records),
         "complete_records": sum(entry.outcome == COMPLETE for entry in history.records),
         "rows": facts.rows,
+        "lost_bytes": facts.lost_bytes,
         "measures": tables.measured_values(history.measures),
         "sessions": [
             {

@@ -7,7 +7,6 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -123,6 +122,8 @@ class RunHeader:
 
 def current_versions() -> dict[str, str]:
     """Versions of rigctl, of Python, of the system, and of the packages whose results a run depends on."""
+    from importlib.metadata import PackageNotFoundError, version
+
     found = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
     for package in ("rigctl", "numpy", "numba", "pyarrow"):
         try:

@@ -2,7 +2,7 @@
 
 Two append-only files are the truth while a run goes on: the journal of its samples and the log of
 everything else. Both are handed to the operating system at least twice a second, and to the disk at the end
-of a record. `close` makes the run's tables from them; `rigctl.dataset.verify` does when nobody could.
+of a record. `close` makes the run's tables from them; `rigctl.dataset.verification` does when nobody could.
 """
 
 from __future__ import annotations

@@ -1,0 +1,58 @@
+"""Notes on a run, and records left out of analysis: appended, then seen in the run's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rigctl.dataset.annotations import Annotation, append_annotations, say
+from rigctl.dataset.finalise import finalise
+from rigctl.dataset.history import read_history
+from rigctl.dataset.lock import try_lock
+from rigctl.errors import RigctlError
+
+
+def annotate(folder: Path, text: str, *, record: int | None = None) -> None:
+    """Add a note to a run, or to one of its records.
+
+    Raises
+    ------
+    RigctlError
+        there is no such record, or the folder cannot be written to.
+    """
+    _state(folder, [say("note", text, record)])
+
+
+def exclude(folder: Path, records: Iterable[int], reason: str) -> None:
+    """Leave records out of analysis; they stay in the run.
+
+    Raises
+    ------
+    RigctlError
+        there is no such record, or the folder cannot be written to; then none is excluded.
+    """
+    _state(folder, [say("exclude", reason, record) for record in records])
+
+
+def include(folder: Path, records: Iterable[int], reason: str) -> None:
+    """Take excluded records back into analysis."""
+    _state(folder, [say("include", reason, record) for record in records])
+
+
+def _state(folder: Path, said: Sequence[Annotation]) -> None:
+    """Append, and make the tables again; a run in progress makes them itself when it ends."""
+    count = len(read_history(folder).records)
+    for statement in said:
+        if statement.record is not None and not 0 <= statement.record < count:
+            raise RigctlError(
+                "the run has no such record",
+                value=str(statement.record),
+                expected=f"0 to {count - 1}" if count else "none, for it has no records",
+            )
+    lock = try_lock(folder)
+    if lock is None:
+        append_annotations(folder, said)
+        return
+    with lock:
+        append_annotations(folder, said)
+        finalise(folder)

@@ -1,0 +1,217 @@
+"""SQL over all runs: DuckDB reads their Parquet files, and nothing else."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+from rigctl.dataset import journal, samples, tables
+from rigctl.dataset.catalogue import run_folders, runs_folder
+from rigctl.dataset.run_json import RUNNING, read_info
+from rigctl.errors import RigctlError, unknown_name
+
+if TYPE_CHECKING:
+    import duckdb
+    import pandas as pd
+
+#: views over the files of all runs, and the columns they have when there is no run
+_FILES: Final[Mapping[str, tuple[str, str]]] = {
+    "samples": (samples.NAME, "time DOUBLE, record INTEGER"),
+    "records": (
+        tables.RECORDS,
+        "record INTEGER, name VARCHAR, path VARCHAR, rate DOUBLE, session INTEGER, "
+        'start DOUBLE, "end" DOUBLE, outcome VARCHAR, excluded VARCHAR',
+    ),
+    "events": (
+        tables.EVENTS,
+        "time DOUBLE, kind VARCHAR, record INTEGER, path VARCHAR, message VARCHAR, data VARCHAR",
+    ),
+}
+#: columns of the view `runs`: name, type, and where ``run.json`` has it
+_RUN_COLUMNS: Final = (
+    ("id", "VARCHAR", ("id",)),
+    ("status", "VARCHAR", ("status",)),
+    ("procedure", "VARCHAR", ("procedure", "name")),
+    ("rig", "VARCHAR", ("rig", "name")),
+    ("source", "VARCHAR", ("source",)),
+    ("operator", "VARCHAR", ("operator",)),
+    ("backend", "VARCHAR", ("backend", "kind")),
+    ("seed", "BIGINT", ("seed",)),
+    ("started", "TIMESTAMPTZ", ("started",)),
+    ("ended", "TIMESTAMPTZ", ("ended",)),
+    ("duration", "DOUBLE", ("duration",)),
+    ("records", "INTEGER", ("records",)),
+    ("complete_records", "INTEGER", ("complete_records",)),
+    ("rows", "BIGINT", ("rows",)),
+)
+#: every view there is
+VIEWS: Final = ("runs", "records", "samples", "events", "units")
+
+
+@dataclass(frozen=True)
+class QueryResult:
+    """The answer to a query: names of the columns, and the rows."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def frame(self) -> pd.DataFrame:
+        """The answer as a data frame."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.rows), columns=list(self.columns))
+
+
+def query(sql: str, runs: Path | None = None) -> QueryResult:
+    """Answer one SELECT over all closed runs.
+
+    The views are `runs` (one row per run), `records`, `samples` and `events` (each with the run's id in
+    ``run``; columns that only some runs have are NULL in the others), and `units` (the unit of each column of
+    a run's samples). Values are in display units.
+
+    The query can read the runs' Parquet files and nothing else, and write nothing.
+
+    Raises
+    ------
+    RigctlError
+        the SQL is wrong, or does anything but select; names the nearest table or column.
+    """
+    import duckdb
+
+    closed = _closed_runs(run_folders(runs_folder(runs)))
+    with duckdb.connect(":memory:") as connection:
+        try:
+            _require_select(sql)
+            _make_views(connection, closed, sql)
+            answer = connection.execute(sql)
+            rows = answer.fetchall()
+        except duckdb.Error as problem:
+            _refuse(connection, problem)
+        return QueryResult(tuple(column[0] for column in answer.description or ()), tuple(rows))
+
+
+def _closed_runs(folders: Iterable[Path]) -> dict[Path, dict[str, Any]]:
+    """``run.json`` of the runs whose tables exist."""
+    found = {}
+    for folder in folders:
+        try:
+            info = read_info(folder)
+        except RigctlError:
+            continue
+        if info["status"] != RUNNING and not (folder / journal.NAME).exists():
+            found[folder] = info
+    return found
+
+
+def _require_select(sql: str) -> None:
+    import duckdb
+
+    statements = duckdb.extract_statements(sql)
+    allowed = (duckdb.StatementType.SELECT, duckdb.StatementType.EXPLAIN)
+    if len(statements) != 1:
+        raise RigctlError("not one query", value=sql, expected="one SELECT")
+    if statements[0].type not in allowed:
+        raise RigctlError("the query would not only read", value=sql, expected="a SELECT")
+
+
+def _make_views(
+    connection: duckdb.DuckDBPyConnection, closed: Mapping[Path, Mapping[str, Any]], sql: str
+) -> None:
+    """Make the views that the query names, then shut every other door."""
+    allowed: list[str] = []
+    _make_runs(connection, closed.values())
+    _make_units(connection, closed.values())
+    for view, (file, empty) in _FILES.items():
+        paths = [str(folder / file) for folder in closed]
+        if not paths or not re.search(view, sql, re.IGNORECASE):
+            connection.execute(f"CREATE TABLE {view} (run VARCHAR, {empty})")
+            continue
+        allowed += paths
+        connection.execute(
+            f"CREATE VIEW {view} AS SELECT parse_path(filename, 'both_slash')[-2] AS run, "  # noqa: S608
+            f"* EXCLUDE (filename) FROM read_parquet([{_quoted(map(_literal_glob, paths))}], "
+            "union_by_name = true, filename = true)"
+        )
+    connection.execute(f"SET allowed_paths = [{_quoted(allowed)}]")
+    for setting in (
+        "enable_external_access = false",
+        "autoinstall_known_extensions = false",
+        "autoload_known_extensions = false",
+        "python_enable_replacements = false",
+        "lock_configuration = true",
+    ):
+        connection.execute(f"SET {setting}")
+
+
+def _make_runs(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:
+    columns = ", ".join(f'"{name}" {kind}' for name, kind, _ in _RUN_COLUMNS)
+    connection.execute(f"CREATE TABLE runs ({columns})")
+    rows = [[_dig(info, path) for _, _, path in _RUN_COLUMNS] for info in infos]
+    _insert(connection, "runs", rows)
+
+
+def _make_units(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:
+    connection.execute('CREATE TABLE units (run VARCHAR, "column" VARCHAR, unit VARCHAR)')
+    rows = []
+    for info in infos:
+        layout = info["layout"]
+        names = ("time", "record", *layout["channels"], *layout["commands"])
+        rows += [[info["id"], name, unit] for name, unit in zip(names, layout["units"], strict=True)]
+    _insert(connection, "units", rows)
+
+
+def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: Sequence[Sequence[Any]]) -> None:
+    """Insert many rows at once: one statement for each is slow."""
+    for start in range(0, len(rows), 256):
+        part = rows[start : start + 256]
+        marks = ", ".join("(" + ", ".join("?" * len(row)) + ")" for row in part)
+        values = [value for row in part for value in row]
+        connection.execute(f"INSERT INTO {table} VALUES {marks}", values)  # noqa: S608 - names are ours
+
+
+def _dig(info: Mapping[str, Any], path: Sequence[str]) -> Any:
+    value: Any = info
+    for key in path:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value
+
+
+def _quoted(texts: Iterable[str]) -> str:
+    """Texts as a list of SQL literals."""
+    return ", ".join("'" + text.replace("'", "''") + "'" for text in texts)
+
+
+def _literal_glob(path: str) -> str:
+    """A path whose wildcards mean themselves."""
+    return re.sub(r"[\[*?]", r"[\g<0>]", path)
+
+
+def _refuse(connection: duckdb.DuckDBPyConnection, problem: Exception) -> NoReturn:
+    """The database's complaint as an error of ours, with the nearest name where a name was wrong."""
+    text = str(problem)
+    if table := re.search(r"Table with name (\S+) does not exist", text):
+        raise unknown_name("table", table.group(1), VIEWS) from problem
+    if column := re.search(r'Referenced column "([^"]+)" not found', text):
+        raise unknown_name("column", column.group(1), _column_names(connection, text)) from problem
+    what = text.strip().splitlines()[0].partition("Error: ")[2] or text.strip().splitlines()[0]
+    quoted = re.search(r"^LINE (\d+): (.*)$", text, re.MULTILINE)
+    raise RigctlError(
+        f"the database refuses the query: {what}",
+        value=quoted.group(2) if quoted else None,
+        hint=f"The tables are {', '.join(VIEWS)}",
+    ) from problem
+
+
+def _column_names(connection: duckdb.DuckDBPyConnection, text: str) -> list[str]:
+    """The columns of the tables that the refused query reads."""
+    line = re.search(r"^LINE \d+: (.*)$", text, re.MULTILINE)
+    read = [view for view in VIEWS if line and re.search(rf"\b{view}\b", line.group(1), re.IGNORECASE)]
+    rows = connection.execute(
+        "SELECT DISTINCT column_name FROM duckdb_columns() "
+        "WHERE NOT internal AND list_contains(?, table_name)",
+        [read or list(VIEWS)],
+    ).fetchall()
+    return [row[0] for row in rows]

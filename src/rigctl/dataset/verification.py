@@ -1,0 +1,109 @@
+"""Proves that a run is whole, and recovers one that its program could not close."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from rigctl.dataset import journal, run_json
+from rigctl.dataset.annotations import NAME as ANNOTATIONS
+from rigctl.dataset.finalise import finalise
+from rigctl.dataset.lock import try_lock
+from rigctl.errors import RigctlError
+
+
+class Condition(Enum):
+    """What a run's folder is found to be."""
+
+    WHOLE = "whole"  #: every file is there and unchanged since the run was closed
+    RECOVERED = "recovered"  #: it had not been closed; its tables were made from journal and log just now
+    IN_PROGRESS = "in progress"  #: a program is writing to it; left alone
+    BROKEN = "broken"  #: a file is missing, changed or damaged
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The verdict on one run; `problems` says what is broken, or what was recovered."""
+
+    id: str
+    folder: Path
+    condition: Condition
+    problems: tuple[str, ...] = ()
+
+    @property
+    def good(self) -> bool:
+        """False for a broken run alone."""
+        return self.condition is not Condition.BROKEN
+
+
+def verify(folder: Path) -> Verification:
+    """Check a run's files against the checksums of its ``run.json``; recover it if it was never closed.
+
+    A run in progress is left alone. Never raises for what it finds in the folder.
+    """
+    try:
+        info = run_json.read_info(folder)
+    except RigctlError:
+        info = None
+    try:
+        if info is None or _unclosed(folder, info) or _annotated_since(folder, info):
+            return _recover(folder, info)
+    except RigctlError as problem:
+        return Verification(folder.name, folder, Condition.BROKEN, tuple(str(problem).splitlines()))
+    problems = _compare(folder, info)
+    return Verification(folder.name, folder, Condition.BROKEN if problems else Condition.WHOLE, problems)
+
+
+def _unclosed(folder: Path, info: dict[str, Any]) -> bool:
+    """The journal is removed last, so a run without one was closed."""
+    return info["status"] == run_json.RUNNING or (folder / journal.NAME).exists()
+
+
+def _annotated_since(folder: Path, info: dict[str, Any]) -> bool:
+    """True when annotations were appended, but a kill kept the tables from being made again."""
+    path = folder / ANNOTATIONS
+    if not path.exists():
+        return False
+    content, known = path.read_bytes(), info.get("files", {}).get(ANNOTATIONS)
+    if known is None:
+        return True
+    before = content[: known["bytes"]]
+    return len(content) > len(before) and hashlib.sha256(before).hexdigest() == known["sha256"]
+
+
+def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
+    lock = try_lock(folder)
+    if lock is None:
+        return Verification(folder.name, folder, Condition.IN_PROGRESS)
+    with lock:
+        made = finalise(folder)
+    told = [] if info else ["run.json was damaged or missing; it was made again from the log"]
+    told.append(
+        f"{made['rows']} samples and {made['complete_records']} of {made['records']} records are complete"
+    )
+    if made["lost_bytes"]:
+        told.append(f"the last {made['lost_bytes']} bytes of the journal were torn and are lost")
+    return Verification(folder.name, folder, Condition.RECOVERED, tuple(told))
+
+
+def _compare(folder: Path, info: dict[str, Any]) -> tuple[str, ...]:
+    """What differs from the files that ``run.json`` lists."""
+    problems = []
+    for name, known in info.get("files", {}).items():
+        path = folder / name
+        try:
+            found = run_json.file_facts(path)
+        except FileNotFoundError:
+            problems.append(f"{path}: the file is missing")
+        except OSError as problem:
+            problems.append(f"{path}: cannot read the file: {problem.strerror}")
+        else:
+            if found != known:
+                problems.append(
+                    f"{path}: the file has changed since the run was closed "
+                    f"({known['bytes']} bytes then, {found['bytes']} now)"
+                )
+    return tuple(problems)
