@@ -85,7 +85,7 @@ class RigctlError(Exception):
         if self.nearest:
             text += f"; did you mean {self.nearest!r}?"
         if self.hint:
-            text += f". {self.hint}"
+            text += f" {self.hint}" if text.endswith("?") else f". {self.hint}"
         return text
 
 
@@ -101,6 +101,7 @@ class SeveralErrors(RigctlError):
         """Fill the place of every one of them."""
         for error in self.errors:
             error.at(where)
+        super().at(where)
         return self
 
     def __str__(self) -> str:

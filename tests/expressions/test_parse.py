@@ -13,10 +13,25 @@ from rigctl.expressions import parse
 from rigctl.expressions.tokens import MAX_LENGTH
 from rigctl.units import parse_quantity
 
-
 FRAGMENTS = [
-    *"a $b 1 2mm 3degC + - * / ^ ( ) < == and or not max abs , . = é 1e % °C 0x1 __class__ '".split(),
-    *" \t\n",
+    *(
+        "a",
+        "$b",
+        "1",
+        "2 mm",
+        "3 degC",
+        "and",
+        "or",
+        "not",
+        "max",
+        "abs",
+        "é",
+        "1e",
+        "°C",
+        "0x1",
+        "__class__",
+    ),
+    *"+-*/^()<>=,.%' \t\n",
 ]
 
 

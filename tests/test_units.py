@@ -1,0 +1,206 @@
+"""Quantities and units."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.errors import RigctlError
+from rigctl.units import (
+    _COMMON,
+    _NAMED,
+    DIMENSIONLESS,
+    Dimension,
+    convert,
+    describe,
+    describe_dimension,
+    parse_quantity,
+    parse_unit,
+    read_si,
+    registry,
+    show,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "si"),
+    [
+        ("30 bar", "Pa", 3e6),
+        ("30bar", "Pa", 3e6),
+        ("  30   bar ", "Pa", 3e6),
+        ("40 degC", "K", 313.15),
+        ("104 degF", "K", 313.15),
+        ("40 °C", "K", 313.15),
+        ("300 K", "K", 300.0),
+        ("14 l/min", "m^3/s", 14e-3 / 60),
+        ("120 N*s/m", "kg/s", 120.0),
+        ("3.3 mm^2", "m^2", 3.3e-6),
+        ("60 cm^3", "m^3", 60e-6),
+        ("85.19 cSt", "m^2/s", 85.19e-6),
+        ("1500 rpm", "Hz", 1500 * 2 * math.pi / 60),
+        ("2e8 Pa*s/m^3", "Pa/(m^3/s)", 2e8),
+        ("7e-4 1/K", "K^-1", 7e-4),
+        ("50 %", "1", 0.5),
+        ("5", "1", 5.0),
+        ("-.5 mm", "m", -0.5e-3),
+        ("1 day", "s", 86400.0),
+        ("1900 J/(kg*K)", "m^2/s^2/K", 1900.0),
+    ],
+)
+def test_quantities_are_read_into_si(text: str, unit: str, si: float) -> None:
+    assert read_si(text, unit) == pytest.approx(si, rel=1e-12)
+
+
+def test_a_difference_of_temperatures_has_no_offset() -> None:
+    assert read_si("0.5 degC", "K", difference=True) == 0.5
+    assert read_si("9 degF", "K", difference=True) == pytest.approx(5.0)
+    assert convert(10.0, "degC", "degF", difference=True) == pytest.approx(18.0)
+    assert show(0.5, "degC", difference=True) == "0.5 degC"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "message"),
+    [
+        ("30", "bar", "the unit is missing, got '30'; expected a pressure, e.g. '30 bar'"),
+        ("30 mm", "bar", "wrong dimension, got '30 mm'; expected a pressure, e.g. '30 bar'"),
+        (
+            "30 bra",
+            "bar",
+            "unknown unit, got 'bra'; expected a unit such as bar, degC, l/min or N*s/m; did you mean 'bar'?",
+        ),
+        ("bar", "bar", "not a quantity, got 'bar'; expected a number with its unit, e.g. '30 bar'"),
+        ("", "bar", "not a quantity, got ''; expected a number with its unit, e.g. '30 bar'"),
+        ("1e999 bar", "bar", "not a finite number, got '1e999 bar'"),
+        ("1 K", "V", "wrong dimension, got '1 K'; expected a voltage, e.g. '5 V'"),
+        ("1 K", "J/kg", "wrong dimension, got '1 K'; expected a quantity in J/kg"),
+    ],
+)
+def test_refusals(text: str, unit: str, message: str) -> None:
+    with pytest.raises(RigctlError) as caught:
+        read_si(text, unit)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "bar^",
+        "bar^99",
+        "bar^x",
+        "(bar",
+        "bar)",
+        "bar//s",
+        "*bar",
+        "bar/",
+        "bar s",
+        "2",
+        "a.b",
+        "__import__('os')",
+        "m" * 99,
+        "bar**0.5",
+        "()",
+        "^2",
+        "bar^0",
+        "[1]",
+        "degC degC",
+        "é",
+        "1bar",
+    ],
+)
+def test_what_is_no_unit(text: str) -> None:
+    with pytest.raises(RigctlError, match="unknown unit"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize("name", [name for name in _COMMON if name])
+def test_units_known_by_heart_agree_with_pint(name: str) -> None:
+    if name in ("1", "count"):
+        return
+    unit = parse_unit(name)
+    pint = registry().Quantity
+    text = name.replace("%", "percent")
+    assert unit.to_si(1.0) == pytest.approx(pint(1.0, text).to_base_units().magnitude, rel=1e-14)
+    assert unit.to_si(0.0) == pytest.approx(pint(0.0, text).to_base_units().magnitude)
+    known = {
+        f"[{key}]": index for index, key in enumerate(("length", "mass", "time", "current", "temperature"))
+    }
+    powers = [Fraction(0)] * 7
+    for key, power in pint(1.0, text).dimensionality.items():
+        powers[known[str(key)]] = Fraction(power)
+    assert unit.dimension == Dimension(tuple(powers))
+
+
+@pytest.mark.parametrize("name", list(_NAMED))
+def test_what_is_called_something_has_an_example_of_its_kind(name: str) -> None:
+    words = describe(name)
+    if "e.g." in words:
+        example = words.split("'")[1]
+        assert parse_quantity(example).unit.dimension == parse_unit(name).dimension
+
+
+def test_dimensions_multiply_and_print() -> None:
+    pressure, length = parse_unit("Pa").dimension, parse_unit("m").dimension
+    assert str(pressure) == "m^-1 kg s^-2"
+    assert str(pressure * length**2) == "m kg s^-2"
+    assert (length / length).dimensionless
+    assert str(DIMENSIONLESS) == "1"
+    assert str(length**0.5) == "m^1/2"
+    assert describe_dimension(pressure * length**2) == "a force, e.g. '100 N'"
+    assert describe_dimension(pressure**2) == "a quantity in m^-2 kg^2 s^-4"
+
+
+@given(st.floats(-1e9, 1e9), st.sampled_from(["bar", "degC", "degF", "mm", "l/min", "N*s/m", "%", "1"]))
+def test_units_go_both_ways(value: float, name: str) -> None:
+    unit = parse_unit(name)
+    assert unit.from_si(unit.to_si(value)) == pytest.approx(value, rel=1e-12, abs=1e-9)
+    assert unit.from_si(unit.to_si(value, difference=True), difference=True) == pytest.approx(
+        value, rel=1e-12
+    )
+
+
+@given(st.floats(-1e9, 1e9), st.sampled_from(["bar", "degC", "K", "mm", "l/min", "1"]))
+def test_what_is_shown_can_be_read_again(si: float, unit: str) -> None:
+    shown = show(si, unit, digits=17)
+    assert read_si(shown, unit) == pytest.approx(si, rel=1e-12, abs=1e-9)
+
+
+@given(st.text(max_size=20))
+def test_any_text_is_a_quantity_or_refused(text: str) -> None:
+    try:
+        quantity = parse_quantity(text)
+    except RigctlError as error:
+        assert str(error)
+    else:
+        assert math.isfinite(quantity.value)
+
+
+@given(st.text(alphabet="barmskK*/^()123 -%°CF", max_size=12))
+def test_any_unit_is_a_unit_or_refused(text: str) -> None:
+    try:
+        unit = parse_unit(text)
+    except RigctlError:
+        return
+    assert math.isfinite(unit.factor)
+    assert unit.factor != 0.0
+
+
+def test_conversion_needs_one_dimension() -> None:
+    assert convert(30.0, "bar", "MPa") == pytest.approx(3.0)
+    with pytest.raises(RigctlError, match="cannot convert bar to mm"):
+        convert(1.0, "bar", "mm")
+
+
+def test_common_units_do_not_wait_for_pint() -> None:
+    code = (
+        "import sys; from rigctl.units import read_si; "
+        "[read_si(text, unit) for text, unit in (('30 bar', 'Pa'), ('40 degC', 'K'), ('14 l/min', 'm^3/s'), "
+        "('1 day', 's'), ('3 mm^2', 'm^2'), ('120 N*s/m', 'N*s/m'))]; "
+        "sys.exit('pint' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
