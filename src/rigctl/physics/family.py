@@ -45,14 +45,14 @@ class InputVariable:
     """A quantity that is commanded or given from outside, constant between two switches.
 
     `value` is what it has when nobody says (SI). With `delay`, its switches act later: a formula of the scope
-    whose local variables `before` and `after` are the commanded values.
+    and of the commanded values before and after, in s.
     """
 
     name: str
     unit: str
     value: float
     meaning: str
-    delay: Formula | None = None
+    delay: Callable[[Scope, Scalar, Scalar], Scalar] | None = None
 
 
 @dataclass(frozen=True)

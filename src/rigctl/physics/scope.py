@@ -72,6 +72,13 @@ class Scope:
             self._known[name] = self._work_out(name, formula)
         return self._known[name]
 
+    def constant(self, value: float, unit: str) -> Scalar:
+        """A number of the equations with its dimension; `unit` is an SI unit."""
+        for known in self._known.values():
+            if isinstance(known, Expr):
+                return known.graph.constant(value, parse_unit(unit).dimension)
+        return value
+
     def rate(self, state: str) -> Scalar:
         """The derivative of a state of the family."""
         key = f"rate of {state}"

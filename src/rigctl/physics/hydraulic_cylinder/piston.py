@@ -9,6 +9,11 @@ from rigctl.physics.scope import Scope
 CONTACT_WIDTH = 2e-6
 
 
+def valve_delay(m: Scope, before: Scalar, after: Scalar) -> Scalar:
+    """From the command to the solenoids' action, in s: at once, unless an effect says otherwise."""
+    return m.total("valve_delay", before=before, after=after)
+
+
 def spool_rate(m: Scope) -> Scalar:
     """``(command - u) / tau``: the spool follows the solenoids with a first-order lag."""
     return (m.valve - m.spool) / m.spool_time

@@ -1,0 +1,16 @@
+"""The library of effects: one short declaration each, found by name."""
+
+from rigctl.effects.declaration import Effect, EffectParameter, EffectState, OtherWay, qualified
+from rigctl.effects.option import parse_effect_option
+from rigctl.effects.registry import find_effect, library
+
+__all__ = [
+    "Effect",
+    "EffectParameter",
+    "EffectState",
+    "OtherWay",
+    "find_effect",
+    "library",
+    "parse_effect_option",
+    "qualified",
+]

@@ -1,0 +1,199 @@
+"""What an effect is: terms at named slots of a model, with parameters whose null values switch it off.
+
+An effect is data. Its formulas take a scope `m` (the model's variables) and `p` (the effect's own
+parameters and states) and return a term; at the null values every term is exactly 0, or exactly 1 where the
+slot multiplies.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from rigctl.engine.symbols import Scalar
+from rigctl.errors import unknown_name
+from rigctl.physics.family import Formula, ModelFamily
+from rigctl.physics.scope import Addition, Scope
+
+
+class Own:
+    """An effect's own parameters and states by attribute: ``p.conductance``."""
+
+    def __init__(self, scope: Scope, effect: str) -> None:
+        self._scope = scope
+        self._effect = effect
+
+    def __getattr__(self, name: str) -> Scalar:
+        return self._scope[qualified(self._effect, name)]
+
+
+#: a term of an effect: the model's variables and the effect's own in, a value out
+Term: TypeAlias = Callable[[Scope, Own], Scalar]
+
+
+def qualified(effect: str, name: str) -> str:
+    """What an effect's parameter or state is called in a system: ``piston_leakage.conductance``."""
+    return f"{effect}.{name}"
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an effect, SI; `unit` is what it is shown in.
+
+    Attributes
+    ----------
+    null: the value that switches the effect off; None for a shape (a width, say), which does nothing alone.
+    start: a typical size, where a fit begins.
+    low, high: bounds; where null is one of them the effect has one sign only.
+    difference: a temperature that is an interval.
+    """
+
+    name: str
+    unit: str
+    null: float | None
+    start: float
+    low: float
+    high: float
+    meaning: str
+    difference: bool = False
+
+    @property
+    def shape(self) -> bool:
+        """True when it only forms what another parameter switches on."""
+        return self.null is None
+
+    @property
+    def at_null(self) -> float:
+        """Its value in a model where the effect is off."""
+        return self.start if self.null is None else self.null
+
+    @property
+    def sign(self) -> Literal[-1, 0, 1]:
+        """1 or -1 when physics allows one direction only, 0 when both."""
+        if self.null is None:
+            return 0
+        return 1 if self.null <= self.low else -1 if self.null >= self.high else 0
+
+
+@dataclass(frozen=True)
+class OtherWay:
+    """Another way to write a parameter, e.g. a leakage's gap instead of its conductance.
+
+    `value_of` takes the SI value written and the family's parameters (SI) and returns that of `parameter`.
+    """
+
+    name: str
+    unit: str
+    parameter: str
+    value_of: Callable[[float, Mapping[str, float]], float]
+    meaning: str
+
+
+@dataclass(frozen=True)
+class EffectState:
+    """A state that an effect brings along; SI, `scale` as for the family's."""
+
+    name: str
+    unit: str
+    scale: float
+    rate: Term
+    meaning: str
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One piece of physics that a model may lack, or have.
+
+    Attributes
+    ----------
+    name: in snake case, unique within its family.
+    family: the model family it belongs to.
+    summary: one sentence.
+    equation: as a person writes it.
+    terms: slot and formula; most effects have one.
+    kind: of the process, or of a sensor.
+    looks_like: what it does to the recorded data.
+    confused_with: effects that do nearly the same to the data.
+    needs: what the data must hold for the effect to show at all.
+    base: base physics instead: the family's parameters and the values that take it away; such an effect is in
+        every model and has no terms of its own.
+    """
+
+    name: str
+    family: str
+    summary: str
+    equation: str
+    source: str
+    looks_like: str
+    terms: tuple[tuple[str, Term], ...] = ()
+    parameters: tuple[EffectParameter, ...] = ()
+    states: tuple[EffectState, ...] = ()
+    other_ways: tuple[OtherWay, ...] = ()
+    kind: Literal["process", "sensor"] = "process"
+    confused_with: tuple[str, ...] = ()
+    needs: str | None = None
+    base: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def slots(self) -> tuple[str, ...]:
+        """The slots it acts at, each once."""
+        return tuple(dict.fromkeys(slot for slot, _ in self.terms))
+
+    @property
+    def null(self) -> dict[str, float]:
+        """Its parameters where it is off, SI."""
+        return {parameter.name: parameter.at_null for parameter in self.parameters}
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Its parameters at a typical size, SI."""
+        return {parameter.name: parameter.start for parameter in self.parameters}
+
+    def parameter(self, name: str) -> EffectParameter:
+        """The parameter called `name`.
+
+        Raises
+        ------
+        RigctlError
+            there is none; it says the nearest.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise unknown_name(f"parameter of {self.name}", name, [p.name for p in self.parameters])
+
+    def additions(self) -> list[Addition]:
+        """Its terms, for a scope that also holds its parameters and states under their `qualified` names."""
+        return [Addition(slot, self.name, self.bind(term)) for slot, term in self.terms]
+
+    def bind(self, term: Term) -> Formula:
+        """A term, or a state's rate, as a formula of the scope alone."""
+        return lambda m: term(m, Own(m, self.name))
+
+
+def problems(effect: Effect, family: ModelFamily) -> list[str]:
+    """What is wrong with a declaration, in words; empty when it is sound."""
+    found = [f"unknown slot {slot!r}" for slot in effect.slots if slot not in {s.name for s in family.slots}]
+    found += [
+        f"base parameter {name!r} is none of {family.name}"
+        for name in effect.base
+        if name not in {p.name for p in family.parameters}
+    ]
+    if bool(effect.terms) == bool(effect.base):
+        found.append("it must either add terms or be base physics")
+    if effect.terms and all(parameter.shape for parameter in effect.parameters):
+        found.append("no parameter switches it off")
+    for parameter in effect.parameters:
+        if not (
+            parameter.low <= parameter.start <= parameter.high
+            and parameter.low <= parameter.at_null <= parameter.high
+            and math.isfinite(parameter.low)
+            and math.isfinite(parameter.high)
+        ):
+            found.append(f"{parameter.name}: null and start must lie within finite bounds")
+        if parameter.start == parameter.null:
+            found.append(f"{parameter.name}: start is the null value")
+    return found

@@ -1,0 +1,90 @@
+"""Effects by name: the library's own, and those that installed packages register.
+
+A package offers its effects under the entry point group ``rigctl.effects``; each entry is an `Effect` or a
+sequence of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+
+from rigctl.effects import hydraulic_cylinder
+from rigctl.effects.declaration import Effect, problems
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.physics.families import find_family
+
+ENTRY_POINTS = "rigctl.effects"
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> tuple[Effect, ...]:
+    return hydraulic_cylinder.EFFECTS
+
+
+@lru_cache(maxsize=1)
+def _installed() -> tuple[Effect, ...]:
+    from importlib.metadata import entry_points
+
+    return tuple(
+        effect for point in entry_points(group=ENTRY_POINTS) for effect in _load(point.name, point.load)
+    )
+
+
+def library(family: str) -> Mapping[str, Effect]:
+    """The effects of a model family, by name, in the library's order.
+
+    Raises
+    ------
+    RigctlError
+        an installed package registers something that is no sound effect, or a name that is taken.
+    """
+    find_family(family)
+    found: dict[str, Effect] = {}
+    for effect in (*_shipped(), *_installed()):
+        if effect.family == family:
+            if effect.name in found:
+                raise RigctlError("two effects have the same name", value=effect.name)
+            found[effect.name] = effect
+    return MappingProxyType(found)
+
+
+def find_effect(name: str, family: str) -> Effect:
+    """The effect called `name`.
+
+    Raises
+    ------
+    RigctlError
+        there is none; it says the nearest.
+    """
+    known = library(family)
+    if name not in known:
+        raise unknown_name("effect", name, known)
+    return known[name]
+
+
+def check_effect(effect: Effect) -> Effect:
+    """The effect itself when its declaration is sound.
+
+    Raises
+    ------
+    RigctlError
+        it is not; it says everything that is wrong.
+    """
+    found = problems(effect, find_family(effect.family))
+    if found:
+        raise RigctlError(f"the effect {effect.name} is not sound: {'; '.join(found)}")
+    return effect
+
+
+def _load(name: str, load: Callable[[], object]) -> Iterator[Effect]:
+    try:
+        loaded = load()
+    except Exception as problem:  # a foreign package may fail in any way
+        raise RigctlError(f"the effects registered as {name!r} cannot be loaded: {problem}") from problem
+    items: Iterable[object] = loaded if isinstance(loaded, list | tuple) else (loaded,)
+    for item in items:
+        if not isinstance(item, Effect):
+            raise RigctlError(f"what is registered as {name!r} is no effect", value=repr(item))
+        yield check_effect(item)

@@ -1,0 +1,147 @@
+"""A family, some effects and a bench become one system of equations for the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.registry import find_effect, library
+from rigctl.engine.symbols import Expr, Scalar
+from rigctl.engine.system import System, SystemBuilder, after, before
+from rigctl.errors import RigctlError
+from rigctl.model.values import choices, parameter_values
+from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.scope import Scope
+from rigctl.physics.units import si_unit
+from rigctl.rig.rig import Rig
+
+#: effects by name, each with some or all of its parameters in SI
+Effects = Mapping[str, Mapping[str, float]]
+
+
+def build_system(
+    family: str | ModelFamily,
+    effects: Effects | None = None,
+    rig: Rig | None = None,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    oil: str | None = None,
+    own: Iterable[Effect] = (),
+) -> System:
+    """The equations of `family` with `effects`, for the channels and dimensions of `rig`.
+
+    States come in the family's order, then the effects' own (``pressure_lag.deviation``). Parameters are the
+    family's that can be fitted, then the effects' (``piston_leakage.conductance``); dimensions that no fit
+    changes are numbers in the equations. Outputs are the channels of the rig that the family knows; all that
+    it knows without a rig. An effect whose parameters are null changes no value in the last bit.
+
+    Parameters
+    ----------
+    effects: what is not given of an effect's parameters has its null value.
+    parameters: of the family, SI; they count more than the rig's.
+    oil: instead of the rig's.
+    own: a user's effects, which may then be named in `effects`.
+
+    Raises
+    ------
+    RigctlError
+        an unknown family, effect or parameter, or a term of the wrong dimension.
+    """
+    chosen = find_family(family) if isinstance(family, str) else family
+    used = _find(chosen, effects or {}, own)
+    builder = SystemBuilder()
+    known = _declare(builder, chosen, parameter_values(chosen, rig, parameters, oil))
+    for effect, values in used:
+        known |= _declare_effect(builder, effect, values)
+    scope = Scope(
+        chosen,
+        known,
+        additions=[addition for effect, _ in used for addition in effect.additions()],
+        options=choices(chosen, rig),
+    )
+    _write_equations(builder, chosen, scope, [effect for effect, _ in used])
+    for output in chosen.outputs:
+        if rig is None or output.name in rig.channels:
+            builder.output(output.name, output.unit, output.formula(scope))
+    return builder.build()
+
+
+def superset(family: str | ModelFamily, effects: Effects | None = None) -> dict[str, dict[str, float]]:
+    """`effects`, and every other effect of the library at its null: what a diagnosis differentiates.
+
+    Raises
+    ------
+    RigctlError
+        an unknown family.
+    """
+    name = family if isinstance(family, str) else family.name
+    off = {effect.name: effect.null for effect in library(name).values() if effect.terms}
+    return off | {effect: dict(values) for effect, values in (effects or {}).items()}
+
+
+def _find(
+    family: ModelFamily, effects: Effects, own: Iterable[Effect]
+) -> list[tuple[Effect, dict[str, float]]]:
+    users = {effect.name: effect for effect in own}
+    found = []
+    for name, values in effects.items():
+        effect = users.get(name) or find_effect(name, family.name)
+        if effect.base:
+            raise RigctlError(f"{name} is base physics, which every model has")
+        for parameter in values:
+            effect.parameter(parameter)
+        found.append((effect, effect.null | dict(values)))
+    return found
+
+
+def _declare(builder: SystemBuilder, family: ModelFamily, values: Mapping[str, float]) -> dict[str, Scalar]:
+    known: dict[str, Scalar] = {}
+    for state in family.states:
+        known[state.name] = builder.state(state.name, state.unit, state.scale)
+    for item in family.inputs:
+        known[item.name] = builder.input(item.name, item.unit)
+    for parameter in family.parameters:
+        value, unit = values[parameter.name], si_unit(parameter.unit)
+        known[parameter.name] = (
+            builder.constant(value, unit)
+            if parameter.fixed
+            else builder.parameter(parameter.name, unit, value)
+        )
+    return known
+
+
+def _declare_effect(builder: SystemBuilder, effect: Effect, values: Mapping[str, float]) -> dict[str, Scalar]:
+    known: dict[str, Scalar] = {}
+    for state in effect.states:
+        name = qualified(effect.name, state.name)
+        known[name] = builder.state(name, state.unit, state.scale)
+    for parameter in effect.parameters:
+        name = qualified(effect.name, parameter.name)
+        known[name] = builder.parameter(name, si_unit(parameter.unit), values[parameter.name])
+    return known
+
+
+def _write_equations(
+    builder: SystemBuilder, family: ModelFamily, scope: Scope, effects: Iterable[Effect]
+) -> None:
+    for state in family.states:
+        builder.equation(state.name, scope.rate(state.name))
+    for effect in effects:
+        for own_state in effect.states:
+            rate = effect.bind(own_state.rate)(scope)
+            builder.equation(qualified(effect.name, own_state.name), rate)
+    for item in family.inputs:
+        if item.delay is not None:
+            _write_delay(builder, item.name, partial(item.delay, scope))
+
+
+def _write_delay(builder: SystemBuilder, name: str, delay: Callable[[Scalar, Scalar], Scalar]) -> None:
+    """Declare the delay of an input, unless nothing delays it."""
+    commanded = [
+        builder.graph.variable(f(name), builder.graph.variables[name].declared) for f in (before, after)
+    ]
+    value = delay(*commanded)
+    if isinstance(value, Expr):
+        builder.delay(name, lambda *_: value)

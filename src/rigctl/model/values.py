@@ -1,0 +1,91 @@
+"""The values of a family's parameters: the family's own, the oil's, the rig's, and those given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.oil import find_oil
+from rigctl.rig.rig import Rig
+
+
+def parameter_values(
+    family: ModelFamily,
+    rig: Rig | None = None,
+    given: Mapping[str, float] | None = None,
+    oil: str | None = None,
+) -> dict[str, float]:
+    """Every parameter of `family` in SI; what comes later counts more.
+
+    The family's own values, then the oil's (`oil`, or the rig's), the rig's geometry and constants, `given`.
+
+    Raises
+    ------
+    RigctlError
+        `given` names a parameter that the family does not have, or the oil is unknown.
+    """
+    values = {parameter.name: parameter.value for parameter in family.parameters}
+    oil_name = oil or (rig.oil if rig else None)
+    if oil_name:
+        values |= {name: value for name, value in _of_oil(oil_name).items() if name in values}
+    if rig is not None:
+        values |= _of_rig(family, rig)
+    for name, value in (given or {}).items():
+        if name not in values:
+            raise unknown_name(f"parameter of {family.name}", name, values)
+        values[name] = value
+    return values
+
+
+def choices(family: ModelFamily, rig: Rig | None) -> dict[str, str]:
+    """The variants of the equations that the rig's options choose.
+
+    Raises
+    ------
+    RigctlError
+        an option that the family does not have, or a choice that the option does not have.
+    """
+    chosen = dict(rig.options) if rig is not None else {}
+    for name, value in chosen.items():
+        if name not in family.options:
+            raise unknown_name(f"option of {family.name}", name, family.options)
+        if value not in family.options[name]:
+            raise unknown_name(f"choice of the option '{name}'", value, family.options[name])
+    return chosen
+
+
+def family_of(rig: Rig) -> str:
+    """The model family that the rig file names.
+
+    Raises
+    ------
+    RigctlError
+        it names none.
+    """
+    if rig.model is None:
+        raise RigctlError(
+            f"the rig '{rig.name}' names no model family", hint="Add 'model: hydraulic_cylinder', say, to it"
+        )
+    return rig.model
+
+
+def _of_oil(name: str) -> dict[str, float]:
+    oil = find_oil(name)
+    return {
+        "density_15": oil.density_15,
+        "thermal_expansion": oil.thermal_expansion,
+        "vogel_a": oil.vogel.a,
+        "vogel_b": oil.vogel.b,
+        "vogel_c": oil.vogel.c,
+        "bulk_modulus": oil.bulk_modulus,
+        "specific_heat": oil.heat_capacity,
+    }
+
+
+def _of_rig(family: ModelFamily, rig: Rig) -> dict[str, float]:
+    """What the rig says of the family's parameters; it may say more, for inputs and effects."""
+    named = {**rig.geometry, **rig.constants}
+    known = {parameter.name for parameter in family.parameters}
+    translated = {family.rig_names.get(name, name): float(value) for name, value in named.items()}
+    return {name: value for name, value in translated.items() if name in known}

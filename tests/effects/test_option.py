@@ -1,0 +1,56 @@
+"""``--with EFFECT:param=value``: read with units, checked, and refused plainly."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rigctl.effects import library, parse_effect_option
+from rigctl.errors import RigctlError
+
+
+def test_a_name_alone_takes_the_typical_size() -> None:
+    assert parse_effect_option("piston_leakage") == ("piston_leakage", {"conductance": 5.2e-15})
+
+
+def test_parameters_are_read_with_their_units() -> None:
+    name, values = parse_effect_option("stribeck_friction: force=120 N, stribeck_velocity = 2 cm/s")
+    assert name == "stribeck_friction"
+    assert values == {"force": 120.0, "static_force": 200.0, "stribeck_velocity": 0.02, "velocity": 2e-3}
+
+
+def test_a_gap_is_another_way_to_write_a_conductance() -> None:
+    _, values = parse_effect_option("piston_leakage:clearance=30 um")
+    assert values["conductance"] == pytest.approx(math.pi * 0.05 * (30e-6) ** 3 / (12 * 20e-3))
+    _, of_a_larger_piston = parse_effect_option("piston_leakage:clearance=30 um", parameters={"bore": 0.1})
+    assert of_a_larger_piston["conductance"] == pytest.approx(2.0 * values["conductance"])
+
+
+def test_a_temperature_error_is_a_difference() -> None:
+    assert parse_effect_option("thermocouple_offset:offset=2 degC")[1] == {"offset": 2.0}
+
+
+def test_every_effect_can_be_hidden_by_its_name() -> None:
+    for effect in library("hydraulic_cylinder").values():
+        if effect.terms:
+            assert parse_effect_option(effect.name)[1] == effect.start
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("piston_leak", "did you mean 'piston_leakage'"),
+        ("coulomb_friction:forse=3 N", "did you mean 'force'"),
+        ("piston_leakage:clearence=3 um", "did you mean 'clearance'"),
+        ("coulomb_friction:force=3 bar", "expected a force|wrong dimension"),
+        ("coulomb_friction:force=3", "the unit is missing"),
+        ("coulomb_friction:force", "expected 'parameter=value'"),
+        ("coulomb_friction:force=-3 N", "out of bounds, got '-3 N'; expected 0 N to 2000 N"),
+        ("piston_leakage:clearance=1 mm", "piston_leakage.conductance is out of bounds"),
+        ("spool_lag", "base physics"),
+    ],
+)
+def test_mistakes_are_told_plainly(text: str, message: str) -> None:
+    with pytest.raises(RigctlError, match=message):
+        parse_effect_option(text)
