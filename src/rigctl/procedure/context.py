@@ -115,7 +115,7 @@ class Context(Reader):
 
     def sweep_values(self) -> dict[str, tuple[float, str]]:
         """The values of every sweep around, in SI, with the units they are shown in."""
-        return {name: (value.si, value.unit.text) for name, value in self.sweep.items()}
+        return {name: (value.si, value.unit.text or "1") for name, value in self.sweep.items()}
 
     def open_call(self, written: str) -> Procedure:
         """Read the procedure that a call names.

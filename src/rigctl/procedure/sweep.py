@@ -80,14 +80,15 @@ def repeated(points: Sequence[Point], times: int) -> list[Point]:
     return list(points) * times
 
 
-def shuffled(points: Sequence[Point], seed: int) -> list[Point]:
+def shuffled(points: Sequence[Point], seed: int, place: str) -> list[Point]:
     """The points in a random order that the seed decides (Fisher-Yates on a Mersenne Twister).
 
-    Python keeps `random.Random(seed).random()` the same from version to version, and nothing else of the
-    module, so the order is drawn from that alone.
+    `place` is the sweep's path in the plan: an inner sweep has another order at each point of the outer one,
+    so that an effect of the order is not mistaken for one of the outer variable. Python keeps what a seed's
+    `random()` gives from version to version, so the order is drawn from that alone.
     """
     order = list(points)
-    draw = random.Random(seed).random  # noqa: S311 - an order, not a secret
+    draw = random.Random(f"{seed}:{place}").random  # noqa: S311 - an order, not a secret
     for index in range(len(order) - 1, 0, -1):
         other = int(draw() * (index + 1))
         order[index], order[other] = order[other], order[index]

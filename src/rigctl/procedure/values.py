@@ -138,7 +138,7 @@ class Value:
             si = self._evaluate(variables, wanted, interval)
         else:
             si = _in_dimension(quantity, wanted, interval, self._shown(quantity))
-        return self.kind.check(si, self.text)
+        return self.kind.check(si, self.text if quantity is None else self._shown(quantity))
 
     def quantity(self, variables: Variables) -> Quantity:
         """The value with a unit to show it in: its own, or that of the first variable of its expression."""

@@ -21,7 +21,6 @@ from rigctl.procedure.steps.sweeps import ForStep
 from rigctl.procedure.steps.together import DoStep
 from rigctl.procedure.steps.waiting import HoldStep, WaitStep
 
-#: `do` comes last: a block of any other verb has one too
 STEPS: tuple[type[Step], ...] = (
     HeatStep,
     SetPressureStep,
@@ -41,11 +40,19 @@ STEPS: tuple[type[Step], ...] = (
     DoStep,
 )
 BY_VERB: Mapping[str, type[Step]] = {step.verb: step for step in STEPS}
+_FIELDS: Mapping[str, frozenset[str]] = {
+    verb: frozenset(field.alias or name for name, field in step.model_fields.items())
+    for verb, step in BY_VERB.items()
+}
 
 
 def _verbs(written: Mapping[str, Any]) -> list[str]:
+    """The verbs of a step: one when it is a step, the others being fields of it, such as `do`."""
     found = [verb for verb in BY_VERB if verb in written]
-    return [verb for verb in found if verb != "do"] or found
+    for verb in found:
+        if all(other == verb or other in _FIELDS[verb] for other in found):
+            return [verb]
+    return found
 
 
 def _one_verb(written: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -58,4 +59,4 @@ class CallStep(Step, Cleanup):
         except RigctlError as error:
             error.hint = ". ".join(part for part in (error.hint, f"Called from {context.where()}") if part)
             raise
-        return context.with_cleanup(body, self)
+        return context.with_cleanup(replace(body, where=context.where()), self)

@@ -103,7 +103,7 @@ class ForStep(Block):
 
     def _points(self, context: Context) -> list[dict[str, Quantity]]:
         for name in self.for_:
-            if name in context.variables:
+            if name in context.variables or name in context.sweep:
                 with context.located("for", name):
                     raise RigctlError("this variable exists already", value=name, expected="another name")
         axes = {name: self._values(context, name, sweep) for name, sweep in self.for_.items()}
@@ -115,7 +115,7 @@ class ForStep(Block):
             context.allow(len(points) * times)
         points = repeated(points, times)
         seed = int(context.optional_si(self.shuffle, "shuffle") or 0)
-        return shuffled(points, seed) if seed else points
+        return shuffled(points, seed, context.path) if seed else points
 
     def _values(self, context: Context, name: str, sweep: Any) -> list[Quantity]:
         if isinstance(sweep, Spaced):
