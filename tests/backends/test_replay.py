@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rigctl.backends.errors import BackendLost
+from rigctl.backends.protocol import Sample
+from rigctl.backends.registry import create_backend
 from rigctl.backends.replay.player import Player
 from rigctl.backends.replay.recording import Recording, continuous_time
+from rigctl.backends.simulated.bench import SimulatedBench
 from rigctl.clock import VirtualClock
-from rigctl.errors import ExitCode
-from rigctl.rig import Rig
+from rigctl.dataset import RunHeader, RunWriter, Source, source_of_rig
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.rig import Rig, parse_rig
+
+STARTED = datetime(2026, 11, 21, 12, tzinfo=UTC)
 
 
 def recording(count: int = 2500, step: float = 0.01) -> Recording:
@@ -94,3 +105,84 @@ def test_records_that_each_start_at_zero_follow_one_another() -> None:
     times = np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2, 0.2, 0.3])
     assert continuous_time(times) == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.6])
     assert len(continuous_time(np.array([]))) == 0
+
+
+def record_a_run(rig: Rig, runs: Path, bench: SimulatedBench, samples: int) -> list[Sample]:
+    """A run on disk, as the runner would write it."""
+    header = RunHeader("20261121-120000-stroke", Source("stroke"), source_of_rig(rig), rig.layout, STARTED)
+    writer = RunWriter.create(runs, header)
+    bench.start(100.0)
+    bench.command("valve", 1.0, duration=0.505)
+    taken = []
+    for _ in range(samples):
+        sample = bench.next_sample(1.0)
+        assert sample
+        taken.append(sample)
+        writer.append((sample.time, -1.0, *sample.values, *sample.commands))
+    writer.close("finished")
+    return taken
+
+
+def test_a_recorded_run_comes_back_sample_by_sample(
+    rig: Rig, tmp_path: Path, make_bench: Callable[..., SimulatedBench]
+) -> None:
+    bench = make_bench(noise="on", quantised="on", faults="sensor_noisy:position@0.5 s")
+    recorded = record_a_run(rig, tmp_path, bench, 120)
+    again = create_backend(rig, "replay", VirtualClock(), {"run": "latest", "runs": tmp_path})
+    assert again.identity == {"kind": "replay", "name": "HL32 bench", "run": "20261121-120000-stroke"}
+    again.open()
+    again.start(100.0)
+    for before in recorded:
+        sample = again.next_sample(1.0)
+        assert sample
+        assert sample.time == pytest.approx(before.time, abs=1e-12)
+        assert sample.values == pytest.approx(before.values, rel=1e-12)
+        assert sample.commands == pytest.approx(before.commands, rel=1e-12)
+    with pytest.raises(BackendLost, match="the recording ended"):
+        again.next_sample(1.0)
+
+
+def test_a_rig_with_another_channel_cannot_play_the_run(
+    rig: Rig, tmp_path: Path, make_bench: Callable[..., SimulatedBench]
+) -> None:
+    record_a_run(rig, tmp_path, make_bench(), 3)
+    other = parse_rig(rig.text.replace("supply_pressure", "suply_pressure"))
+    bench = create_backend(other, "replay", VirtualClock(), {"run": "2026", "runs": tmp_path})
+    with pytest.raises(RigctlError) as problem:
+        bench.open()
+    assert "has no channel 'suply_pressure'" in str(problem.value)
+    assert problem.value.nearest == "supply_pressure"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "which run is to be played?"),
+        ({"run": ""}, "which run is to be played?"),
+        ({"rnu": "latest"}, "did you mean 'run'?"),
+        ({"run": "20200101-000000-nothing"}, "20200101-000000-nothing"),
+    ],
+)
+def test_a_run_must_be_named_and_exist(
+    rig: Rig, tmp_path: Path, options: dict[str, str], message: str
+) -> None:
+    with pytest.raises(RigctlError) as problem:
+        create_backend(rig, "replay", VirtualClock(), {"runs": tmp_path, **options})
+    assert message in str(problem.value)
+
+
+def test_playing_never_imports_the_engine(
+    rig: Rig, tmp_path: Path, make_bench: Callable[..., SimulatedBench]
+) -> None:
+    record_a_run(rig, tmp_path, make_bench(), 3)
+    code = (
+        "import sys; from pathlib import Path; from rigctl.clock import VirtualClock;"
+        "from rigctl.rig import load_rig; from rigctl.backends.registry import create_backend;"
+        f"b = create_backend(load_rig(Path({str(rig.path)!r})), 'replay', VirtualClock(),"
+        f" {{'run': 'latest', 'runs': {str(tmp_path)!r}}});"
+        "b.open(); b.start(10.0); b.next_sample(1.0);"
+        "names = ('rigctl.engine', 'rigctl.model', 'rigctl.physics', 'rigctl.effects', 'numba');"
+        "print([n for n in names if n in sys.modules])"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "[]"

@@ -15,6 +15,9 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
+#: s; a sample's time and the end of a wait are sums of the same numbers in another order
+_ROUNDING = 1e-9
+
 
 class SimulatedBench:
     """A `Backend` whose bench is computed.
@@ -79,7 +82,7 @@ class SimulatedBench:
         device = self._opened()
         deadline = self.clock.now() + timeout
         when = self._next_arriving(deadline)
-        if when > deadline:
+        if when > deadline + _ROUNDING:
             self.clock.sleep_until(deadline)
             return None
         self.clock.sleep_until(when)
@@ -102,6 +105,8 @@ class SimulatedBench:
     def take_receipts(self) -> list[CommandReceipt]:
         """Ends of pulses since the last call."""
         device = self._opened()
+        if device.pulsing:
+            self._catch_up(device)
         taken, device.receipts = device.receipts, []
         return [replace(receipt, time=receipt.time + self._origin) for receipt in taken]
 
@@ -119,13 +124,18 @@ class SimulatedBench:
         if not self._link.perfect and self._link.back_at(now) > now:
             raise _lost()
         device.make_safe(now)
-        if self._rate == 0.0 or self._start + self._index / self._rate > now + self._origin:
-            device.run_to(max(device.time, now))  # no sample before now is owed: let it happen at once
+        self._catch_up(device)
 
     def _opened(self) -> Device:
         if self._device is None:
             raise BackendLost("the bench is not open")
         return self._device
+
+    def _catch_up(self, device: Device) -> None:
+        """Let happen what is due by now, unless a sample of an earlier time is still owed."""
+        now = self.clock.now()
+        if self._rate == 0.0 or self._start + self._index / self._rate > now:
+            device.run_to(max(device.time, now - self._origin))
 
     def _next_arriving(self, deadline: float) -> float:
         """Clock time of the next sample that the line lets through, or of the first after `deadline`.

@@ -48,6 +48,11 @@ class Device:
             if math.isfinite(fault.end):
                 self._schedule.add(fault.end, partial(self._finish, fault))
 
+    @property
+    def pulsing(self) -> bool:
+        """True while a timed pulse has not ended."""
+        return bool(self._pulse_ends)
+
     def run_to(self, time: float) -> None:
         """Let everything happen that is due up to and including `time`."""
         schedule, plant = self._schedule, self._plant
