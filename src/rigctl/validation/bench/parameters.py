@@ -1,0 +1,108 @@
+"""What the separate bench is made of, and what may be hidden in it.
+
+Plain floats in a named tuple, which numba compiles against; every hidden term is off at its default.
+All values are SI.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Bench(NamedTuple):
+    """The published bench; the fields after `base ends` are secrets, exactly off at their defaults."""
+
+    # geometry
+    area_a: float = math.pi / 4 * 0.050**2  # m²
+    area_b: float = math.pi / 4 * (0.050**2 - 0.025**2)  # m²
+    stroke: float = 0.250  # m
+    dead_a: float = 60e-6  # m³
+    dead_b: float = 60e-6  # m³
+    line_volume: float = 400e-6  # m³
+    throttle_area: float = 3.3e-6  # m²
+    edge_area: float = 28e-6  # m²
+    # oil HL32
+    rho15: float = 870.0  # kg/m³
+    expansion: float = 7e-4  # 1/K
+    vogel_a: float = 3.1083e-5  # Pa·s
+    vogel_b: float = 1132.5833  # K
+    vogel_c: float = 147.4466  # K
+    beta_oil: float = 1.4e9  # Pa
+    cp: float = 1900.0  # J/(kg·K)
+    # machine
+    cd: float = 0.62
+    mass: float = 12.0  # kg
+    damping: float = 120.0  # N·s/m
+    spool_time: float = 0.025  # s
+    pump_flow: float = 14e-3 / 60  # m³/s
+    relief_r: float = 2e8  # Pa/(m³/s)
+    stop_stiffness: float = 2e8  # N/m
+    stop_damping: float = 1e5  # N·s/m
+    tank_volume: float = 0.080  # m³
+    loss: float = 12.0  # W/K
+    efficiency: float = 0.9
+    # --- base ends: secrets below
+    # leakages
+    piston_gap: float = 0.0  # m, radial clearance of the piston
+    piston_length: float = 0.020  # m
+    piston_eccentricity: float = 0.7  # 0 centred … 1 touching: the flow grows by 1 + 1.5 e²
+    spool_leak: float = 0.0  # m³, each port
+    spool_leak_turbulent: float = 0.15  # share of it that behaves as a small orifice at 30 bar, 40 °C
+    cap_leak: float = 0.0  # m³
+    rod_leak: float = 0.0  # m³
+    pump_slip: float = 0.0  # m³
+    # supply
+    relief_extra_r: float = 0.0  # Pa/(m³/s), softening 2 bar away from the setting
+    relief_drift: float = 0.0  # 1/K, of the setting
+    # orifices and lines
+    transition: float = 0.0  # Re_t of the throttle: Cd·tanh(√(Re)/…) instead of Re/(Re + Re_t)
+    throttle_drift: float = 0.0  # 1/K
+    line_length: float = 0.0  # m, of the working lines
+    line_bore: float = 0.010  # m
+    line_zeta: float = 0.0
+    # oil
+    barus: float = 0.0  # 1/Pa
+    barus_fade: float = 4e-10  # 1/Pa: the coefficient falls with pressure, as measured oils do
+    air: float = 0.0  # free-air fraction at atmospheric pressure, isentropic
+    hose: float = 0.0  # 1/Pa, compliance; stiffens with pressure
+    # forces
+    coulomb: float = 0.0  # N, LuGre with its static force equal to the sliding one
+    static: float = 0.0  # N above `coulomb`, LuGre
+    stribeck_speed: float = 0.015  # m/s
+    bristle: float = 2e6  # N/m
+    film: float = 0.0  # m, viscous friction μ·v per this length's inverse: force = film·μ·v
+    seal_friction: float = 0.0  # N/Pa, grows with chamber pressure, LuGre
+    load_mass: float = 0.0  # kg
+    spring: float = 0.0  # N/m
+    constant_load: float = 0.0  # N
+    # command
+    spool_second: float = 0.0  # s, a second lag of the spool
+    # heat
+    line_lag: float = 0.0  # s, oil in cylinder and lines behind the tank
+    wall_capacity: float = 0.0  # J/K, moves with the oil
+    radiation: float = 0.0  # m², emissivity times area
+    # sensors
+    thermocouple_time: float = 0.0  # s
+    pressure_time: float = 0.0  # s
+
+
+class Sensors(NamedTuple):
+    """What the bench's sensors do wrong; exactly nothing at the defaults."""
+
+    position_gain: float = 0.0
+    position_offset: float = 0.0  # m
+    position_drift: float = 0.0  # 1/K from 20 °C, of the gain
+    position_backlash: float = 0.0  # m, the whole play
+    pressure_gain: float = 0.0
+    pressure_offset: float = 0.0  # Pa
+    thermocouple_offset: float = 0.0  # K
+
+
+class Switching(NamedTuple):
+    """How late the directional valve switches; `jitter` is drawn for each switch."""
+
+    open_delay: float = 0.0  # s
+    close_delay: float = 0.0  # s
+    delay_per_kelvin: float = 0.0  # s/K from 20 °C, of opening
+    jitter: float = 0.0  # s, standard deviation

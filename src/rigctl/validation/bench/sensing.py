@@ -1,0 +1,97 @@
+"""What the bench's sensors make of the truth: their own faults, coloured noise, and a converter's steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.validation.bench import equations
+from rigctl.validation.bench.parameters import Sensors
+from rigctl.validation.bench.record import Trace
+
+#: state that a channel shows
+CHANNELS = {
+    "oil_temperature": equations.T_PROBE,
+    "supply_pressure": equations.P_PROBE,
+    "position": equations.X,
+    "pressure_a": equations.PA,
+    "pressure_b": equations.PB,
+}
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of every channel: SI standard deviation, first-order correlation, converter step (0: none)."""
+
+    sigma: dict[str, float] = field(
+        default_factory=lambda: {
+            "oil_temperature": 0.1,
+            "supply_pressure": 8e3,
+            "position": 1e-4,
+            "pressure_a": 8e3,
+            "pressure_b": 8e3,
+        }
+    )
+    correlation: float = 0.0
+    step: dict[str, float] = field(default_factory=dict)
+
+
+#: the published bench: ten bits over 300 mm and over 125 bar, quarter degrees
+TEN_BITS = {
+    "oil_temperature": 0.25,
+    "supply_pressure": 125e5 / 1023,
+    "position": 0.300 / 1023,
+    "pressure_a": 125e5 / 1023,
+    "pressure_b": 125e5 / 1023,
+}
+
+
+def true_channels(trace: Trace, sensors: Sensors) -> dict[str, NDArray[np.float64]]:
+    """Each channel as its sensor shows it before noise: gain, offset, drift, play."""
+    shown = {name: trace.states[:, state].copy() for name, state in CHANNELS.items()}
+    warm = trace.states[:, equations.T_OIL] - equations.DRIFT_ORIGIN
+    moved = play(shown["position"], sensors.position_backlash)
+    gain = 1.0 + sensors.position_gain + sensors.position_drift * warm
+    shown["position"] = gain * moved + sensors.position_offset
+    shown["supply_pressure"] = (1.0 + sensors.pressure_gain) * shown["supply_pressure"]
+    shown["supply_pressure"] += sensors.pressure_offset
+    shown["oil_temperature"] += sensors.thermocouple_offset
+    return shown
+
+
+def play(position: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    """A play operator: the sensor follows only after the slack of `width` has been taken up."""
+    if width == 0.0:
+        return position
+    followed = np.empty_like(position)
+    at = position[0]
+    for i, x in enumerate(position):
+        at = min(max(at, x - width / 2), x + width / 2)
+        followed[i] = at
+    return followed
+
+
+def coloured(rng: np.random.Generator, size: int, sigma: float, correlation: float) -> NDArray[np.float64]:
+    """Stationary first-order autoregression: e_t = ρ·e_(t−1) + √(1 − ρ²)·σ·w_t."""
+    white = rng.standard_normal(size) * sigma
+    if correlation == 0.0:
+        return white
+    from scipy.signal import lfilter
+
+    drive = white * np.sqrt(1.0 - correlation**2)
+    drive[0] = white[0]
+    return np.asarray(lfilter([1.0], [1.0, -correlation], drive))
+
+
+def measure(
+    trace: Trace, sensors: Sensors, noise: Noise, rng: np.random.Generator
+) -> dict[str, NDArray[np.float64]]:
+    """The channels as they are recorded."""
+    recorded = {}
+    for name, truth in true_channels(trace, sensors).items():
+        value = truth + coloured(rng, truth.size, noise.sigma[name], noise.correlation)
+        step = noise.step.get(name, 0.0)
+        recorded[name] = np.round(value / step) * step if step else value
+    return recorded

@@ -1,0 +1,68 @@
+"""Write the pages of the documentation that can be generated; a test fails when one is out of date.
+
+    python tools/generate_docs.py            write them
+    python tools/generate_docs.py --check    say which would change
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+
+
+def pages() -> Iterator[tuple[Path, str]]:
+    """Every generated page with its text."""
+    from rigctl.runner.states_page import run_states_page
+
+    yield DOCS / "reference" / "commands.md", commands_page()
+    yield DOCS / "reference" / "run-states.md", run_states_page()
+
+
+def commands_page() -> str:
+    """The help of every command, as the terminal shows it."""
+    from rigctl.cli.catalogue import ENTRIES
+    from rigctl.cli.main import load_command
+
+    parts = ["# Commands\n\n*Generated: `make docs`.*\n\nEvery command takes `--help`.\n"]
+    panel = ""
+    for entry in ENTRIES:
+        if entry.panel != panel:
+            panel = entry.panel
+            parts.append(f"## {panel}\n")
+        command = load_command(entry.name)
+        parts.append(f"### rigctl {entry.name}\n\n{entry.summary}\n")
+        nested = getattr(command, "commands", None)
+        for name, one in (nested or {entry.name: command}).items():
+            title = f"rigctl {entry.name} {name}" if nested else f"rigctl {entry.name}"
+            parts.append(f"```text\n{_help_of(one, title)}\n```\n")
+    return "\n".join(parts)
+
+
+def _help_of(command: object, title: str) -> str:
+    """Plain help text at a fixed width: no colours, no boxes."""
+    command.rich_markup_mode = None  # type: ignore[attr-defined]
+    with command.make_context(title, [], resilient_parsing=True, terminal_width=100) as context:  # type: ignore[attr-defined]
+        text = command.get_help(context)  # type: ignore[attr-defined]
+    return re.sub(r"[ \t]+\n", "\n", text).strip()
+
+
+def main() -> int:
+    """Write or check; the exit status is 1 when a checked page is out of date."""
+    stale = [(path, text) for path, text in pages() if _read(path) != text]
+    for path, text in stale:
+        print(("out of date: " if "--check" in sys.argv else "written: ") + str(path))
+        if "--check" not in sys.argv:
+            path.write_text(text, encoding="utf-8", newline="\n")
+    return int(bool(stale) and "--check" in sys.argv)
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())
