@@ -105,7 +105,7 @@ class SimulatedBench:
     def take_receipts(self) -> list[CommandReceipt]:
         """Ends of pulses since the last call."""
         device = self._opened()
-        if device.pulsing:
+        if device.next_event <= self.clock.now() - self._origin:
             self._catch_up(device)
         taken, device.receipts = device.receipts, []
         return [replace(receipt, time=receipt.time + self._origin) for receipt in taken]

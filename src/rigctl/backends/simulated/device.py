@@ -49,9 +49,9 @@ class Device:
                 self._schedule.add(fault.end, partial(self._finish, fault))
 
     @property
-    def pulsing(self) -> bool:
-        """True while a timed pulse has not ended."""
-        return bool(self._pulse_ends)
+    def next_event(self) -> float:
+        """When a switch, the end of a pulse or a fault is due next; infinite when nothing is."""
+        return self._schedule.next_time
 
     def run_to(self, time: float) -> None:
         """Let everything happen that is due up to and including `time`."""
