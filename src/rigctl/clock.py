@@ -6,6 +6,7 @@ virtual clock and identical seeds give identical files.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ class Clock(Protocol):
     """Seconds since the run began, and a way to wait."""
 
     name: str
+    speed: float  #: seconds of bench time per second of wall time; infinite when nobody really waits
 
     def now(self) -> float:
         """Bench time in seconds since the clock was started; never goes back."""
@@ -68,6 +70,7 @@ class VirtualClock:
 
     started: datetime = datetime(2000, 1, 1, tzinfo=UTC)
     name: str = "virtual"
+    speed: float = math.inf
     _now: float = 0.0
 
     def now(self) -> float:

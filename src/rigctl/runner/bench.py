@@ -1,0 +1,208 @@
+"""The bench as a step sees it: what was read last, what can be commanded, what is known by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rigctl.backends.protocol import Backend, CommandReceipt
+from rigctl.dataset.writer import RunWriter
+from rigctl.errors import RigctlError
+from rigctl.expressions import Expression, ValueType, type_of_unit
+from rigctl.rig import Rig
+from rigctl.runner.history import History
+from rigctl.runner.operator import Answer, Operator, Question
+from rigctl.runner.waits import Row, Until, Waiting, every_sample
+
+if TYPE_CHECKING:
+    from rigctl.procedure.actions import Measure
+
+#: s of bench time between two looks whether the operator has answered
+_ASK_AGAIN = 0.1
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """A timed command that the bench will end by itself."""
+
+    end: float  #: s, when it should be over
+    value: float
+
+
+class Bench:
+    """One rig with its backend, the run's data and its operator. All values SI, all times s on its clock."""
+
+    def __init__(
+        self, rig: Rig, backend: Backend, writer: RunWriter, operator: Operator, history: History
+    ) -> None:
+        self.rig = rig
+        self.backend = backend
+        self.writer = writer
+        self.operator = operator
+        self.history = history
+        self.columns: Mapping[str, int] = {name: index for index, name in enumerate(rig.layout.columns)}
+        self.newest: Row | None = None
+        self.rate = rig.monitor_rate
+        self.path = ""  #: of the step in progress
+        self.commanded: dict[str, float] = {}
+        self.pulses: dict[str, Pulse] = {}
+        self.values: dict[str, float] = {}  #: measures and operators' answers, by name
+        self.question: Question | None = None
+        self.reachable = True
+        self._types: dict[str, ValueType] = dict(rig.layout.types())
+        self._changed = -1.0  # s, when a command was last given
+
+    @property
+    def now(self) -> float:
+        """Bench time, s."""
+        return self.backend.clock.now()
+
+    @property
+    def recording(self) -> bool:
+        """True while a record is open."""
+        return self.writer.record >= 0
+
+    def event(self, kind: str, message: str, **fields: Any) -> None:
+        """Log something that happened now, at the step in progress."""
+        self.writer.event(self.now, kind, path=self.path, message=message, **fields)
+
+    def start(self, rate: float) -> None:
+        """Sample at `rate` Hz from now on."""
+        self.rate = rate
+        self.backend.start(rate)
+
+    # --- reading -----------------------------------------------------------------------------------------
+
+    def fresh(self) -> Generator[Until, Row | None, Row]:
+        """The newest row, or the next one when a command was given since: what is true of the bench now."""
+        if self.newest is not None and self.newest[0] >= self._changed:
+            return self.newest
+        row: Row | None = None
+        while row is None:
+            row = yield Until(when=every_sample)
+        return row
+
+    def condition(self, expression: Expression) -> Callable[[Row], object]:
+        """A function of a row for a condition over channels, commands, measures and answers."""
+        known = tuple(sorted(expression.names & self.values.keys()))
+        names = (*self.rig.layout.columns, *known)
+        compiled = expression.compile(self._types, names)
+        if not known:
+            return compiled
+        constants = tuple(self.values[name] for name in known)
+        return lambda row: compiled((*row, *constants))
+
+    def keep(self, name: str, value: float, unit: str, *, difference: bool = False) -> None:
+        """Let later conditions and measures use a value by name."""
+        self.values[name] = value
+        self._types[name] = type_of_unit(unit, difference=difference)
+
+    def statistics(self, measure: Measure) -> Mapping[str, float]:
+        """The statistics a measure names, and every value kept so far."""
+        return {**self.values, **self.history.statistics(measure, self.now)}
+
+    # --- commanding --------------------------------------------------------------------------------------
+
+    def safe_value(self, actuator: str) -> float:
+        """The value an actuator rests at."""
+        return float(self.rig.safe_state.get(actuator, 0.0))
+
+    def command(self, actuator: str, value: float, duration: float | None = None) -> CommandReceipt:
+        """Switch an actuator now, for `duration` s if given, and log when that was.
+
+        A bench that cannot time a pulse itself is switched back by `finish_pulse`.
+        """
+        timed = duration is not None and self.backend.timed
+        receipt = self.backend.command(actuator, value, duration=duration if timed else None)
+        self.pulses.pop(actuator, None)
+        if duration is not None:
+            self.pulses[actuator] = Pulse(receipt.time + duration, value)
+        self._switched(receipt)
+        return receipt
+
+    def finish_pulse(self, actuator: str) -> Waiting:
+        """Wait until a timed command is over; ends it from here where the bench cannot."""
+        pulse = self.pulses.get(actuator)
+        if pulse is None:
+            return
+        if not self.backend.timed:
+            self.command(actuator, self.safe_value(actuator))
+            return
+        give_up = pulse.end + self.rig.stale_after
+        while actuator in self.pulses:
+            if self.now >= give_up:
+                self.event("note", f"{actuator}: the bench did not report the end of its pulse")
+                self.command(actuator, self.safe_value(actuator))
+                return
+            yield Until(give_up, lambda _: actuator not in self.pulses)
+
+    def take_receipts(self) -> None:
+        """Log the switches that the bench made by itself."""
+        for receipt in self.backend.take_receipts():
+            self.pulses.pop(receipt.actuator, None)
+            self._switched(receipt)
+
+    def make_safe(self, reason: str) -> None:
+        """Bring every driven output to the safe state; never raises, `reachable` says whether it worked."""
+        self.pulses.clear()
+        try:
+            self.backend.safe()
+        except RigctlError as error:
+            if self.reachable:
+                self.event("fault", f"outputs could not be made safe from here: {error}")
+            self.reachable = False
+        for actuator, value in self.rig.safe_state.items():
+            changed = self.commanded.get(actuator) != float(value)
+            if changed and self.rig.actuators[actuator].by == "driven":
+                time = self.now
+                self._switched(CommandReceipt(time, actuator, float(value)), message=reason)
+
+    def restore(self, commands: Mapping[str, float]) -> None:
+        """Give driven actuators the values they had before a pause."""
+        for actuator, value in commands.items():
+            driven = self.rig.actuators[actuator].by == "driven"
+            if driven and self.commanded.get(actuator) != value:
+                self.command(actuator, value)
+
+    def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
+        self.commanded[receipt.actuator] = receipt.value
+        self._changed = max(self._changed, receipt.time)
+        self.history.begin_phase(receipt.time)
+        self.writer.event(
+            receipt.time,
+            "command",
+            actuator=receipt.actuator,
+            value=receipt.value,
+            uncertainty=receipt.uncertainty,
+            path=self.path,
+            message=message,
+        )
+
+    # --- asking ------------------------------------------------------------------------------------------
+
+    def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
+        """Ask the operator and wait for the answer, with samples and interlocks going on."""
+        self.tell(question)
+        try:
+            while True:
+                answer = self.operator.ask(question)
+                if answer is not None:
+                    self.event("operator", f"{question.text}: {answer.text}", by=self.operator.name)
+                    return answer
+                yield Until(self.now + _ASK_AGAIN)
+        finally:
+            self.withdraw()
+
+    def tell(self, question: Question) -> None:
+        """Show the operator what is wanted, without waiting."""
+        self.question = question
+        self.event("operator", question.text, by="rigctl")
+        if question.notice:
+            self.operator.ask(question)
+
+    def withdraw(self) -> None:
+        """What was asked for is not needed any more."""
+        if self.question is not None:
+            self.operator.withdraw(self.question)
+        self.question = None

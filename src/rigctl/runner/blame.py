@@ -1,0 +1,24 @@
+"""Whatever goes wrong inside a step, as the ending it is."""
+
+from __future__ import annotations
+
+from traceback import format_exception
+
+from rigctl.backends.errors import BackendLost
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.runner.bench import Bench
+from rigctl.runner.outcomes import Ending, Lost, StepFailed
+
+
+def ending_for(error: Exception, bench: Bench) -> Ending:
+    """The ending that stands for an error; one that is none of the user's doing is logged with its trace."""
+    if isinstance(error, Ending):
+        return error
+    if isinstance(error, BackendLost):
+        return Lost(str(error))
+    if isinstance(error, RigctlError):
+        code = error.exit_code
+        return StepFailed(str(error), exit_code=ExitCode.FAILED if code is ExitCode.USAGE else code)
+    trace = "".join(format_exception(error))
+    bench.event("fault", f"an error in rigctl: {error!r}", trace=trace)
+    return StepFailed(f"an error in rigctl: {error!r}; its trace is in the run's log")

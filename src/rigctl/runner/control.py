@@ -1,0 +1,186 @@
+"""A run in progress and another terminal: requests in `control.jsonl`, a heartbeat in `state.json`.
+
+Both lie in the run's folder. The one who asks appends a line and waits until the heartbeat names it.
+"""
+
+from __future__ import annotations
+
+import getpass
+import json
+import os
+import platform
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from rigctl.dataset.lock import STATE_NAME, read_state
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.write import to_json
+from rigctl.runner.requests import Order, Request
+from rigctl.runner.view import View
+
+CONTROL_NAME = "control.jsonl"
+#: s of wall time between two looks at the file
+_POLL = 0.2
+#: s of wall time between two heartbeats
+_BEAT = 1.0
+#: longest line that is taken seriously
+_LONGEST_LINE = 4096
+
+
+class ControlFile:
+    """The run's side: reads requests, writes the heartbeat. Trouble with either never disturbs the run."""
+
+    def __init__(self, folder: Path) -> None:
+        self._control = folder / CONTROL_NAME
+        self._state = folder / STATE_NAME
+        self._offset = self._size()  # requests to an earlier session are past
+        self._next_poll = self._next_beat = 0.0
+        self._acknowledged: deque[dict[str, str]] = deque(maxlen=20)
+        self._view: View | None = None
+
+    def poll(self) -> Sequence[Order]:
+        """Requests since the last look."""
+        now = time.monotonic()
+        if now < self._next_poll:
+            return ()
+        self._next_poll = now + _POLL
+        if self._size() <= self._offset:
+            return ()
+        with suppress(OSError), self._control.open("rb") as file:
+            file.seek(self._offset)
+            content = file.read(64 * _LONGEST_LINE)
+            whole = content.rfind(b"\n") + 1
+            self._offset += whole
+            orders = (_read_order(line) for line in content[:whole].splitlines())
+            return [order for order in orders if order is not None]
+        return ()
+
+    def acknowledge(self, order: Order, message: str) -> None:
+        """Tell the one who asked, at once."""
+        if order.id:
+            self._acknowledged.append({"id": order.id, "message": message})
+            self._beat()
+
+    def publish(self, view: View) -> None:
+        """Write the heartbeat when it is due, and whenever the state has changed."""
+        changed = self._view is None or view.state != self._view.state
+        self._view = view
+        if changed or time.monotonic() >= self._next_beat:
+            self._beat()
+
+    def close(self) -> None:
+        """A last heartbeat, with the final state."""
+        self._beat()
+
+    def _size(self) -> int:
+        try:
+            return self._control.stat().st_size
+        except OSError:
+            return 0
+
+    def _beat(self) -> None:
+        self._next_beat = time.monotonic() + _BEAT
+        state: dict[str, Any] = {"host": platform.node(), "pid": os.getpid()}
+        if self._view is not None:
+            state |= summary(self._view)
+        state["acknowledged"] = list(self._acknowledged)
+        draft = self._state.with_suffix(".tmp")
+        with suppress(OSError):  # a full disk or a reader that holds the file (Windows): the next one will do
+            draft.write_text(to_json(state) + "\n", encoding="utf-8", newline="\n")
+            draft.replace(self._state)
+
+
+def summary(view: View) -> dict[str, Any]:
+    """What the heartbeat says of a run, as plain data."""
+    return {
+        "run": view.run,
+        "state": view.state,
+        "time": round(view.time, 3),
+        "path": view.path,
+        "label": view.label,
+        "record": view.record,
+        "records_done": view.records_done,
+        "records_total": view.records_total,
+        "progress": round(view.progress, 4),
+        "time_left": None if view.time_left is None else round(view.time_left, 1),
+        "alarms": [alarm.message for alarm in view.alarms],
+        "question": view.question,
+        "message": view.message,
+    }
+
+
+def send(folder: Path, request: Request, *, timeout: float = 10.0) -> str:
+    """Ask something of the run in `folder` and wait until it says what has become of it.
+
+    Returns
+    -------
+    Its answer, one sentence.
+
+    Raises
+    ------
+    RigctlError
+        no run is in progress there, or it does not answer within `timeout` s of wall time.
+    """
+    state = read_state(folder)
+    if state is None or not state.fresh or state.fields.get("state") in ("finished", "failed", "aborted"):
+        raise RigctlError(
+            "no run is in progress",
+            value=folder.name,
+            hint="'rigctl runs list' shows which there are",
+            exit_code=ExitCode.FAILED,
+        )
+    order_id = uuid4().hex
+    line = {"id": order_id, "request": request.value, "source": _sender()}
+    try:
+        with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
+            file.write(json.dumps(line) + "\n")
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write the request: {problem.strerror}",
+            where=Location(folder / CONTROL_NAME),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    return _await_answer(folder, order_id, timeout)
+
+
+def _await_answer(folder: Path, order_id: str, timeout: float) -> str:
+    give_up = time.monotonic() + timeout
+    while time.monotonic() < give_up:
+        state = read_state(folder)
+        for entry in state.fields.get("acknowledged", ()) if state is not None else ():
+            if entry.get("id") == order_id:
+                return str(entry.get("message", ""))
+        time.sleep(0.05)
+    raise RigctlError(
+        f"the run has not answered for {timeout:g} s",
+        value=folder.name,
+        hint="Its program may hang or be gone; 'rigctl off' brings the bench to its safe state",
+        exit_code=ExitCode.FAILED,
+    )
+
+
+def _read_order(line: bytes) -> Order | None:
+    """A request, or None for a line that is none: the file is open to everybody who may write the folder."""
+    try:
+        fields = json.loads(line[:_LONGEST_LINE])
+        return Order(
+            Request(fields["request"]),
+            source=str(fields.get("source", "another terminal"))[:200],
+            id=str(fields.get("id", ""))[:64],
+        )
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _sender() -> str:
+    """Who asks, for the run's events."""
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a user without a name, as in a container
+        user = "somebody"
+    return f"{user} at another terminal"

@@ -1,0 +1,197 @@
+"""The loop: lets time pass, looks at requests, and wakes the step in progress when what it waits for came."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Generator, Sequence
+
+from rigctl.runner.bench import Bench
+from rigctl.runner.blame import ending_for
+from rigctl.runner.outcomes import Aborted, Ending, Outcome, StepFailed
+from rigctl.runner.requests import Control, Order, Request
+from rigctl.runner.sampling import Sampling
+from rigctl.runner.signals import Signals
+from rigctl.runner.states import Lifecycle, RunState
+from rigctl.runner.waits import OnPause, Row, Until
+from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
+
+#: s of wall time that a signal or a key may have to wait
+RESPONSE = 0.1
+#: s from which two times of a sampling grid are different
+_SLACK = 1e-9
+
+
+class Quit(Exception):
+    """A second signal: no further cleanup block."""
+
+
+class Driver:
+    """Owns time and requests while a run goes on.
+
+    Parameters
+    ----------
+    secure: brings outputs to the safe state because of an ending, once for each.
+    tick: called ten times a second of wall time, for whoever watches the run.
+    response: s of wall time between two looks at requests.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        sampling: Sampling,
+        lifecycle: Lifecycle,
+        signals: Signals,
+        controls: Sequence[Control],
+        *,
+        secure: Callable[[Ending], None],
+        tick: Callable[[], None],
+        response: float = RESPONSE,
+    ) -> None:
+        self._bench = bench
+        self._sampling = sampling
+        self._clock = bench.backend.clock
+        self._lifecycle = lifecycle
+        self._signals = signals
+        self._controls = controls
+        self._secure = secure
+        self._tick = tick
+        self._response = response
+        self._slice = RESPONSE * self._clock.speed  # s of bench time
+        self._next_look = 0.0  # wall time
+        self._signals_seen = 0
+        self._pause: tuple[Control, Order] | None = None
+        self._walker: Walker | None = None
+
+    def drive(self, steps: Generator[Until, Row | None, None], walker: Walker) -> None:
+        """Carry the generator through to its end.
+
+        Raises
+        ------
+        Ending
+            what ended it early, after its own cleanup blocks.
+        Quit
+            somebody did not want to wait for those.
+        """
+        self._walker = walker
+        try:
+            until = next(steps)
+            while True:
+                try:
+                    row = self.wait(until)
+                except Quit:
+                    raise
+                except (Ending, Restart) as interruption:
+                    until = steps.throw(interruption)
+                except Exception as error:  # noqa: BLE001 - whatever it is, cleanup blocks have to run
+                    ending = ending_for(error, self._bench)
+                    self._secure(ending)
+                    until = steps.throw(ending)
+                else:
+                    until = steps.send(row)
+        except StopIteration:
+            return
+
+    def wait(self, until: Until) -> Row | None:
+        """Let time pass until what a step waits for has come: the row that brought it, or None."""
+        now, next_row, when = self._clock.now, self._sampling.next_row, until.when
+        limit = self._walker.limit if self._walker is not None else math.inf
+        deadline = min(until.time, limit)
+        longest = min(self._slice, self._sampling.longest_silence)
+        while True:
+            self._look(until)
+            row = next_row(min(max(deadline - now(), 0.0), longest))
+            if row is not None:
+                if when is not None and when(row):
+                    return row
+            elif now() < deadline - _SLACK:
+                self._sampling.check_silence()
+            elif limit < until.time:
+                text = f"a cleanup step took longer than {CLEANUP_STEP_LIMIT:g} s"
+                raise StepFailed(text, outcome=Outcome.TIMED_OUT)
+            else:
+                return None
+
+    def watch(self, duration: float) -> list[Row]:
+        """The samples of the next `duration` s, taken as always, while no step is in progress."""
+        rows: list[Row] = []
+        self.wait(Until(self._clock.now() + duration, when=rows.append))
+        return rows
+
+    def _look(self, until: Until) -> None:
+        """Signals at once; keys and other terminals, and whoever watches, every tenth of a second."""
+        if self._signals.count > self._signals_seen:
+            self._signalled()
+        wall = time.perf_counter()
+        if wall >= self._next_look:
+            self._next_look = wall + self._response
+            for control in self._controls:
+                for order in control.poll():
+                    self._obey(control, order)
+            self._tick()
+        if self._pause is not None and self._lifecycle.state is RunState.RUNNING:
+            self._stand_still(self._pause, until)
+
+    def _signalled(self) -> None:
+        """The first signal ends the run, the second one its cleanup."""
+        first, self._signals_seen = self._signals_seen == 0, self._signals.count
+        if not first or self._signals.count > 1:
+            self._bench.make_safe("a second signal")
+            raise Quit
+        ending = Aborted(f"ended by {self._signals.name}", exit_code=self._signals.exit_code)
+        if self._lifecycle.state is RunState.FINISHING:
+            self._bench.event("note", f"{self._signals.name}: cleanup goes on; a second one skips it")
+            return
+        self._secure(ending)
+        raise ending
+
+    def _obey(self, control: Control, order: Order) -> None:
+        """Carry out a request, or say why not."""
+        self._bench.event("operator", f"{order.request.value} asked for by {order.source}")
+        state = self._lifecycle.state
+        if state is RunState.FINISHING:
+            control.acknowledge(order, "the run is ending already")
+        elif order.request is Request.ABORT:
+            control.acknowledge(order, "ending: outputs are safe first, then cleanup")
+            ending = Aborted(f"ended by {order.source}")
+            self._secure(ending)
+            raise ending
+        elif order.request is Request.PAUSE:
+            self._ask_for_pause(control, order)
+        elif self._pause is None:
+            control.acknowledge(order, "the run is not paused")
+        else:
+            self._pause = None
+            control.acknowledge(order, "the run goes on")
+
+    def _ask_for_pause(self, control: Control, order: Order) -> None:
+        if self._pause is not None:
+            control.acknowledge(order, "the run is paused already")
+            return
+        self._pause = (control, order)
+        if self._bench.recording:
+            control.acknowledge(order, "pausing at the end of the record")
+
+    def _stand_still(self, pause: tuple[Control, Order], until: Until) -> None:
+        """Outputs safe, samples and interlocks go on, until somebody lets the run go on.
+
+        A record and a timed move are carried through first: half of one is worthless.
+        """
+        if self._bench.recording or until.on_pause is OnPause.DEFER:
+            return
+        self._lifecycle.send("pause")
+        self._bench.make_safe("paused")
+        control, order = pause
+        control.acknowledge(order, "paused, outputs are safe")
+        still = math.isinf(self._clock.speed)  # virtual time does not run away while a person thinks
+        while self._pause is not None:
+            if still:
+                time.sleep(min(self._response, RESPONSE))
+                self._look(until)
+            else:
+                self.watch(self._slice)
+        self._lifecycle.send("go_on")
+        if self._walker is not None:
+            self._bench.restore(self._walker.baseline)
+        if until.on_pause is OnPause.RESTART:
+            raise Restart

@@ -1,0 +1,103 @@
+"""The samples that the measures of a plan will ask for, kept in memory; only the channels they name."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+
+from rigctl.procedure.actions import Measure, Stretch
+from rigctl.procedure.plan import Group, Leaf, Node, Plan, cleanup_blocks, walk
+from rigctl.procedure.statistics import DURATION
+from rigctl.runner.waits import Row
+
+#: old samples are dropped when so many more than needed have gathered
+_SPARE = 20_000
+
+
+class History:
+    """Recent samples of some signals.
+
+    Inside a record all of its samples are kept, between records those of the longest `window` asked for.
+
+    Parameters
+    ----------
+    signals: column of each signal that a measure names.
+    window: s, the longest window of any measure.
+    """
+
+    def __init__(self, signals: Mapping[str, int], window: float) -> None:
+        self._columns = tuple(signals.values())
+        self._window = window
+        self._times = array("d")
+        self._values = {name: array("d") for name in signals}
+        self._stores = tuple(self._values.values())
+        self._record_start: float | None = None
+        self._phase_start = -math.inf
+        self.wanted = bool(signals) or window > 0.0
+
+    def add(self, row: Row) -> None:
+        """Keep one sample."""
+        self._times.append(row[0])
+        for store, column in zip(self._stores, self._columns, strict=True):
+            store.append(row[column])
+        if self._record_start is None and len(self._times) > _SPARE:
+            self._forget(row[0] - self._window)
+
+    def begin_record(self, time: float) -> None:
+        """A record begins: what was before is needed no more, except for windows that reach back."""
+        self._forget(time - self._window)
+        self._record_start = self._phase_start = time
+
+    def end_record(self) -> None:
+        """The record is over; its measures have been taken."""
+        self._record_start = None
+
+    def begin_phase(self, time: float) -> None:
+        """A command has changed."""
+        self._phase_start = time
+
+    def statistics(self, measure: Measure, now: float) -> dict[str, float]:
+        """The statistics a measure names, by key, and the stretch's ``duration`` in s."""
+        start = self._start_of(measure, now)
+        first = bisect_left(self._times, start - 1e-9)
+        values = {
+            statistic.key: statistic.compute(self._values[statistic.channel][first:])
+            for statistic in measure.statistics
+        }
+        return {**values, DURATION: now - (start if math.isfinite(start) else now)}
+
+    def _start_of(self, measure: Measure, now: float) -> float:
+        if measure.stretch is Stretch.WINDOW:
+            return now - (measure.window or 0.0)
+        if measure.stretch is Stretch.PHASE:
+            return self._phase_start
+        return self._record_start if self._record_start is not None else self._phase_start
+
+    def _forget(self, before: float) -> None:
+        count = bisect_left(self._times, before)
+        del self._times[:count]
+        for store in self._stores:
+            del store[:count]
+
+
+def history_for(plan: Plan, columns: Mapping[str, int]) -> History:
+    """A history that keeps what the plan's measures name, and nothing else."""
+    signals: dict[str, int] = {}
+    window = 0.0
+    for measure in _measures(plan):
+        signals.update({statistic.channel: columns[statistic.channel] for statistic in measure.statistics})
+        window = max(window, measure.window or 0.0)
+    return History(signals, window)
+
+
+def _measures(plan: Plan) -> Iterable[Measure]:
+    blocks = (plan.root, plan.on_failure, plan.on_abort, plan.finally_)
+    waiting: list[Node] = [block for block in blocks if block is not None]
+    while waiting:
+        for node in walk(waiting.pop()):
+            if isinstance(node, Leaf) and isinstance(node.action, Measure):
+                yield node.action
+            elif isinstance(node, Group):
+                waiting.extend(cleanup_blocks(node))

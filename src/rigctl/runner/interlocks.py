@@ -1,0 +1,249 @@
+"""Interlocks: limits, impossible values and silence, looked at on every sample; no input or output here.
+
+The rig file's limits become small watches. A row that lies inside every band passes in about a microsecond,
+which is what makes it possible to look at every sample.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Literal
+
+from rigctl.rig import Channel, Limit, Rig
+from rigctl.units import show
+
+#: a latched alarm can be raised again only after this many seconds without its cause
+REARM = 10.0
+
+_SLACK = 1e-9  # s; times on a sampling grid are sums of rounded numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """An interlock that tripped, or (`active` false) whose cause has been gone for `REARM` seconds."""
+
+    time: float
+    name: str
+    channel: str
+    action: Literal["warn", "stop"]
+    message: str
+    value: float
+    active: bool = True
+
+
+@dataclass(slots=True)
+class Watch:
+    """One band for one signal; trips when the signal is outside for `persistence` seconds.
+
+    Parameters
+    ----------
+    column: index of the channel in a row.
+    low, high: the band, SI, both ends included; of the rate per second when `window` is given.
+    window: s over which a rate of change is taken; None for the value itself.
+    missing: True when no value at all (NaN) is outside too.
+    describe: the message for a value outside.
+    """
+
+    name: str
+    channel: str
+    column: int
+    low: float
+    high: float
+    persistence: float
+    action: Literal["warn", "stop"]
+    describe: Callable[[float], str]
+    window: float | None = None
+    missing: bool = False
+    outside_since: float | None = None
+    inside_since: float | None = None
+    raised: Alarm | None = None
+    _past: deque[tuple[float, float]] = field(default_factory=deque)
+
+    def outside(self, value: float) -> bool:
+        """True when `value` alone would trip it."""
+        if self.low <= value <= self.high:
+            return False
+        return self.missing or not math.isnan(value)
+
+    @property
+    def calm(self) -> bool:
+        """True when nothing is pending: an inside value needs no attention."""
+        return self.outside_since is None and self.raised is None
+
+    def update(self, time: float, value: float) -> Alarm | None:
+        """Take the next sample; an alarm when one is raised by it, or cleared."""
+        if self.window is not None:
+            value = self._rate(time, value)
+        if math.isnan(value) and not self.missing:
+            return None
+        if self.outside(value):
+            return self._outside(time, value)
+        self.outside_since = None
+        if self.raised is None:
+            return None
+        return self._inside(time, value)
+
+    def _outside(self, time: float, value: float) -> Alarm | None:
+        self.inside_since = None
+        if self.outside_since is None:
+            self.outside_since = time
+        if self.raised is not None or time - self.outside_since < self.persistence - _SLACK:
+            return None
+        self.raised = Alarm(time, self.name, self.channel, self.action, self.describe(value), value)
+        return self.raised
+
+    def _inside(self, time: float, value: float) -> Alarm | None:
+        if self.inside_since is None:
+            self.inside_since = time
+        if self.raised is None or time - self.inside_since < REARM:
+            return None
+        cleared = replace(self.raised, time=time, value=value, active=False)
+        self.raised = self.inside_since = None
+        return cleared
+
+    def _rate(self, time: float, value: float) -> float:
+        """Change per second over the window; NaN until half of it has been seen."""
+        window = self.window or 0.0
+        past = self._past
+        if math.isnan(value):
+            return math.nan
+        past.append((time, value))
+        while time - past[0][0] > window + _SLACK:
+            past.popleft()
+        then, old = past[0]
+        span = time - then
+        return (value - old) / span if span >= 0.5 * window else math.nan
+
+
+class Interlocks:
+    """Every watch of a rig. Rows are ``(time, record, *channels, *commands)``, SI."""
+
+    def __init__(self, rig: Rig) -> None:
+        columns = {name: index for index, name in enumerate(rig.layout.columns)}
+        self._stale_after = rig.stale_after
+        self._watches = [*_of_ranges(rig, columns), *_of_limits(rig, columns)]
+        self._rates = [watch for watch in self._watches if watch.window is not None]
+        self._values = [watch for watch in self._watches if watch.window is None]
+        self._bands = _narrowest(self._values)
+        self._busy = False
+        self._silent = False
+
+    def check(self, row: Sequence[float]) -> Sequence[Alarm]:
+        """The alarms that this row raises or clears; almost always none."""
+        self._silent = False
+        if not self._busy:
+            for column, low, high in self._bands:
+                if not low <= row[column] <= high:
+                    break
+            else:
+                return self._update(self._rates, row) if self._rates else ()
+        alarms = self._update(self._watches, row)
+        self._busy = not all(watch.calm for watch in self._values)
+        return alarms
+
+    def check_arming(self, rows: Sequence[Sequence[float]]) -> list[Alarm]:
+        """What forbids arming: limits that stop and are exceeded in every one of `rows`, however briefly."""
+        alarms = []
+        for watch in self._values:
+            if watch.action == "stop" and rows and all(watch.outside(row[watch.column]) for row in rows):
+                time, value = rows[-1][0], rows[-1][watch.column]
+                message = watch.describe(value)
+                alarms.append(Alarm(time, watch.name, watch.channel, "stop", message, value))
+        return alarms
+
+    def check_silence(self, now: float, newest: float, period: float) -> Alarm | None:
+        """An alarm when the newest sample is too old; once for each silence.
+
+        Parameters
+        ----------
+        now: s.
+        newest: s, time of the newest sample, or when sampling was started.
+        period: s between samples; a slow rate is not silence.
+        """
+        allowed = max(self._stale_after, 3.0 * period)
+        if self._silent or now - newest < allowed - _SLACK:
+            return None
+        self._silent = True
+        message = f"no sample for {now - newest:.3g} s, expected one every {period:.3g} s"
+        return Alarm(now, "stale", "", "stop", message, now - newest)
+
+    def silence_limit(self, period: float) -> float:
+        """How long samples may stay away, in s."""
+        return max(self._stale_after, 3.0 * period)
+
+    @staticmethod
+    def _update(watches: Iterable[Watch], row: Sequence[float]) -> list[Alarm]:
+        time = row[0]
+        alarms = (watch.update(time, row[watch.column]) for watch in watches)
+        return [alarm for alarm in alarms if alarm is not None]
+
+
+def _narrowest(watches: Iterable[Watch]) -> tuple[tuple[int, float, float], ...]:
+    """For every column the band inside which none of its watches has anything to say."""
+    bands: dict[int, tuple[float, float]] = {}
+    for watch in watches:
+        low, high = bands.get(watch.column, (-math.inf, math.inf))
+        bands[watch.column] = (max(low, watch.low), min(high, watch.high))
+    return tuple((column, low, high) for column, (low, high) in bands.items())
+
+
+def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
+    """One watch per channel: outside what is physically possible, or missing, the sensor is broken."""
+    watches = []
+    for name, channel in rig.channels.items():
+        low, high = channel.range or (-math.inf, math.inf)
+        watches.append(
+            Watch(
+                name=f"{name} sensor",
+                channel=name,
+                column=columns[name],
+                low=float(low),
+                high=float(high),
+                persistence=rig.stale_after,
+                action="stop",
+                describe=partial(_impossible, name, channel),
+                missing=True,
+            )
+        )
+    return watches
+
+
+def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
+    """One watch per limit of the rig file."""
+    watches = []
+    for name, limit in rig.limits.items():
+        upper = limit.bound.endswith("above")
+        watches.append(
+            Watch(
+                name=name,
+                channel=limit.channel,
+                column=columns[limit.channel],
+                low=-math.inf if upper else limit.threshold,
+                high=limit.threshold if upper else math.inf,
+                persistence=limit.for_,
+                action=limit.action,
+                describe=partial(_exceeded, limit, rig.channels[limit.channel]),
+                window=limit.over if limit.of_rate else None,
+            )
+        )
+    return watches
+
+
+def _impossible(name: str, channel: Channel, value: float) -> str:
+    if math.isnan(value):
+        return f"{name} gives no value: sensor or line broken"
+    return f"{name} reads {show(value, channel.unit)}, which is impossible: sensor or line broken"
+
+
+def _exceeded(limit: Limit, channel: Channel, value: float) -> str:
+    interval = limit.of_rate or channel.difference
+    subject, per = (f"rate of {limit.channel}", "/s") if limit.of_rate else (limit.channel, "")
+    relation = "above" if limit.bound.endswith("above") else "below"
+    found = show(value, channel.unit, difference=interval)
+    bound = show(limit.threshold, channel.unit, difference=interval)
+    text = f"{subject} is {found}{per}, {relation} the limit of {bound}{per}"
+    return f"{limit.message}: {text}" if limit.message else text

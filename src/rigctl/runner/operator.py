@@ -1,0 +1,155 @@
+"""Who answers when a procedure asks: the person at the terminal, a simulated one, or a script."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from rigctl.errors import RigctlError
+from rigctl.units import describe, parse_unit, read_si, show
+
+
+@dataclass(frozen=True)
+class Question:
+    """What the operator is asked.
+
+    Parameters
+    ----------
+    text: the question or the request.
+    name: what the answer is kept as; None when a confirmation is enough.
+    unit: the unit a value is read in and shown in; None for a confirmation.
+    low, high: SI, included.
+    simulated: SI, what a simulated operator answers.
+    notice: True when nothing is to be typed: the channels show when it has been done.
+    """
+
+    text: str
+    name: str | None = None
+    unit: str | None = None
+    low: float | None = None
+    high: float | None = None
+    simulated: float | None = None
+    notice: bool = False
+
+    @property
+    def wants_value(self) -> bool:
+        """True when a value has to be typed."""
+        return self.name is not None
+
+    def __str__(self) -> str:
+        """The question with what may be answered."""
+        if self.notice:
+            return self.text
+        if not self.wants_value:
+            return f"{self.text} [Enter]"
+        unit = self.unit or "1"
+        bounds = [show(end, unit) for end in (self.low, self.high) if end is not None]
+        allowed = f", {' to '.join(bounds)}" if len(bounds) == 2 else ""
+        return f"{self.text} [{unit}{allowed}]"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came back: the text as typed, and its SI value where one was asked for."""
+
+    text: str
+    value: float | None = None
+
+
+class Operator(Protocol):
+    """Somebody who can be asked without the runner having to stop looking at the bench."""
+
+    name: str
+
+    def ask(self, question: Question) -> Answer | None:
+        """Begin to ask, or go on asking: None as long as there is no answer."""
+        ...
+
+    def withdraw(self, question: Question) -> None:
+        """The answer is not needed any more."""
+        ...
+
+
+def read_answer(question: Question, text: str) -> Answer:
+    """What was typed as an answer; a number without unit is taken in the question's.
+
+    Raises
+    ------
+    RigctlError
+        not a quantity of the right dimension, or outside the bounds.
+    """
+    if not question.wants_value:
+        return Answer(text)
+    unit = question.unit or "1"
+    written = text.strip()
+    try:
+        float(written)
+    except ValueError:
+        value = read_si(written, unit)
+    else:
+        value = parse_unit(unit).to_si(float(written))
+    if (question.low is not None and value < question.low) or (
+        question.high is not None and value > question.high
+    ):
+        bounds = " to ".join(show(end, unit) for end in (question.low, question.high) if end is not None)
+        raise RigctlError("out of range", value=written, expected=bounds or describe(unit))
+    return Answer(written, value)
+
+
+class AutomaticOperator:
+    """The operator of a simulated bench: does what is asked, at once.
+
+    A value is the one the procedure names for simulations, or else the middle of the allowed range.
+    """
+
+    name = "simulated"
+
+    def ask(self, question: Question) -> Answer | None:
+        """Confirm, or answer with a value."""
+        if question.notice or not question.wants_value:
+            return Answer("done")
+        value = question.simulated
+        if value is None:
+            bounds = [end for end in (question.low, question.high) if end is not None]
+            if not bounds:
+                raise RigctlError(
+                    "the simulated operator does not know what to answer",
+                    value=question.text,
+                    expected="'simulated: VALUE' in the prompt, or bounds",
+                )
+            value = sum(bounds) / len(bounds)
+        return Answer(show(value, question.unit or "1", digits=6), value)
+
+    def withdraw(self, question: Question) -> None:
+        """Nothing to take back."""
+
+
+class ScriptedOperator:
+    """Answers by name from a table, for unattended runs (`--operator-answers`) and tests.
+
+    Confirmations are given at once; a value that the table does not have is an error.
+    """
+
+    name = "script"
+
+    def __init__(self, answers: Mapping[str, str]) -> None:
+        self._answers = dict(answers)
+
+    def ask(self, question: Question) -> Answer | None:
+        """The table's answer.
+
+        Raises
+        ------
+        RigctlError
+            the table has none, or it does not fit the question.
+        """
+        if question.notice or not question.wants_value:
+            return Answer("done")
+        name = str(question.name)
+        if name not in self._answers:
+            raise RigctlError("no answer was given beforehand", value=name, expected=f"--answer {name}=VALUE")
+        return read_answer(question, self._answers[name])
+
+    def withdraw(self, question: Question) -> None:
+        """Nothing to take back."""

@@ -1,0 +1,83 @@
+"""Which parts of a plan are left to do, and which of the steps before them have to be done again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from rigctl.procedure.actions import Heat, Set, SetLevel
+from rigctl.procedure.plan import Leaf, Loop, Node, RecordNode, children, iteration_path
+
+
+@dataclass(frozen=True)
+class Resume:
+    """What an interrupted run has done already.
+
+    Parameters
+    ----------
+    completed: paths of the records that are complete, with the rounds of their loops.
+    values: measures and operators' answers by name: SI value, unit, and whether it is a difference.
+    """
+
+    completed: frozenset[str]
+    values: dict[str, tuple[float, str, bool]] = field(default_factory=dict)
+
+
+def record_paths(node: Node) -> list[str]:
+    """The paths of every record below, one for each round of counted loops.
+
+    A loop with a condition stands for its first round: how many there will be is not known.
+    """
+    if isinstance(node, RecordNode):
+        return [node.path]
+    inner = [path for child in children(node) for path in record_paths(child)]
+    if isinstance(node, Loop):
+        rounds = range(1, (node.count if node.count is not None else 1) + 1)
+        return [iteration_path(node, number, path) for number in rounds for path in inner]
+    return inner
+
+
+def remaining(nodes: Sequence[Node], done: Callable[[str], bool]) -> list[Node]:
+    """The children of a group that are left to do, with the set-up they rest on.
+
+    Parameters
+    ----------
+    nodes: the children in order.
+    done: whether the record of a path is complete.
+    """
+    records = [[done(path) for path in record_paths(node)] for node in nodes]
+    if not any(any(states) for states in records):
+        return list(nodes)
+    first = next((i for i, states in enumerate(records) if states and not all(states)), len(nodes))
+    return [*setup_before(nodes, first), *nodes[first:]]
+
+
+def setup_before(nodes: Sequence[Node], index: int) -> list[Node]:
+    """The steps before `nodes[index]` that its conditions rest on.
+
+    Everything since the last records before it, and of what came earlier the last temperature, the last
+    level and the last setting of each actuator.
+    """
+    past = [i for i, node in enumerate(nodes[:index]) if record_paths(node)]
+    since = past[-1] + 1 if past else 0
+    direct = list(nodes[since:index])
+    settled: set[str] = set()
+    for node in direct:
+        settled |= _sets(node)
+    earlier: list[Node] = []
+    for node in reversed(nodes[:since]):
+        wanted = _sets(node) - settled
+        if wanted:
+            earlier.insert(0, node)
+            settled |= wanted
+    return [*earlier, *direct]
+
+
+def _sets(node: Node) -> frozenset[str]:
+    """The actuators whose lasting state a step decides; a pulse or a move decides none."""
+    match node:
+        case Leaf(action=Heat(actuator=name) | SetLevel(actuator=name)):
+            return frozenset({name})
+        case Leaf(action=Set(values=values, duration=None)):
+            return frozenset(values)
+    return frozenset()

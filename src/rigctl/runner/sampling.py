@@ -1,0 +1,139 @@
+"""Takes samples: journal, interlocks, the bench's own notices, and what silence means."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.protocol import Sample
+from rigctl.errors import RigctlError
+from rigctl.runner.bench import Bench
+from rigctl.runner.interlocks import Alarm, Interlocks
+from rigctl.runner.outcomes import Ending, Lost, SamplesLost, Tripped
+from rigctl.runner.view import Happening
+from rigctl.runner.waits import Row
+
+#: s of bench time that a record which will be measured again waits for a lost bench to come back
+RECONNECT = 30.0
+
+
+class Sampling:
+    """Every sample of a run passes here, whatever the run is doing.
+
+    Parameters
+    ----------
+    secure: brings outputs to the safe state because of an ending, once for each.
+    """
+
+    def __init__(self, bench: Bench, interlocks: Interlocks, secure: Callable[[Ending], None]) -> None:
+        self._bench = bench
+        self._backend = bench.backend
+        self._next_sample = bench.backend.next_sample
+        self._interlocks = interlocks
+        self._secure = secure
+        self._newest = bench.now  # s, time of the newest sample
+        self.repeatable = False  #: the open record will be measured again if samples are lost
+        self.alarms: dict[str, Alarm] = {}  #: latched, by name
+        self.happenings: deque[Happening] = deque(maxlen=12)
+
+    @property
+    def longest_silence(self) -> float:
+        """How long samples may stay away at the present rate, s."""
+        return self._interlocks.silence_limit(1.0 / self._bench.rate)
+
+    def next_row(self, timeout: float) -> Row | None:
+        """The next sample's row, kept and looked at; None when none came within `timeout` s.
+
+        Raises
+        ------
+        Tripped, SamplesLost, Lost
+            outputs are safe then.
+        """
+        try:
+            sample = self._next_sample(timeout)
+        except BackendLost as error:
+            self._bench.reachable = False
+            self._end(Lost(str(error)))
+        if sample is None:
+            self._collect()
+            return None
+        return self._take(sample)
+
+    def check_silence(self) -> None:
+        """Trip when no sample has come for too long."""
+        bench = self._bench
+        alarm = self._interlocks.check_silence(bench.now, self._newest, 1.0 / bench.rate)
+        if alarm is None:
+            return
+        if self.repeatable:
+            self._await_return(alarm)
+        self._sound([alarm])
+
+    def note(self, time: float, kind: str, message: str) -> None:
+        """Keep something for whoever watches the run."""
+        self.happenings.append(Happening(time, kind, message))
+
+    def _take(self, sample: Sample) -> Row:
+        bench = self._bench
+        row = (sample.time, bench.writer.record, *sample.values, *sample.commands)
+        bench.newest = row
+        self._newest = sample.time
+        try:
+            bench.writer.append(row)
+        except RigctlError as error:
+            self._end(Lost(str(error)))
+        if bench.history.wanted:
+            bench.history.add(row)
+        alarms = self._interlocks.check(row)
+        if alarms:
+            self._sound(alarms)
+        self._collect()
+        return row
+
+    def _collect(self) -> None:
+        """Switches and notices that the bench reports by itself."""
+        self._bench.take_receipts()
+        for notice in self._backend.take_notices():
+            self._bench.writer.event(notice.time, notice.kind, message=notice.message, **notice.fields)
+            self.note(notice.time, notice.kind, notice.message)
+            if notice.kind == "gap" and self.repeatable:
+                self._end(SamplesLost(notice.message))
+
+    def _await_return(self, alarm: Alarm) -> NoReturn:
+        """Give a lost bench time to come back; the record it was lost in will be measured again."""
+        self._bench.event("gap", alarm.message)
+        give_up = self._bench.now + RECONNECT
+        while self._bench.now < give_up:
+            try:
+                sample = self._next_sample(1.0)
+            except BackendLost as error:
+                self._bench.reachable = False
+                self._end(Lost(str(error)))
+            if sample is not None:
+                self._take(sample)
+                self._end(SamplesLost(alarm.message))
+        self._end(Lost(f"{alarm.message}; it did not come back within {RECONNECT:g} s"))
+
+    def _sound(self, alarms: Sequence[Alarm]) -> None:
+        """Log alarms; one that stops ends the step in progress, outputs safe first."""
+        stopping = next((a for a in alarms if a.active and a.action == "stop"), None)
+        tripped = Tripped(stopping.message) if stopping is not None else None
+        if tripped is not None:
+            self._secure(tripped)
+        for alarm in alarms:
+            text = alarm.message if alarm.active else f"{alarm.name}: over"
+            state = "raised" if alarm.active else "cleared"
+            self._bench.event("alarm", text, name=alarm.name, action=alarm.action, state=state)
+            self.note(alarm.time, "alarm", text)
+            if alarm.active:
+                self.alarms[alarm.name] = alarm
+            else:
+                self.alarms.pop(alarm.name, None)
+        if tripped is not None:
+            raise tripped
+
+    def _end(self, ending: Ending) -> NoReturn:
+        self._secure(ending)
+        raise ending

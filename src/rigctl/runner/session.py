@@ -1,0 +1,268 @@
+"""One run from arming to its last line: whatever ends it passes the same cleanup, once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigctl.backends.protocol import Backend
+from rigctl.dataset.writer import RunWriter
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.procedure.plan import Plan
+from rigctl.runner.bench import Bench
+from rigctl.runner.blame import ending_for
+from rigctl.runner.control import ControlFile
+from rigctl.runner.drive import RESPONSE, Driver, Quit
+from rigctl.runner.history import history_for
+from rigctl.runner.interlocks import Interlocks
+from rigctl.runner.operator import Operator
+from rigctl.runner.outcomes import Aborted, Ending, Outcome, SamplesLost, Tripped
+from rigctl.runner.progress import Progress
+from rigctl.runner.requests import Control
+from rigctl.runner.resume import Resume, record_paths
+from rigctl.runner.sampling import Sampling
+from rigctl.runner.signals import Signals
+from rigctl.runner.states import Lifecycle, RunState
+from rigctl.runner.view import View
+from rigctl.runner.walk import Walker
+
+#: samples that are looked at before anything moves
+_ARMING_SAMPLES = 3
+
+Observer = Callable[[View], None]
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a run ended.
+
+    Parameters
+    ----------
+    status: ``finished``, ``failed`` or ``aborted``.
+    reason: why it did not finish, or what was missed; None when all is well.
+    exit_code: what the process returns.
+    folder: the run's folder.
+    records: number of complete records of this session.
+    duration: s of bench time.
+    """
+
+    status: str
+    reason: str | None
+    exit_code: ExitCode
+    folder: Path
+    records: int
+    duration: float
+
+    def summary(self) -> str:
+        """One line for the terminal."""
+        reason = f": {self.reason}" if self.reason else ""
+        return f"{self.folder.name} {self.status}, {self.records} records{reason}"
+
+
+def run(
+    plan: Plan,
+    backend: Backend,
+    writer: RunWriter,
+    *,
+    operator: Operator,
+    control: Control | None = None,
+    observer: Observer | None = None,
+    dry: bool = False,
+    resume_from: Resume | None = None,
+    response: float = RESPONSE,
+) -> RunResult:
+    """Carry out a plan on a bench that has been opened; closes bench and data, however it ends.
+
+    Parameters
+    ----------
+    operator: who answers when the procedure asks.
+    control: requests besides signals and the run's control file: a keyboard, a test.
+    observer: told about ten times a second what the run is doing.
+    dry: arm and read, but move nothing.
+    resume_from: what earlier sessions have done.
+    response: s of wall time between two looks at requests.
+    """
+    with Signals() as signals:
+        session = _Session(plan, backend, writer, operator, resume_from)
+        session.watched_by(control, observer)
+        ending = session.carry_out(signals, response, dry=dry)
+        return session.close(ending)
+
+
+class _Session:
+    """The parts of one run, and the order in which they are used."""
+
+    def __init__(
+        self, plan: Plan, backend: Backend, writer: RunWriter, operator: Operator, resume: Resume | None
+    ) -> None:
+        self._plan = plan
+        self._backend = backend
+        self._writer = writer
+        self._resume = resume or Resume(frozenset())
+        columns = {name: index for index, name in enumerate(plan.rig.layout.columns)}
+        self._bench = Bench(plan.rig, backend, writer, operator, history_for(plan, columns))
+        for name, (value, unit, difference) in self._resume.values.items():
+            self._bench.keep(name, value, unit, difference=difference)
+        self._lifecycle = Lifecycle(self._state_changed)
+        self._interlocks = Interlocks(plan.rig)
+        self._sampling = Sampling(self._bench, self._interlocks, self._secure)
+        self._progress = _progress_of(plan)
+        self._walker = Walker(
+            self._bench,
+            self._progress,
+            self._sampling,
+            secure=self._secure,
+            finish=lambda: self._lifecycle.send("finish"),
+            completed=self._resume.completed,
+        )
+        self._controls: list[Control] = [ControlFile(writer.folder)]
+        self._observer: Observer | None = None
+        self._secured: Ending | None = None
+        self._message = ""
+
+    def watched_by(self, control: Control | None, observer: Observer | None) -> None:
+        """Add who may ask and who looks on."""
+        if control is not None:
+            self._controls.append(control)
+        self._observer = observer
+
+    def carry_out(self, signals: Signals, response: float, *, dry: bool) -> Ending | None:
+        """Arm, walk the plan; what ended it early, or None. Outputs are safe when this returns."""
+        steps = self._walker.plan(self._plan)
+        driver = Driver(
+            self._bench,
+            self._sampling,
+            self._lifecycle,
+            signals,
+            self._controls,
+            secure=self._secure,
+            tick=self._tick,
+            response=response,
+        )
+        ending: Ending | None = None
+        try:
+            self._lifecycle.send("arm")
+            self._arm(driver)
+            if dry:
+                self._lifecycle.send("finish")
+            else:
+                self._lifecycle.send("start")
+                driver.drive(steps, self._walker)
+        except Quit:
+            ending = self._secured or Aborted(f"ended by {signals.name}", exit_code=signals.exit_code)
+        except Exception as error:  # noqa: BLE001 - nothing may keep the outputs from becoming safe
+            ending = ending_for(error, self._bench)
+        if ending is not None and ending is not self._secured:
+            self._secure(ending)
+        with suppress(Exception):  # closes what a second signal left open; the outputs are safe already
+            steps.close()
+        self._bench.make_safe("end of the run")
+        return ending
+
+    def close(self, ending: Ending | None) -> RunResult:
+        """Let the bench go, close the data, say how it was."""
+        duration = self._bench.now
+        status, event, reason, code = self._verdict(ending)
+        self._backend.close()
+        self._message = reason or ""
+        self._lifecycle.send(event)
+        try:
+            self._writer.close(status, reason)
+        except RigctlError as error:
+            reason = str(error) if reason is None else f"{reason}; {error}"
+            status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
+        self._tick()
+        for control in self._controls:
+            control.close()
+        return RunResult(status, reason, code, self._writer.folder, self._progress.records_done, duration)
+
+    def _arm(self, driver: Driver) -> None:
+        """Read the bench and look at the interlocks before anything moves.
+
+        Raises
+        ------
+        Tripped
+            a limit is exceeded already.
+        """
+        bench = self._bench
+        bench.start(bench.rig.monitor_rate)
+        rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
+        while not rows:  # a bench that stays silent trips the interlock for that
+            rows = driver.watch(1.0 / bench.rate)
+        first = len(bench.rig.layout.columns) - len(bench.rig.layout.commands)
+        bench.commanded = dict(zip(bench.rig.layout.commands, rows[-1][first:], strict=True))
+        alarms = self._interlocks.check_arming(rows)
+        if alarms:
+            raise Tripped("not armed: " + "; ".join(alarm.message for alarm in alarms))
+
+    def _secure(self, ending: Ending) -> None:
+        """Outputs safe, first of all and once for each ending."""
+        if ending is self._secured:
+            return
+        self._secured = ending
+        self._bench.make_safe(ending.reason)
+        if not isinstance(ending, SamplesLost):
+            self._message = self._message or ending.reason
+            self._lifecycle.send("make_safe")
+            self._lifecycle.send("clean_up")
+
+    def _verdict(self, ending: Ending | None) -> tuple[str, str, str | None, ExitCode]:
+        """Status, event of the state machine, reason, exit code."""
+        if ending is None:
+            if self._walker.missed:
+                return "finished", "succeed", "a measure lay outside its limits", ExitCode.FAILED
+            return "finished", "succeed", None, ExitCode.DONE
+        place = f"{ending.where}: " if ending.where is not None and ending.where.line else ""
+        reason = f"{place}{ending.reason}"
+        if ending.outcome is Outcome.ABORTED:
+            code = ending.exit_code if ending.exit_code is not ExitCode.FAILED else ExitCode.INTERRUPTED
+            return "aborted", "abort", reason, code
+        return "failed", "fail", reason, ending.exit_code
+
+    def _state_changed(self, before: RunState, event: str, after: RunState) -> None:
+        bench = self._bench
+        bench.event("state", f"{before.value} → {after.value}", state=after.value, event=event)
+        self._sampling.note(bench.now, "state", after.value)
+
+    def _tick(self) -> None:
+        """Tell whoever looks on; one that fails is not told again."""
+        if self._observer is None and not self._controls:
+            return
+        view = self._view()
+        for control in self._controls:
+            control.publish(view)
+        if self._observer is not None:
+            try:
+                self._observer(view)
+            except Exception as error:  # noqa: BLE001 - a display must not end a run
+                self._observer = None
+                self._bench.event("note", f"the display failed and is off: {error!r}")
+
+    def _view(self) -> View:
+        bench, progress, now = self._bench, self._progress, self._bench.now
+        newest: Sequence[float] = bench.newest or ()
+        question = bench.question
+        return View(
+            run=self._writer.id,
+            state=self._lifecycle.state.value,
+            time=now,
+            path=bench.path,
+            label=progress.label,
+            record=self._writer.record,
+            records_done=progress.records_done,
+            records_total=progress.records_total,
+            progress=progress.share(now),
+            time_left=progress.left(now),
+            values=dict(zip(bench.rig.layout.channels, newest[2:], strict=False)),
+            commands=dict(bench.commanded),
+            alarms=tuple(self._sampling.alarms.values()),
+            happenings=tuple(self._sampling.happenings),
+            question=str(question) if question is not None else None,
+            message=self._message,
+        )
+
+
+def _progress_of(plan: Plan) -> Progress:
+    return Progress({}, len(record_paths(plan.root)))

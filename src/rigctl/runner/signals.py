@@ -1,0 +1,53 @@
+"""Signals become flags; what follows from them is decided in the runner's own loop."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from rigctl.errors import ExitCode
+
+#: Ctrl-C
+_INTERRUPT = ("SIGINT",)
+#: the system, a closed terminal (POSIX), a closed console window (Windows)
+_TERMINATE = ("SIGTERM", "SIGHUP", "SIGBREAK")
+
+
+class Signals:
+    """Counts the signals that ask for the end, while it is entered; hands the old handlers back afterwards.
+
+    Outside the main thread, where Python allows no handlers, it does nothing.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0  #: all of them; the second one skips the cleanup blocks
+        self.exit_code = ExitCode.INTERRUPTED  #: what the first one stands for
+        self.name = ""
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for names, code in ((_INTERRUPT, ExitCode.INTERRUPTED), (_TERMINATE, ExitCode.TERMINATED)):
+                for name in names:
+                    number = getattr(signal, name, None)
+                    if number is not None:
+                        self._before[number] = signal.signal(number, self._handler(name, code))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before.clear()
+
+    def _handler(self, name: str, code: ExitCode) -> Callable[[int, FrameType | None], None]:
+        def count(_number: int, _frame: FrameType | None) -> None:
+            if self.count == 0:
+                self.name, self.exit_code = name, code
+            self.count += 1
+
+        return count

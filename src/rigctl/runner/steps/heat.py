@@ -1,0 +1,81 @@
+"""`heat`: bring the oil to a temperature and let it settle there."""
+
+from __future__ import annotations
+
+from rigctl.procedure.actions import Heat
+from rigctl.runner.bench import Bench
+from rigctl.runner.outcomes import Outcome, StepFailed
+from rigctl.runner.smoothing import Settling
+from rigctl.runner.steps.seen import reading
+from rigctl.runner.waits import Behaviour, Until, every_sample
+
+
+def heat(action: Heat, bench: Bench) -> Behaviour:
+    """Switch the heater with hysteresis until the mean reading has been within tolerance for `settle` s.
+
+    Oil that is too hot cools by itself. The heater is off when the step is over, however it ends.
+
+    Raises
+    ------
+    StepFailed
+        it did not settle within `timeout` s; says what was seen.
+    """
+    column = bench.columns[action.channel]
+    settling = Settling(action.to, action.within, action.settle)
+    heater = _Thermostat(action, bench)
+    give_up = bench.now + action.timeout
+    row = yield from bench.fresh()
+    try:
+        while not settling.add(row[0], row[column]):
+            heater.regulate(row[0], settling.mean)
+            sample = yield Until(give_up, every_sample)
+            if sample is None:
+                raise StepFailed(_gave_up(action, bench, settling), outcome=Outcome.TIMED_OUT)
+            row = sample
+    finally:
+        heater.off()
+    return Outcome.COMPLETE
+
+
+class _Thermostat:
+    """On below the band, off above it, unchanged inside; never switched faster than the actuator allows."""
+
+    def __init__(self, action: Heat, bench: Bench) -> None:
+        actuator = bench.rig.actuators[action.actuator]
+        role = bench.rig.roles.heat
+        own = role.hysteresis if role is not None else None
+        self._band = min(0.5 * action.within if own is None else float(own), action.within)
+        self._bench = bench
+        self._action = action
+        self._on = float(actuator.high) if actuator.high is not None else 1.0
+        self._off = bench.safe_value(action.actuator)
+        self._rest = actuator.min_interval
+        self._next_switch = -1.0
+
+    def regulate(self, time: float, mean: float) -> None:
+        """Decide by the mean reading."""
+        if mean < self._action.to - self._band:
+            wanted = self._on
+        elif mean > self._action.to + self._band:
+            wanted = self._off
+        else:
+            return
+        if time >= self._next_switch and self._bench.commanded.get(self._action.actuator) != wanted:
+            self._bench.command(self._action.actuator, wanted)
+            self._next_switch = time + self._rest
+
+    def off(self) -> None:
+        """Leave it off; a bench that is gone has a watchdog for that."""
+        if self._bench.reachable and self._bench.commanded.get(self._action.actuator) != self._off:
+            self._bench.command(self._action.actuator, self._off)
+
+
+def _gave_up(action: Heat, bench: Bench, settling: Settling) -> str:
+    def shown(value: float) -> str:
+        return reading(bench, action.channel, value)
+
+    tolerance = reading(bench, action.channel, action.within, difference=True)
+    return (
+        f"{action.channel} did not settle at {shown(action.to)} ± {tolerance} within {action.timeout:g} s: "
+        f"it was {shown(settling.mean)}, lowest {shown(settling.lowest)}, highest {shown(settling.highest)}"
+    )

@@ -1,0 +1,57 @@
+"""What a run is doing, for people and programs that watch it: a cheap snapshot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rigctl.runner.interlocks import Alarm
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that was logged and is worth showing."""
+
+    time: float
+    kind: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A snapshot of a run in progress; values SI, times s of bench time.
+
+    Parameters
+    ----------
+    run: the run's id.
+    state: of the run, e.g. ``running``.
+    time: now.
+    path, label: of the step in progress.
+    record: index of the open record, −1 between records.
+    records_done, records_total: how many records are complete, and how many the plan has.
+    progress: share of the expected duration that is done, 0 to 1.
+    time_left: expected, s; None when it is unknown.
+    values: the newest reading of every channel by name.
+    commands: what every actuator is told.
+    alarms: every alarm that is latched.
+    happenings: the newest events, oldest first.
+    question: what the operator is being asked, or None.
+    message: why the run ended, or what it is waiting for.
+    """
+
+    run: str
+    state: str
+    time: float
+    path: str = ""
+    label: str = ""
+    record: int = -1
+    records_done: int = 0
+    records_total: int = 0
+    progress: float = 0.0
+    time_left: float | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+    commands: Mapping[str, float] = field(default_factory=dict)
+    alarms: tuple[Alarm, ...] = ()
+    happenings: tuple[Happening, ...] = ()
+    question: str | None = None
+    message: str = ""

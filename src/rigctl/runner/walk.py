@@ -1,0 +1,267 @@
+"""Walks a plan: one generator that yields what the step in progress waits for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import count
+
+from rigctl.procedure.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, iteration_path
+from rigctl.runner.bench import Bench
+from rigctl.runner.blame import ending_for
+from rigctl.runner.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
+from rigctl.runner.progress import Progress
+from rigctl.runner.resume import record_paths, remaining, setup_before
+from rigctl.runner.sampling import Sampling
+from rigctl.runner.steps import behaviour
+from rigctl.runner.waits import CHECKPOINT, OnPause, Until, Waiting, every_sample
+
+#: s of bench time that one step of a cleanup block may take after something went wrong
+CLEANUP_STEP_LIMIT = 60.0
+
+
+class Restart(Exception):
+    """The step in progress begins again, after a pause."""
+
+
+class Walker:
+    """Carries out a plan on a bench.
+
+    Parameters
+    ----------
+    secure: brings outputs to the safe state because of an ending, before any cleanup block runs.
+    finish: tells that all steps are done and only the procedure's own `finally` is left.
+    completed: paths of records that an earlier session has completed.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        progress: Progress,
+        sampling: Sampling,
+        *,
+        secure: Callable[[Ending], None],
+        finish: Callable[[], None],
+        completed: frozenset[str] = frozenset(),
+    ) -> None:
+        self._bench = bench
+        self._progress = progress
+        self._sampling = sampling
+        self._secure = secure
+        self._finish = finish
+        self._completed = completed
+        self._rounds: list[tuple[Loop, int]] = []
+        self._hopeless = False  # no further cleanup block can be carried out
+        self.limit = math.inf  #: s, when the step in progress has to be over
+        self.missed = False  #: a measure lay outside its limits and the procedure went on
+        self.baseline: dict[str, float] = {}  #: what was commanded when the step in progress began
+
+    def plan(self, plan: Plan) -> Waiting:
+        """The whole plan.
+
+        Raises
+        ------
+        Ending
+            what ended it early, after every cleanup block.
+        """
+        ending: Ending | None = None
+        try:
+            yield from self._group(plan.root)
+            self._finish()
+        except Ending as error:
+            ending = error
+        yield from self._unwind(plan.on_failure, plan.on_abort, plan.finally_, ending)
+        if ending is not None:
+            raise ending
+
+    # --- groups ------------------------------------------------------------------------------------------
+
+    def _group(self, group: Group) -> Waiting:
+        ending: Ending | None = None
+        nodes: Sequence[Node] = group.children
+        if self._completed:
+            nodes = remaining(nodes, self._done)
+        try:
+            for index, node in enumerate(nodes):
+                if isinstance(node, RecordNode) and node.retries:
+                    yield from self._repeated_record(nodes, index, node)
+                else:
+                    yield from self._node(node)
+        except Ending as error:
+            ending = error
+        yield from self._unwind(group.on_failure, group.on_abort, group.finally_, ending)
+        if ending is not None:
+            raise ending
+
+    def _unwind(
+        self, on_failure: Group | None, on_abort: Group | None, last: Group | None, ending: Ending | None
+    ) -> Waiting:
+        """The cleanup blocks that an ending, or a good end, calls for."""
+        if ending is None:
+            if last is not None:
+                yield from self._group(last)
+            return
+        for block in (on_abort if ending.aborted else on_failure, last):
+            if block is not None:
+                yield from self._cleanup(block)
+
+    def _cleanup(self, block: Group) -> Waiting:
+        """Every step of a cleanup block, each bounded in time, whatever becomes of the ones before."""
+        for node in block.children:
+            if self._hopeless or not self._bench.reachable:
+                self._bench.event("note", f"cleanup step left out: {node.label}")
+                continue
+            self.limit = self._bench.now + CLEANUP_STEP_LIMIT
+            try:
+                yield from self._node(node)
+            except Ending as ending:
+                self._hopeless = isinstance(ending, Tripped | Lost)
+                self._bench.event("note", f"cleanup step failed: {node.label}: {ending.reason}")
+            finally:
+                self.limit = math.inf
+
+    def _node(self, node: Node) -> Waiting:
+        match node:
+            case Leaf():
+                return self._leaf(node)
+            case Group():
+                return self._group(node)
+            case RecordNode():
+                return self._record(node)
+            case Loop():
+                return self._loop(node)
+            case Branch():
+                return self._branch(node)
+
+    def _loop(self, loop: Loop) -> Waiting:
+        bench = self._bench
+        for number in count(1):
+            if loop.count is not None and number > loop.count:
+                return
+            if loop.condition is not None:
+                bench.path = self._path(loop.path)
+                yield CHECKPOINT
+                row = yield from bench.fresh()
+                if not bench.condition(loop.condition)(row):
+                    return
+            if number > loop.max_iterations:
+                raise self._fail(loop, f"the loop has not ended after {loop.max_iterations} rounds")
+            self._rounds.append((loop, number))
+            try:
+                paths = record_paths(loop.body) if self._completed else []
+                if not paths or not all(self._done(path) for path in paths):
+                    yield from self._group(loop.body)
+            finally:
+                self._rounds.pop()
+
+    def _branch(self, branch: Branch) -> Waiting:
+        bench = self._bench
+        bench.path = self._path(branch.path)
+        yield CHECKPOINT
+        row = yield from bench.fresh()
+        holds = bool(bench.condition(branch.condition)(row))
+        bench.event("step", branch.label, state="decided", outcome=str(holds).lower())
+        chosen = branch.then if holds else branch.otherwise
+        if chosen is not None:
+            yield from self._group(chosen)
+
+    # --- steps -------------------------------------------------------------------------------------------
+
+    def _leaf(self, leaf: Leaf) -> Waiting:
+        bench = self._bench
+        bench.path = path = self._path(leaf.path)
+        self._progress.begin(leaf.path, path, leaf.label, bench.now)
+        bench.writer.event(bench.now, "step", path=path, message=leaf.label, state="begin")
+        self.baseline = dict(bench.commanded)
+        try:
+            yield CHECKPOINT
+            while True:
+                try:
+                    outcome = yield from behaviour(leaf.action, bench)
+                    break
+                except Restart:
+                    bench.event("note", "the step begins again after a pause")
+        except Exception as error:  # noqa: BLE001 - whatever it is, outputs become safe and cleanup runs
+            ending = ending_for(error, bench)
+            ending.where = ending.where or leaf.where
+            bench.event("step", f"{leaf.label}: {ending.reason}", state="end", outcome=ending.outcome.value)
+            self._secure(ending)
+            raise ending from None
+        self.missed = self.missed or outcome is Outcome.MISSED
+        bench.writer.event(bench.now, "step", path=path, state="end", outcome=outcome.value)
+        self._progress.end(leaf.path, bench.now)
+
+    def _record(self, node: RecordNode, *, repeatable: bool = False) -> Waiting:
+        """Open the record, carry out its body, close it with its outcome."""
+        bench, path = self._bench, self._path(node.path)
+        bench.path = path
+        if path in self._completed:
+            bench.event("step", node.label, state="end", outcome=Outcome.SKIPPED.value)
+            return
+        outcome = Outcome.FAILED
+        try:
+            self._open(node, path)
+            self._sampling.repeatable = repeatable
+            yield Until(when=every_sample, on_pause=OnPause.DEFER)
+            yield from self._group(node.body)
+            yield CHECKPOINT
+            outcome = Outcome.COMPLETE
+        except Ending as ending:
+            outcome = ending.outcome
+            raise
+        finally:
+            self._sampling.repeatable = False
+            self._close(outcome)
+        self._progress.records_done += 1
+
+    def _repeated_record(self, nodes: Sequence[Node], index: int, node: RecordNode) -> Waiting:
+        """A record that is measured again, with the set-up before it, when samples were lost inside."""
+        for left in range(node.retries, -1, -1):
+            try:
+                yield from self._record(node, repeatable=left > 0)
+                return
+            except SamplesLost as lost:
+                self._bench.event("note", f"{node.label} is measured again: {lost.reason}")
+                for step in setup_before(nodes, index):
+                    yield from self._node(step)
+
+    def _open(self, node: RecordNode, path: str) -> None:
+        bench = self._bench
+        try:
+            bench.writer.open_record(bench.now, node.name, node.sweep, path, node.rate)
+            bench.history.begin_record(bench.now)
+            bench.start(node.rate)
+        except Exception as error:  # noqa: BLE001 - as for a step
+            ending = ending_for(error, bench)
+            self._secure(ending)
+            raise ending from None
+
+    def _close(self, outcome: Outcome) -> None:
+        bench = self._bench
+        if not bench.recording:
+            return
+        bench.history.end_record()
+        try:
+            bench.writer.close_record(bench.now, outcome.value)
+            if bench.reachable:
+                bench.start(bench.rig.monitor_rate)
+        except Exception as error:  # noqa: BLE001 - as for a step
+            ending = ending_for(error, bench)
+            self._secure(ending)
+            raise ending from None
+
+    # --- places ------------------------------------------------------------------------------------------
+
+    def _path(self, path: str) -> str:
+        """The path of a node with the rounds of the loops around it."""
+        for loop, number in reversed(self._rounds):
+            path = iteration_path(loop, number, path)
+        return path
+
+    def _done(self, path: str) -> bool:
+        return self._path(path) in self._completed
+
+    def _fail(self, node: Node, reason: str) -> Ending:
+        ending = StepFailed(reason, where=node.where)
+        self._secure(ending)
+        return ending
