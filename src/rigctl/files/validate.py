@@ -42,6 +42,9 @@ _EXPECTED = {
     "none_required": "nothing",
 }
 
+#: up to so many valid values are listed beside the nearest one
+_FEW = 6
+
 #: complaints about a bound: the words around it
 _BOUNDS = {
     "greater_than": ("too small", "more than {gt}"),
@@ -150,9 +153,9 @@ def _from_kind(  # noqa: PLR0911 - one for each kind of complaint
     if kind in ("literal_error", "enum", "union_tag_invalid"):
         names = _literals(context.get("expected") or context.get("expected_tags", ""))
         value = str(context.get("tag", written))
-        return RigctlError(
-            "not a known value", value=value, expected=_or(names), nearest=nearest_name(value, names)
-        )
+        near = nearest_name(value, names)
+        listed = None if near and len(names) > _FEW else _or(names)
+        return RigctlError("not a known value", value=value, expected=listed, nearest=near)
     if kind == "union_tag_not_found":
         field = str(context.get("discriminator", "")).strip("'")
         return RigctlError(f"the field '{field}' is missing")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -25,12 +26,12 @@ class Layout:
     units: tuple[str, ...]  #: one for each of `columns`
     differences: frozenset[str] = frozenset()
 
-    @property
+    @cached_property
     def columns(self) -> tuple[str, ...]:
         """``time`` and ``record``, the channels, the commands."""
         return (TIME, RECORD, *self.channels, *self.commands)
 
-    @property
+    @cached_property
     def signals(self) -> tuple[str, ...]:
         """What a condition can name, in the order of ``Sample.values + Sample.commands``."""
         return (*self.channels, *self.commands)

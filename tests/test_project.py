@@ -1,0 +1,71 @@
+"""The project around a folder, and the files its paths mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.project import Project, find_project
+
+
+def test_the_nearest_marker_upwards_is_the_root(tmp_path: Path) -> None:
+    (tmp_path / "rigctl.toml").write_text('runs = "data/runs"\n', encoding="utf-8")
+    inner = tmp_path / "a" / "b"
+    inner.mkdir(parents=True)
+    assert find_project(inner) == Project(tmp_path, tmp_path / "data" / "runs")
+
+
+def test_without_a_marker_it_is_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_project() == Project(tmp_path, tmp_path / "runs")
+
+
+def test_runs_may_be_kept_elsewhere(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    (tmp_path / "rigctl.toml").write_text(f"runs = '{elsewhere}'\n", encoding="utf-8")
+    assert find_project(tmp_path).runs == elsewhere
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"runs = ", "not valid TOML"),
+        (b"rusn = 'x'", "unknown setting, got 'rusn'; did you mean 'runs'?"),
+        (b"runs = 3", "runs: wrong kind of value, got '3'; expected a folder"),
+        (b"runs = ''", "runs: wrong kind of value"),
+        (b"runs = '\xff'", "not UTF-8"),
+    ],
+)
+def test_a_broken_marker_is_named(tmp_path: Path, content: bytes, message: str) -> None:
+    marker = tmp_path / "rigctl.toml"
+    marker.write_bytes(content)
+    with pytest.raises(RigctlError) as caught:
+        find_project(tmp_path)
+    assert message in str(caught.value)
+    assert caught.value.where.file == marker
+
+
+def test_a_path_is_tried_beside_the_file_then_in_the_root_then_among_the_shipped(tmp_path: Path) -> None:
+    project = Project(tmp_path, tmp_path / "runs")
+    procedure = tmp_path / "procedures" / "p.yaml"
+    beside, root = tmp_path / "procedures" / "rigs" / "x.yaml", tmp_path / "rigs" / "x.yaml"
+    assert project.resolve("rigs/hl32-bench.yaml", procedure) == shipped("rigs", "hl32-bench.yaml")
+    for path in (root, beside):
+        path.parent.mkdir(parents=True)
+        path.write_text("", encoding="utf-8")
+        assert project.resolve("rigs/x.yaml", procedure) == path
+    assert project.resolve("rigs/x.yaml") == root
+    assert project.resolve(root) == root
+
+
+@pytest.mark.parametrize("path", ["rigs/none.yaml", "a\0b", "~nobody-of-that-name/x", "x" * 5000])
+def test_a_file_that_is_nowhere(tmp_path: Path, path: str) -> None:
+    project = Project(tmp_path, tmp_path / "runs")
+    with pytest.raises(RigctlError, match="there is no such file") as caught:
+        project.resolve(path, tmp_path / "p" / "p.yaml")
+    assert caught.value.value == path
+    assert caught.value.hint is not None
+    assert str(tmp_path / "p") in caught.value.hint
