@@ -1,6 +1,22 @@
 """A model: a family's base equations, effects, and the values of their parameters."""
 
 from rigctl.model.build import Effects, build_system, superset
-from rigctl.model.values import parameter_values
+from rigctl.model.inputs import InputSource, input_sources, input_values
+from rigctl.model.load import load_model, parse_model
+from rigctl.model.model import Model, Value
+from rigctl.model.values import family_of, parameter_values
 
-__all__ = ["Effects", "build_system", "parameter_values", "superset"]
+__all__ = [
+    "Effects",
+    "InputSource",
+    "Model",
+    "Value",
+    "build_system",
+    "family_of",
+    "input_sources",
+    "input_values",
+    "load_model",
+    "parameter_values",
+    "parse_model",
+    "superset",
+]

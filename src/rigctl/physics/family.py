@@ -45,7 +45,7 @@ class InputVariable:
     """A quantity that is commanded or given from outside, constant between two switches.
 
     `value` is what it has when nobody says (SI). With `delay`, its switches act later: a formula of the scope
-    and of the commanded values before and after, in s.
+    and of the commanded values before and after, in s. `role` is the rig's role whose actuator commands it.
     """
 
     name: str
@@ -53,6 +53,7 @@ class InputVariable:
     value: float
     meaning: str
     delay: Callable[[Scope, Scalar, Scalar], Scalar] | None = None
+    role: Literal["move", "heat", "set_pressure"] | None = None
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,13 @@ STATES = (
 )
 
 INPUTS = (
-    InputVariable("valve", "1", 0.0, "-1 retract, 0 neutral, 1 extend", delay=piston.valve_delay),
-    InputVariable("heater_power", "W", 0.0, "electrical power of the heaters"),
-    InputVariable("pressure_setpoint", "Pa", 20e5, "setting of the relief valve at full flow"),
+    InputVariable(
+        "valve", "1", 0.0, "-1 retract, 0 neutral, 1 extend", delay=piston.valve_delay, role="move"
+    ),
+    InputVariable("heater_power", "W", 0.0, "electrical power of the heaters", role="heat"),
+    InputVariable(
+        "pressure_setpoint", "Pa", 20e5, "setting of the relief valve at full flow", role="set_pressure"
+    ),
     InputVariable("ambient_temperature", "K", 295.15, "around the tank"),
     InputVariable("pump", "1", 1.0, "1 runs, 0 stands"),
 )

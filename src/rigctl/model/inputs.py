@@ -1,0 +1,87 @@
+"""What a bench's commands mean to its model: which actuator is which input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rigctl.errors import RigctlError
+from rigctl.physics.families import find_family
+from rigctl.physics.family import InputVariable, ModelFamily
+from rigctl.rig.rig import Rig
+
+
+@dataclass(frozen=True)
+class InputSource:
+    """One input of the model: ``value + sum of factor * command`` over `actuators`, all SI."""
+
+    input: str
+    value: float
+    actuators: tuple[tuple[str, float], ...] = ()
+
+    def of(self, commands: Mapping[str, float]) -> float:
+        """The input's value for the actuators' SI values."""
+        return self.value + sum(factor * commands[name] for name, factor in self.actuators)
+
+
+def input_sources(
+    family: str | ModelFamily, rig: Rig, given: Mapping[str, float] | None = None
+) -> tuple[InputSource, ...]:
+    """Where each input of `family` comes from on `rig`, in the family's order.
+
+    An input is commanded by the actuator of its role, or by one of its own name; else it is constant:
+    `given`, the rig's constant of that name, or the family's usual value.
+
+    Raises
+    ------
+    RigctlError
+        the heater is a switch whose power the rig does not say.
+    """
+    chosen = find_family(family) if isinstance(family, str) else family
+    return tuple(_source(item, rig, given or {}) for item in chosen.inputs)
+
+
+def input_values(sources: tuple[InputSource, ...], commands: Mapping[str, float]) -> list[float]:
+    """The inputs' values for the actuators' SI values, in order."""
+    return [source.of(commands) for source in sources]
+
+
+def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputSource:
+    actuators = _of_role(item, rig)
+    if actuators:
+        return InputSource(item.name, 0.0, actuators)
+    if item.name in rig.actuators:
+        return InputSource(item.name, 0.0, ((item.name, 1.0),))
+    known = {**rig.constants, **given}
+    return InputSource(item.name, float(known.get(item.name, item.value)))
+
+
+def _of_role(item: InputVariable, rig: Rig) -> tuple[tuple[str, float], ...]:
+    if item.role == "move":
+        return _of_moves(rig)
+    if item.role == "heat" and rig.roles.heat is not None:
+        return ((rig.roles.heat.actuator, _power(rig, rig.roles.heat.actuator)),)
+    if item.role == "set_pressure" and rig.roles.set_pressure is not None:
+        return ((rig.roles.set_pressure.actuator, 1.0),)
+    return ()
+
+
+def _of_moves(rig: Rig) -> tuple[tuple[str, float], ...]:
+    """One valve with three positions, or a solenoid for each direction."""
+    factors: dict[str, float] = {}
+    for role, direction in ((rig.roles.extend, 1.0), (rig.roles.retract, -1.0)):
+        position = 0.0 if role is None else rig.actuators[role.actuator].read(role.value)
+        if role is not None and position:
+            factors[role.actuator] = direction / position
+    return tuple(factors.items())
+
+
+def _power(rig: Rig, name: str) -> float:
+    actuator = rig.actuators[name]
+    if actuator.power is not None:
+        return actuator.power
+    if actuator.unit is None or actuator.unit in ("1", "%"):
+        raise RigctlError(
+            f"the rig '{rig.name}' does not say the power of '{name}'", hint="Add 'power: 2000 W', say, to it"
+        )
+    return 1.0

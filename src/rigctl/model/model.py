@@ -1,0 +1,159 @@
+"""A model: what its file says, checked and in SI. Changing one makes another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.registry import find_effect
+from rigctl.engine.system import System
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.model.build import build_system, superset
+from rigctl.model.values import parameter_values
+from rigctl.physics.family import ModelFamily
+from rigctl.rig.rig import Rig
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter's value in SI, and whether a fit may change it."""
+
+    si: float
+    fit: bool = False
+
+
+@dataclass(frozen=True)
+class Model:
+    """A family with a bench, parameters and effects.
+
+    Attributes
+    ----------
+    family: whose equations these are.
+    rig: the bench, which gives dimensions and channels; None for a model of no bench.
+    oil: the fluid when it is not the rig's.
+    parameters: what the file says of the family's parameters.
+    effects: by name, each with all of its parameters.
+    path: the file, when there is one.
+    """
+
+    family: ModelFamily
+    rig: Rig | None = None
+    oil: str | None = None
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+    description: str = ""
+    path: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending, or the family's."""
+        return self.path.stem if self.path else self.family.name
+
+    @cached_property
+    def values(self) -> Mapping[str, float]:
+        """Every parameter of its system in SI, effects' under their qualified names."""
+        given = {name: value.si for name, value in self.parameters.items()}
+        values = parameter_values(self.family, self.rig, given, self.oil)
+        for effect, parameters in self.effects.items():
+            values |= {qualified(effect, name): value.si for name, value in parameters.items()}
+        return MappingProxyType(values)
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """The parameters that a fit may change, by the names of `values`."""
+        own = [name for name, value in self.parameters.items() if value.fit]
+        for effect, parameters in self.effects.items():
+            own += [qualified(effect, name) for name, value in parameters.items() if value.fit]
+        return tuple(own)
+
+    def system(self, *, library: bool = False) -> System:
+        """Its equations; with `library`, every other effect of the library is in them at its null.
+
+        Raises
+        ------
+        RigctlError
+            an effect's term does not fit.
+        """
+        effects = {
+            name: {parameter: value.si for parameter, value in parameters.items()}
+            for name, parameters in self.effects.items()
+        }
+        return build_system(
+            self.family,
+            superset(self.family, effects) if library else effects,
+            self.rig,
+            parameters={name: value.si for name, value in self.parameters.items()},
+            oil=self.oil,
+        )
+
+    def with_effect(self, name: str, values: Mapping[str, float], *, fit: bool = True) -> Model:
+        """The model with one more effect; what `values` leaves out has its typical size.
+
+        Base physics that was taken away comes back with the family's own values. With `fit`, later fits may
+        change the effect's parameters, its shapes excepted.
+
+        Raises
+        ------
+        RigctlError
+            the effect or a parameter of it is unknown, or the model has it already.
+        """
+        effect = find_effect(name, self.family.name)
+        if effect.base:
+            return self._with_base(effect, present=True)
+        if name in self.effects:
+            raise RigctlError("the model has this effect already", value=name)
+        for parameter in values:
+            effect.parameter(parameter)
+        settings = {
+            p.name: Value(float(values.get(p.name, p.start)), fit and not p.shape) for p in effect.parameters
+        }
+        return replace(self, effects=MappingProxyType({**self.effects, name: settings}))
+
+    def without_effect(self, name: str) -> Model:
+        """The model without an effect; base physics is taken away by its null value.
+
+        Raises
+        ------
+        RigctlError
+            the model does not have it.
+        """
+        if name in self.effects:
+            rest = {other: values for other, values in self.effects.items() if other != name}
+            return replace(self, effects=MappingProxyType(rest))
+        base = find_effect(name, self.family.name)
+        if not base.base:
+            raise unknown_name("effect of this model", name, self.effects)
+        return self._with_base(base, present=False)
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """The model with other values (SI, names as in `values`), what is fitted staying as it is.
+
+        Raises
+        ------
+        RigctlError
+            a name is none of the model's.
+        """
+        parameters = dict(self.parameters)
+        effects = {effect: dict(own) for effect, own in self.effects.items()}
+        for name, value in values.items():
+            if name not in self.values:
+                raise unknown_name("parameter of the model", name, self.values)
+            effect, dot, parameter = name.partition(".")
+            place = effects[effect] if dot else parameters
+            key = parameter if dot else name
+            place[key] = Value(float(value), place[key].fit if key in place else False)
+        return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
+
+    def _with_base(self, effect: Effect, *, present: bool) -> Model:
+        own = parameter_values(self.family, self.rig, None, self.oil)
+        changed = {name: own[name] if present else nothing for name, nothing in effect.base.items()}
+        model = self.with_values(changed)
+        settings = {
+            name: replace(value, fit=value.fit and present) if name in changed else value
+            for name, value in model.parameters.items()
+        }
+        return replace(model, parameters=MappingProxyType(settings))

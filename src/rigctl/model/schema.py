@@ -1,0 +1,52 @@
+"""A model file as a user writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from rigctl.files.quantity import AnyQuantity
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Setting(_Part):
+    """A parameter's value: ``4.05 mm^2``, or ``{value: 4.05 mm^2, fit: true}``."""
+
+    value: AnyQuantity = Field(description="with its unit")
+    fit: bool = Field(default=False, description="whether a fit or a diagnosis may change it")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _value_alone(cls, written: object) -> object:
+        return written if isinstance(written, Mapping | Setting) else {"value": written}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A quantity alone, or the mapping."""
+        mapping = handler.resolve_ref_schema(handler(schema))
+        properties: dict[str, Any] = mapping["properties"]
+        return {"anyOf": [properties["value"], mapping]}
+
+
+class ModelFile(_Part):
+    """A family, the bench it is of, and the values of its parameters and effects."""
+
+    model: str = Field(description="the model family, e.g. hydraulic_cylinder")
+    description: str = Field(default="", description="for reports")
+    rig: str | None = Field(default=None, description="the bench's rig file")
+    oil: str | None = Field(default=None, description="the fluid, instead of the rig's")
+    parameters: dict[Name, Setting] = Field(default_factory=dict, description="of the family")
+    effects: dict[Name, dict[Name, Setting]] = Field(
+        default_factory=dict, description="what the model has besides its base, by name"
+    )

@@ -1,0 +1,154 @@
+"""Model files: read with places, changed without side effects, turned into systems."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.model import Model, input_sources, input_values, load_model, parse_model
+from rigctl.physics.hydraulic_cylinder import HYDRAULIC_CYLINDER
+from rigctl.rig.load import load_rig
+
+TEXTBOOK = shipped("models", "hl32-textbook.yaml")
+BENCH = shipped("rigs", "hl32-bench.yaml")
+
+
+def model(text: str) -> Model:
+    return parse_model("model: hydraulic_cylinder\n" + text, Path("m.yaml"))
+
+
+def test_the_shipped_model_is_the_textbook() -> None:
+    textbook = load_model(TEXTBOOK)
+    assert textbook.family is HYDRAULIC_CYLINDER
+    assert textbook.effects == {}
+    assert textbook.fitted == (
+        "flow_area",
+        "viscous_damping",
+        "moving_mass",
+        "spool_time",
+        "dead_volume_a",
+        "dead_volume_b",
+    )
+    assert textbook.values["flow_area"] == pytest.approx(4.05e-6)
+    assert textbook.values["edge_area"] == pytest.approx(28e-6)  # from the rig file
+    assert textbook.name == "hl32-textbook"
+    system = textbook.system()
+    assert system.state_names == tuple(state.name for state in HYDRAULIC_CYLINDER.states)
+    assert system.output_names == ("oil_temperature", "supply_pressure", "position")
+
+
+def test_with_the_library_the_system_holds_every_effect_at_null() -> None:
+    system = load_model(TEXTBOOK).system(library=True)
+    nominal = dict(zip(system.parameter_names, system.nominal, strict=True))
+    assert nominal["piston_leakage.conductance"] == 0.0
+    assert nominal["coulomb_friction.velocity"] == 2e-3
+
+
+def test_the_rig_counts_more_than_the_family_and_the_file_more_than_the_rig() -> None:
+    rig = load_rig(BENCH)
+    assert Model(HYDRAULIC_CYLINDER).values["tank_conductance"] == 12.0
+    assert Model(HYDRAULIC_CYLINDER, rig).values["flow_area"] == pytest.approx(3.3e-6)
+    assert model("parameters: {flow_area: 5 mm^2}\n").values["flow_area"] == pytest.approx(5e-6)
+
+
+def test_effects_are_read_with_their_units() -> None:
+    found = model(
+        "effects:\n"
+        "  coulomb_friction: {force: {value: 80 N, fit: true}}\n"
+        "  piston_leakage: {clearance: 30 um}\n"
+    )
+    assert found.values["coulomb_friction.force"] == 80.0
+    assert found.values["coulomb_friction.velocity"] == 2e-3  # its typical size
+    assert found.values["piston_leakage.conductance"] == pytest.approx(1.767e-14, rel=1e-3)
+    assert found.fitted == ("coulomb_friction.force",)
+    assert "piston_leakage.conductance" in found.system().parameter_names
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "message"),
+    [
+        ("parameters: {flow_araea: 4 mm^2}", "m.yaml:2:14", "did you mean 'flow_area'"),
+        ("parameters: {flow_area: 4 mm}", "m.yaml:2:25", "wrong dimension"),
+        ("parameters: {flow_area: {value: 4}}", "m.yaml:2:33", "unit is missing"),
+        ("parameters: {flow_area: 4 m^2}", "m.yaml:2:25", "flow_area is out of bounds"),
+        ("parameters: {flow_area: {valu: 4 mm^2}}", "m.yaml:2:26", "did you mean 'value'"),
+        ("parameters: {bore: {value: 50 mm, fit: true}}", "m.yaml:2:40", "no fit changes"),
+        ("effects: {piston_leak: {}}", "m.yaml:2:11", "did you mean 'piston_leakage'"),
+        ("effects: {spool_lag: {}}", "m.yaml:2:11", "base physics"),
+        ("effects: {coulomb_friction: {force: 3 bar}}", "m.yaml:2:37", "wrong dimension"),
+        ("effects: {coulomb_friction: {forse: 3 N}}", "m.yaml:2:37", "did you mean 'force'"),
+        ("oil: HL23", "m.yaml:2:6", "did you mean 'HL32'"),
+        ("rig: rigs/no-such.yaml", "m.yaml:2:6", "no such file"),
+        ("efects: {}", "m.yaml:2:1", "did you mean 'effects'"),
+    ],
+)
+def test_mistakes_name_their_place(text: str, place: str, message: str) -> None:
+    with pytest.raises(RigctlError, match=message) as caught:
+        model(text + "\n")
+    assert str(caught.value).startswith(place)
+
+
+def test_an_unknown_family_is_named() -> None:
+    with pytest.raises(RigctlError, match="did you mean 'hydraulic_cylinder'"):
+        parse_model("model: hydraulic_cilinder\n")
+
+
+def test_all_mistakes_of_a_file_are_told_together() -> None:
+    with pytest.raises(RigctlError) as caught:
+        model("parameters: {flow_araea: 4 mm^2, moving_mass: 3 m}\n")
+    assert str(caught.value).count("m.yaml:2:") == 2
+
+
+def test_an_effect_is_added_and_removed_without_touching_the_model() -> None:
+    textbook = load_model(TEXTBOOK)
+    more = textbook.with_effect("coulomb_friction", {"force": 55.0})
+    assert textbook.effects == {}
+    assert more.values["coulomb_friction.force"] == 55.0
+    assert more.fitted[-1] == "coulomb_friction.force"
+    assert more.without_effect("coulomb_friction").values == textbook.values
+    with pytest.raises(RigctlError, match="already"):
+        more.with_effect("coulomb_friction", {})
+    with pytest.raises(RigctlError, match="unknown effect of this model"):
+        textbook.without_effect("coulomb_friction")
+
+
+def test_base_physics_is_taken_away_and_brought_back() -> None:
+    textbook = load_model(TEXTBOOK)
+    without = textbook.without_effect("spool_lag")
+    assert without.values["spool_time"] == 1e-3
+    assert "spool_time" not in without.fitted
+    assert without.with_effect("spool_lag", {}).values["spool_time"] == pytest.approx(25e-3)
+
+
+def test_values_change_by_name_and_keep_what_is_fitted() -> None:
+    more = load_model(TEXTBOOK).with_effect("coulomb_friction", {})
+    changed = more.with_values({"flow_area": 3e-6, "coulomb_friction.force": 7.0, "edge_area": 2e-5})
+    assert changed.fitted == more.fitted
+    assert changed.values["coulomb_friction.force"] == 7.0
+    assert changed.values["edge_area"] == 2e-5
+    with pytest.raises(RigctlError, match="did you mean 'flow_area'"):
+        more.with_values({"flow_are": 1.0})
+
+
+def test_inputs_come_from_the_rigs_roles() -> None:
+    rig = load_rig(BENCH)
+    sources = input_sources("hydraulic_cylinder", rig, {"pump": 0.0})
+    commands = {"valve": -1.0, "heater": 1.0, "relief_valve": 30e5}
+    values = dict(zip([s.input for s in sources], input_values(sources, commands), strict=True))
+    assert values["valve"] == -1.0
+    assert values["heater_power"] == 2000.0
+    assert values["pressure_setpoint"] == 30e5
+    assert values["ambient_temperature"] == pytest.approx(295.15)
+    assert values["pump"] == 0.0
+
+
+def test_a_value_may_be_written_alone_or_with_what_it_is_for() -> None:
+    from rigctl.model.schema import ModelFile
+
+    schema = ModelFile.model_json_schema()
+    branches = schema["$defs"]["Setting"]["anyOf"]
+    assert branches[0]["examples"]
+    assert set(branches[1]["properties"]) == {"value", "fit"}
