@@ -61,7 +61,7 @@ def test_a_difference_of_temperatures_has_no_offset() -> None:
     assert read_si("0.5 degC", "K", difference=True) == 0.5
     assert read_si("9 degF", "K", difference=True) == pytest.approx(5.0)
     assert convert(10.0, "degC", "degF", difference=True) == pytest.approx(18.0)
-    assert show(0.5, "degC", difference=True) == "0.5 degC"
+    assert show(0.5, "degC", difference=True) == "0.5 K"
 
 
 @pytest.mark.parametrize(

@@ -335,6 +335,11 @@ def convert(value: float, from_unit: str, to_unit: str, *, difference: bool = Fa
 
 
 def show(si: float, unit: str, *, difference: bool = False, digits: int = 4) -> str:
-    """An SI value as a user reads it, e.g. ``show(3e6, 'bar')`` is ``30 bar``."""
+    """An SI value as a user reads it, e.g. ``show(3e6, 'bar')`` is ``30 bar``.
+
+    An interval on a scale with an offset is shown in kelvin: ``0.5 degC`` would read as a point on it.
+    """
+    if difference and parse_unit(unit).absolute_temperature:
+        return f"{si:.{digits}g} K"
     value = parse_unit(unit).from_si(si, difference=difference)
     return f"{value:.{digits}g} {unit}" if unit != "1" else f"{value:.{digits}g}"
