@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigctl.dataset import journal, log, run_json
+from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.history import INTERRUPTED
 from rigctl.dataset.lock import in_progress
 from rigctl.dataset.run_json import read_info
@@ -85,9 +86,7 @@ def _summaries(folders: list[Path]) -> Iterator[RunSummary]:
 
 def summarise(folder: Path, info: dict[str, Any]) -> RunSummary:
     """The line of one run."""
-    said = info.get("annotations", ())
-    excluded = {note["record"] for note in said if note["kind"] == "exclude"}
-    included = {note["record"] for note in said if note["kind"] == "include"}
+    said = [Annotation(**statement) for statement in info.get("annotations", ())]
     return RunSummary(
         id=folder.name,
         folder=folder,
@@ -100,8 +99,8 @@ def summarise(folder: Path, info: dict[str, Any]) -> RunSummary:
         records=info.get("records"),
         complete_records=info.get("complete_records"),
         rows=info.get("rows"),
-        notes=sum(note["kind"] == "note" for note in said),
-        excluded=len(excluded - included),
+        notes=sum(statement.kind == "note" for statement in said),
+        excluded=len(excluded_records(said)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,10 +106,13 @@ def in_progress(folder: Path) -> bool:
 class RunState:
     """What the program that carries out a run last said of itself in ``state.json``."""
 
-    host: str
-    pid: int
-    fields: dict[str, Any]
+    fields: Mapping[str, Any]
     age: float  #: s since it was written, by the calendar
+
+    @property
+    def host(self) -> str:
+        """The computer it runs on."""
+        return str(self.fields.get("host") or "")
 
     @property
     def fresh(self) -> bool:
@@ -126,7 +130,7 @@ def read_state(folder: Path) -> RunState | None:
         return None
     if not isinstance(fields, dict):
         return None
-    return RunState(str(fields.get("host", "")), int(fields.get("pid") or 0), fields, age)
+    return RunState(fields, age)
 
 
 def _beats_elsewhere(folder: Path) -> bool:

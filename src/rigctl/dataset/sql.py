@@ -129,10 +129,11 @@ def _make_views(
         if not paths or not re.search(view, sql, re.IGNORECASE):
             connection.execute(f"CREATE TABLE {view} (run VARCHAR, {empty})")
             continue
-        allowed += paths
+        globs = [_literal_glob(path) for path in paths]
+        allowed += [*paths, *globs]
         connection.execute(
             f"CREATE VIEW {view} AS SELECT parse_path(filename, 'both_slash')[-2] AS run, "  # noqa: S608
-            f"* EXCLUDE (filename) FROM read_parquet([{_quoted(map(_literal_glob, paths))}], "
+            f"* EXCLUDE (filename) FROM read_parquet([{_quoted(globs)}], "
             "union_by_name = true, filename = true)"
         )
     connection.execute(f"SET allowed_paths = [{_quoted(allowed)}]")

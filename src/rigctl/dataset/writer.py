@@ -203,7 +203,7 @@ class RunWriter:
             self.flush()  # a sample on disk never belongs to a record the log does not know
         return self._record
 
-    def measure(  # noqa: PLR0917 - a value with its limits
+    def measure(
         self,
         name: str,
         value: float,

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rigctl.dataset import RunWriter, find_run, list_runs
+from rigctl.errors import RigctlError
+
+RunMaker = Callable[..., Path]
+
+
+@pytest.fixture
+def three(make_run: RunMaker) -> list[Path]:
+    names = ("20261120-080000-heat", "20261121-093000-stroke", "20261121-093000-stroke-2")
+    return [make_run(name, records=1, rows=2) for name in names]
+
+
+def test_a_run_is_found_by_id_start_path_and_latest(three: list[Path], runs: Path) -> None:
+    assert find_run("20261121-093000-stroke", runs) == three[1]
+    assert find_run("20261120", runs) == three[0]
+    assert find_run(three[2]) == three[2].resolve()
+    assert find_run(three[2] / "run.json") == three[2].resolve()
+    assert find_run("latest", runs) == three[2]
+
+
+def test_numbered_runs_of_one_second_stay_in_order(make_run: RunMaker, runs: Path) -> None:
+    made = [make_run(records=0) for _ in range(12)]
+    assert [summary.folder for summary in list_runs(runs)] == made
+    assert find_run("latest", runs) == made[-1]
+
+
+def test_an_ambiguous_start_lists_what_it_could_be(three: list[Path], runs: Path) -> None:
+    with pytest.raises(RigctlError, match="several runs") as caught:
+        find_run("20261121", runs)
+    assert "20261121-093000-stroke-2" in str(caught.value.expected)
+
+
+def test_an_unknown_run_is_told_with_the_nearest(three: list[Path], runs: Path) -> None:
+    with pytest.raises(RigctlError, match="no such run") as caught:
+        find_run("20261120-080000-haet", runs)
+    assert caught.value.nearest == "20261120-080000-heat"
+
+
+@pytest.mark.parametrize("ref", ["latest", "", "x"])
+def test_without_runs_it_says_how_to_make_one(runs: Path, ref: str) -> None:
+    with pytest.raises(RigctlError, match="there are no runs"):
+        find_run(ref, runs)
+    assert list_runs(runs) == []
+
+
+def test_the_list_reads_only_the_small_files(three: list[Path], runs: Path) -> None:
+    for folder in three:
+        for path in folder.iterdir():
+            if path.name != "run.json":
+                path.unlink()
+    rows = [(run.status, run.procedure, run.records, run.rows) for run in list_runs(runs)]
+    assert rows == [("finished", "stroke", 1, 3)] * 3
+
+
+def test_what_is_in_progress_left_behind_or_damaged_is_said(
+    writer: RunWriter, make_run: RunMaker, runs: Path
+) -> None:
+    assert [run.status for run in list_runs(runs)] == ["running"]
+    writer._lock.release()
+    assert [run.status for run in list_runs(runs)] == ["unclosed"]
+    (make_run("20261122-000000-a") / "run.json").write_text("{", encoding="utf-8")
+    assert [run.status for run in list_runs(runs)] == ["unclosed", "damaged"]
+
+
+def test_other_folders_are_no_runs(three: list[Path], runs: Path) -> None:
+    (runs / "notes").mkdir()
+    (runs / "README.md").write_text("", encoding="utf-8")
+    (runs / ".new-abc").mkdir()
+    (runs / ".new-abc" / "run.json").write_text("{}", encoding="utf-8")
+    assert [run.folder for run in list_runs(runs)] == three

@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigctl.dataset.journal import Journal, JournalWriter, read_journal
+
+COLUMNS = ("time", "record", "position")
+rows = st.lists(st.tuples(*[st.floats(width=64)] * 3), max_size=40)
+
+
+def content(found: Journal | None) -> np.ndarray:
+    blocks = list(found.blocks()) if found else []
+    return np.concatenate(blocks) if blocks else np.empty((0, 3))
+
+
+@given(parts=st.lists(rows, max_size=6), in_blocks=st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_what_was_flushed_is_read_back_to_the_bit(
+    tmp_path_factory: pytest.TempPathFactory, parts: list, in_blocks: bool
+) -> None:
+    path = tmp_path_factory.mktemp("journal") / "samples.journal"
+    writer = JournalWriter(path, COLUMNS, {"session": 0})
+    for part in parts:
+        if in_blocks:
+            writer.append_block(np.array(part, dtype=float).reshape(-1, 3))
+        else:
+            for row in part:
+                writer.append(row)
+        writer.flush()
+    writer.close()
+    found = read_journal(path)
+    assert found is not None
+    assert found.facts == {"session": 0, "columns": list(COLUMNS)}
+    assert found.lost_bytes == 0
+    expected = np.array([row for part in parts for row in part], dtype=float).reshape(-1, 3)
+    assert found.rows == len(expected)
+    assert content(found).tobytes() == expected.tobytes()
+
+
+def test_cut_off_at_any_byte_it_keeps_every_whole_frame(tmp_path: Path) -> None:
+    path = tmp_path / "samples.journal"
+    writer = JournalWriter(path, COLUMNS, {"session": 0})
+    ends, expected = [path.stat().st_size], []
+    for frame in range(5):
+        for row in range(frame + 1):
+            expected.append((float(frame), row, 0.5))
+            writer.append(expected[-1])
+        writer.flush()
+        ends.append(path.stat().st_size)
+    writer.close()
+    whole = path.read_bytes()
+    counts = np.cumsum([0, 1, 2, 3, 4, 5])
+    cut = tmp_path / "cut.journal"
+    for length in range(len(whole) + 1):
+        cut.write_bytes(whole[:length])
+        found = read_journal(cut)
+        if length < ends[0]:
+            assert found is None
+            continue
+        assert found is not None
+        frames = sum(end <= length for end in ends) - 1
+        assert content(found).tolist() == [list(row) for row in expected[: counts[frames]]]
+        assert found.lost_bytes == length - ends[frames]
+
+
+@pytest.mark.parametrize("tail", [b"\0" * 512, b"\xff" * 512, b"garbage"])
+def test_what_a_power_failure_leaves_at_the_end_is_ignored(tmp_path: Path, tail: bytes) -> None:
+    path = tmp_path / "samples.journal"
+    writer = JournalWriter(path, COLUMNS, {})
+    writer.append((1.0, 2.0, 3.0))
+    writer.flush()
+    writer.close()
+    path.write_bytes(path.read_bytes() + tail)
+    found = read_journal(path)
+    assert content(found).tolist() == [[1.0, 2.0, 3.0]]
+    assert found is not None
+    assert found.lost_bytes == len(tail)
+
+
+def test_a_flipped_bit_never_becomes_a_sample(tmp_path: Path) -> None:
+    path = tmp_path / "samples.journal"
+    writer = JournalWriter(path, COLUMNS, {})
+    for row in range(3):
+        writer.append((row, row, row))
+        writer.flush()
+    writer.close()
+    whole = path.read_bytes()
+    first = read_journal(path)
+    assert first is not None
+    for place in range(first.starts[0] - 8, len(whole)):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x10
+        path.write_bytes(damaged)
+        kept = content(read_journal(path)).tolist()
+        assert kept == [[row] * 3 for row in range(len(kept))]
+        assert len(kept) < 3
+
+
+def test_blocks_do_not_depend_on_when_rows_were_flushed(tmp_path: Path) -> None:
+    sizes = []
+    for name, every in (("a", 7), ("b", 100)):
+        writer = JournalWriter(tmp_path / name, COLUMNS, {})
+        for row in range(250):
+            writer.append((row, 0, 0))
+            if row % every == 0:
+                writer.flush()
+        writer.flush()
+        writer.close()
+        found = read_journal(tmp_path / name)
+        assert found is not None
+        sizes.append([len(block) for block in found.blocks(64)])
+    assert sizes == [[64, 64, 64, 58]] * 2
+
+
+class FullDisk:
+    """A file on a disk with little room: takes a part of a write, then none."""
+
+    def __init__(self, file: object, room: int) -> None:
+        self._file, self.room = file, room
+
+    def write(self, data: bytes) -> int:
+        if self.room == 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        with memoryview(data) as view:
+            taken = self._file.write(view[: self.room])  # type: ignore[attr-defined]
+        self.room -= taken
+        return int(taken)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._file, name)
+
+
+@pytest.mark.parametrize("room", [0, 3, 8, 20, 33, 60])
+def test_a_full_disk_tears_no_frame_and_loses_no_row_that_waits(tmp_path: Path, room: int) -> None:
+    path = tmp_path / "samples.journal"
+    writer = JournalWriter(path, COLUMNS, {})
+    writer.append((0, 0, 0))
+    writer.flush()
+    disk = FullDisk(writer._file, room)
+    writer._file = disk  # type: ignore[assignment]
+    writer.append((1, 1, 1))
+    writer.append((2, 2, 2))
+    if room < 56:
+        with pytest.raises(OSError, match="No space left"):
+            writer.flush()
+        found = read_journal(path)
+        assert found is not None
+        assert (content(found).tolist(), found.lost_bytes) == ([[0, 0, 0]], 0)
+        disk.room = 1000
+    writer.flush()
+    assert content(read_journal(path)).tolist() == [[0, 0, 0], [1, 1, 1], [2, 2, 2]]
+    writer.close()
+
+
+def test_an_existing_journal_is_never_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "samples.journal"
+    path.write_bytes(b"precious")
+    with pytest.raises(FileExistsError):
+        JournalWriter(path, COLUMNS, {})
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_block_of_the_wrong_width_is_refused(tmp_path: Path) -> None:
+    writer = JournalWriter(tmp_path / "samples.journal", COLUMNS, {})
+    with pytest.raises(ValueError, match="3 columns"):
+        writer.append_block(np.zeros((2, 4)))
+    writer.close()

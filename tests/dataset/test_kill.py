@@ -1,0 +1,66 @@
+"""A kill at any moment: at most a second of samples is lost, and never the folder."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic, sleep
+
+import numpy as np
+import pytest
+
+from dataset import endless_writer
+from rigctl.dataset import open_run, verify
+
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_at_most_a_second_is_lost(tmp_path: Path, seed: int) -> None:
+    chance = random.Random(seed)
+    program = [sys.executable, str(endless_writer.__file__), str(tmp_path / "runs"), str(seed)]
+    environment = {**os.environ, "PYTHONPATH": str(TESTS)}
+    said = tmp_path / "said"
+    with said.open("wb") as out, subprocess.Popen(program, stdout=out, env=environment) as process:
+        while not said.stat().st_size:
+            sleep(0.01)
+        sleep(chance.uniform(0.0, 1.6))
+        killed = monotonic()
+        process.kill()
+    lines = said.read_text(encoding="utf-8").splitlines()
+    folder = Path(lines[0])
+    printed = [line.split() for line in lines[1:-1]]
+    due = max((int(count) for count, when in printed if float(when) < killed - 1.0), default=-1)
+
+    verdict = verify(folder)
+    assert verdict.condition.value == "recovered", verdict
+    assert verify(folder).condition.value == "whole"
+    run = open_run(folder)
+    times = run.signals("time")
+    assert np.array_equal(times, np.arange(len(times)))  # none missing, none doubled
+    assert len(times) > due
+    outcomes = run.records["outcome"].tolist()
+    assert outcomes[:-1] == ["complete"] * (len(outcomes) - 1)
+    for index in run.usable:
+        record = run.record(index)
+        assert (record.start, record.end) == (record.time[0], record.time[-1] + 1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_killed_while_it_is_made_a_folder_is_whole_or_not_there(tmp_path: Path, seed: int) -> None:
+    runs = tmp_path / "runs"
+    program = [sys.executable, str(endless_writer.__file__), str(runs), str(seed)]
+    with subprocess.Popen(
+        program, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": str(TESTS)}
+    ) as process:
+        while not runs.exists():
+            sleep(0.0005)
+        sleep(0.0015 * seed)
+        process.kill()
+    for folder in runs.iterdir():
+        if not folder.name.startswith("."):
+            assert verify(folder).good
+            assert open_run(folder).info["status"] == "interrupted"

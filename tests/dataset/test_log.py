@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.dataset.log import LogWriter, encode_line, read_lines
+from rigctl.errors import RigctlError
+
+values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text() | st.integers(-(2**53), 2**53),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(fields=st.dictionaries(st.text(), values, max_size=5))
+def test_every_line_is_one_line_of_json_without_nan(fields: dict[str, object]) -> None:
+    def refuse(text: str) -> None:
+        raise AssertionError(text)
+
+    line = encode_line(fields)
+    assert "\n" not in line
+    assert json.loads(line, parse_constant=refuse).keys() == fields.keys()
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    line = encode_line(
+        {"a": np.float64(0.5), "b": np.int32(3), "c": np.array([1.0, math.nan]), "d": Path("x")}
+    )
+    assert json.loads(line) == {"a": 0.5, "b": 3, "c": [1.0, None], "d": "x"}
+
+
+def test_a_torn_last_line_is_ignored_and_writing_goes_on_behind_the_last_whole_one(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    path.write_bytes(b'{"n":1}\n{"n":2}\n{"n":3')
+    assert read_lines(path) == [{"n": 1}, {"n": 2}]
+    writer = LogWriter(path)
+    writer.append({"n": 4})
+    writer.flush()
+    writer.close()
+    assert read_lines(path) == [{"n": 1}, {"n": 2}, {"n": 4}]
+
+
+@pytest.mark.parametrize("damage", [b"nonsense", b"[1, 2]", b'"text"', b"\xff\xfe"])
+def test_a_damaged_line_is_named(tmp_path: Path, damage: bytes) -> None:
+    path = tmp_path / "log.jsonl"
+    path.write_bytes(b'{"n":1}\n' + damage + b'\n{"n":3}\n')
+    with pytest.raises(RigctlError) as caught:
+        read_lines(path)
+    assert (caught.value.where.file, caught.value.where.line) == (path, 2)
+
+
+def test_text_that_is_no_unicode_does_not_stop_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    writer = LogWriter(path)
+    writer.append({"file": "caf\udce9"})
+    writer.flush()
+    writer.close()
+    assert len(read_lines(path)) == 1

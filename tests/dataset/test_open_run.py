@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dataset.strokes import sample
+from rigctl.dataset import Run, RunWriter, open_run, verify
+from rigctl.errors import RigctlError
+
+RunMaker = Callable[..., Path]
+
+
+@pytest.fixture
+def run(make_run: RunMaker) -> Run:
+    return open_run(make_run())
+
+
+def test_a_record_is_everything_in_si(run: Run) -> None:
+    record = run.record(1)
+    assert (record.index, record.name, record.path, record.rate) == (1, "stroke", "1/record", 100.0)
+    assert (record.start, record.end, record.outcome, record.usable) == (1.1, 1.5, "complete", True)
+    assert record.time.tolist() == [1.1 + row / 100 for row in range(20)]
+    assert record.channels["position"] == pytest.approx(0.001 * np.arange(20))
+    assert record.channels["oil_temperature"] == pytest.approx(313.15)
+    assert record.commands["heater"].tolist() == [1.0] * 20
+    assert [(s.time, s.actuator, s.value, s.uncertainty) for s in record.switches] == [
+        (1.1, "valve", 1.0, 0.001)
+    ]
+
+
+def test_columns_and_records_are_read_alone(run: Run) -> None:
+    frame = run.samples(["time", "position"], record=2)
+    assert frame.columns.tolist() == ["time", "position"]
+    assert (len(frame), frame.attrs["units"]) == (20, {"time": "s", "position": "mm"})
+    assert run.signals("supply_pressure", 0).tolist() == pytest.approx([30e5] * 20)
+    assert len(run.signals("supply_pressure")) == 63
+
+
+def test_values_survive_the_way_to_the_disk_and_back(writer: RunWriter) -> None:
+    values = np.random.default_rng(1).uniform(0.0, 0.3, 500)
+    for row, value in enumerate(values):
+        writer.append(sample(row / 100, position=value))
+    assert open_run(writer.close("finished")).signals("position") == pytest.approx(values, rel=1e-15)
+
+
+def test_a_run_is_read_lazily(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    (run.folder / "samples.parquet").unlink()
+    opened = open_run(run.folder)
+    assert opened.info["rows"] == 63
+    assert len(opened.records) == 3
+    with pytest.raises(RigctlError, match="the file is missing"):
+        opened.samples()
+
+
+def test_a_misspelt_column_is_told_with_the_nearest(run: Run) -> None:
+    with pytest.raises(RigctlError) as caught:
+        run.signals("positon")
+    assert caught.value.nearest == "position"
+
+
+@pytest.mark.parametrize("record", [-1, 3])
+def test_a_record_that_is_not_there_is_told(run: Run, record: int) -> None:
+    with pytest.raises(RigctlError, match="no such record") as caught:
+        run.record(record)
+    assert caught.value.expected == "0 to 2"
+
+
+def test_a_run_in_progress_and_one_never_closed_are_told_apart(writer: RunWriter) -> None:
+    with pytest.raises(RigctlError, match="still in progress"):
+        open_run(writer.folder)
+    writer._journal.close()
+    writer._log.close()
+    writer._lock.release()
+    with pytest.raises(RigctlError, match="never closed") as caught:
+        open_run(writer.folder)
+    assert "rigctl runs verify" in str(caught.value.hint)
+    verify(writer.folder)
+    assert open_run(writer.folder).info["status"] == "interrupted"
+
+
+def test_a_damaged_file_is_named(run: Run) -> None:
+    (run.folder / "samples.parquet").write_bytes(b"PAR1 nonsense PAR1")
+    with pytest.raises(RigctlError, match="damaged") as caught:
+        open_run(run.folder).samples()
+    assert caught.value.where.file == run.folder / "samples.parquet"
+
+
+def test_a_million_samples(writer: RunWriter) -> None:
+    count = 1_000_000
+    block = np.tile(sample(0.0, 0), (count, 1))
+    block[:, 0] = np.arange(count) / 1000
+    block[:, 1] = np.arange(count) // 100_000
+    block[:, 4] = np.round(np.sin(block[:, 0]) * 511 + 512) / 1023 * 0.3
+    for record in range(10):
+        writer.open_record(record * 100.0, "stroke", {}, str(record), 1000.0)
+        writer.append_block(block[record * 100_000 : (record + 1) * 100_000])
+        writer.close_record(record * 100.0 + 99.999, "complete")
+    folder = writer.close("finished")
+    run = open_run(folder)
+    assert run.record(7).time[[0, -1]].tolist() == [700.0, 799.999]
+    assert np.array_equal(run.signals("time"), block[:, 0])
+    assert (folder / "samples.parquet").stat().st_size < 8 * count
