@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from rigctl.procedure.steps.base import Cleanup, Step
 
 MAX_NODES = 100_000
-MAX_CALLS = 50
+#: steps inside steps, through calls: as deep as a single file can nest them
+MAX_DEPTH = 50
+#: how often a step may be repeated by all the loops around it
+MAX_ROUNDS = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +33,8 @@ class Context(Reader):
     path: str = ""  #: of the step; empty at the top of the procedure
     sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every sweep around, through calls
     recording: bool = False  #: inside a record
+    depth: int = 0  #: steps around this one
+    rounds: int = 1  #: how often the loops around repeat it
     calls: tuple[Procedure, ...]  #: from the procedure that was asked for to this one
 
     def allow(self, more: int) -> None:
@@ -101,6 +106,16 @@ class Context(Reader):
         """The same place, with a record open."""
         return replace(self, recording=True)
 
+    def repeated(self, count: int, key: str) -> Context:
+        """The same place inside a loop of so many rounds."""
+        rounds = self.rounds * max(count, 1)
+        if rounds > MAX_ROUNDS:
+            with self.located(key):
+                raise RigctlError(
+                    "repeated too often", value=f"{rounds} rounds", expected=f"at most {MAX_ROUNDS}"
+                )
+        return replace(self, rounds=rounds)
+
     def at_point(self, label: str, point: Mapping[str, Quantity]) -> Context:
         """The same place at one point of a sweep."""
         with self.located("do"):
@@ -134,8 +149,6 @@ class Context(Reader):
         if any(_same_file(procedure.path, path) for procedure in self.calls):
             names = " calls ".join(Path(name).name for name in [*chain, str(path)])
             raise RigctlError("a procedure calls itself", value=names, expected="calls that come to an end")
-        if len(self.calls) > MAX_CALLS:
-            raise RigctlError("calls are nested too deep", expected=f"at most {MAX_CALLS}")
         cached = self.findings.procedures.get(path)
         if cached is None:
             cached = self.findings.procedures[path] = load_procedure(path)
@@ -159,9 +172,14 @@ class Context(Reader):
             self,
             keys=(*self.keys, *keys),
             path=f"{prefix}/{int(keys[-1]) + 1}/{step.verb}".lstrip("/"),
+            depth=self.depth + 1,
         )
         with inner.located():
             self.allow(1)
+            if self.depth >= MAX_DEPTH:
+                raise RigctlError(
+                    "steps are nested too deep", expected=f"at most {MAX_DEPTH} inside each other"
+                )
         self.findings.nodes += 1
         return step.build(inner)
 

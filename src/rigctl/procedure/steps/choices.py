@@ -74,7 +74,7 @@ class RepeatStep(Block):
             path=context.path,
             label=f"repeat {count} times" if count != 1 else "once",
             where=context.where(),
-            body=context.body(self.do, "do"),
+            body=context.repeated(count, "repeat").body(self.do, "do"),
             count=count,
             condition=None,
             max_iterations=count,

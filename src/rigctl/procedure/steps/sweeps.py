@@ -97,8 +97,9 @@ class ForStep(Block):
                 )
             )
         names = " and ".join(self.for_)
+        points_of = f"{len(points)} point{'' if len(points) == 1 else 's'}"
         return context.collect(
-            iterations, label=f"for {len(points)} of {names}", kind=GroupKind.FOR, cleanup=self
+            iterations, label=f"for {names}: {points_of}", kind=GroupKind.FOR, cleanup=self
         )
 
     def _points(self, context: Context) -> list[dict[str, Quantity]]:

@@ -1,0 +1,7 @@
+"""Before anything moves: how long a plan takes, what it records, and how near it comes to the limits."""
+
+from rigctl.planning.forecasts import Basis
+from rigctl.planning.limits import LimitUse
+from rigctl.planning.preview import Preview, PreviewNode, SweepSize, preview
+
+__all__ = ["Basis", "LimitUse", "Preview", "PreviewNode", "SweepSize", "preview"]

@@ -1,0 +1,68 @@
+"""What a forecast knows of the bench: its state so far, and what moves it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from rigctl.planning.cylinder import Cylinder, cylinder_of
+from rigctl.planning.tank import Tank, tank_of
+from rigctl.rig import Rig
+
+#: s that a person is assumed to take: to turn a valve until the gauge is right, to answer, to type a value
+TURNING = 20.0
+ANSWERING = 10.0
+TYPING = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where the bench is expected to be; SI, None where the rig does not tell."""
+
+    temperature: float | None
+    pressure: float
+    position: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A rig as forecasts see it."""
+
+    rig: Rig
+    tank: Tank | None
+    cylinder: Cylinder | None
+    simulated: bool  #: the operator is simulated and answers after the rig's `answer_delay`
+
+    def operator_time(self, person: float) -> float:
+        """Seconds that the operator takes where a person would take `person`."""
+        return self.rig.simulation.answer_delay if self.simulated else person
+
+    def pass_time(self, state: State, seconds: float, *, heating: bool = False) -> State:
+        """The state `seconds` later: the pump heats the oil, the room cools it."""
+        if self.tank is None or state.temperature is None or seconds <= 0.0:
+            return state
+        return replace(
+            state, temperature=self.tank.after(state.temperature, seconds, state.pressure, heating)
+        )
+
+    def speed(self, direction: int, state: State) -> float | None:
+        """Metres per second of a move; None when the rig does not tell."""
+        return self.cylinder.speed(direction, state.pressure) if self.cylinder is not None else None
+
+
+def bench_of(rig: Rig) -> Bench:
+    """The bench that a rig file describes."""
+    return Bench(rig, tank_of(rig), cylinder_of(rig), rig.backend.kind == "simulated")
+
+
+def initial_state(bench: Bench) -> State:
+    """What the rig file says the bench starts from; the room's temperature, no pressure, retracted."""
+    rig = bench.rig
+    initial = rig.simulation.initial
+    heat, pressure, extend = rig.roles.heat, rig.roles.set_pressure, rig.roles.extend
+    ambient = bench.tank.ambient if bench.tank is not None else None
+    position = extend.position if extend is not None else None
+    return State(
+        temperature=initial.get(heat.channel, ambient) if heat is not None else None,
+        pressure=float(initial.get(pressure.channel, 0.0)) if pressure is not None else 0.0,
+        position=float(initial.get(position, 0.0)) if position is not None else 0.0,
+    )

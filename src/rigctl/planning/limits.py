@@ -1,0 +1,48 @@
+"""Which of the rig's limits a plan comes near."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rigctl.planning.forecasts import Extents
+from rigctl.rig import Limit, Rig
+
+#: nearer than this share of the channel's range counts as approached
+_NEAR = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class LimitUse:
+    """How near a plan's set-points and expected positions come to one limit; SI."""
+
+    name: str
+    channel: str
+    action: Literal["warn", "stop"]
+    bound: Literal["above", "below"]
+    threshold: float
+    closest: float | None  #: None: the plan says nothing about this channel
+    state: Literal["clear", "approached", "touched", "unknown"]
+
+
+def limits_used(rig: Rig, extents: Extents) -> tuple[LimitUse, ...]:
+    """Every limit on a value with the nearest expected reading; limits on rates cannot be foreseen."""
+    return tuple(_use(rig, name, limit, extents) for name, limit in rig.limits.items() if not limit.of_rate)
+
+
+def _use(rig: Rig, name: str, limit: Limit, extents: Extents) -> LimitUse:
+    above = limit.bound == "above"
+    bound: Literal["above", "below"] = "above" if above else "below"
+    reached = extents.get(limit.channel)
+    if reached is None:
+        return LimitUse(name, limit.channel, limit.action, bound, limit.threshold, None, "unknown")
+    closest = reached[1] if above else reached[0]
+    margin = limit.threshold - closest if above else closest - limit.threshold
+    possible = rig.channels[limit.channel].range
+    near = _NEAR * (possible[1] - possible[0]) if possible is not None else 0.0
+    state: Literal["clear", "approached", "touched"] = "clear"
+    if margin < 0.0:
+        state = "touched"
+    elif margin < near:
+        state = "approached"
+    return LimitUse(name, limit.channel, limit.action, bound, limit.threshold, closest, state)

@@ -1,0 +1,256 @@
+"""What a plan will do, before it does it: durations, records, sweep sizes, limits and warnings as a tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from rigctl.errors import Location
+from rigctl.planning.bench import Bench, State, bench_of, initial_state
+from rigctl.planning.forecasts import Basis, forecast
+from rigctl.planning.limits import LimitUse, limits_used
+from rigctl.procedure.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
+
+
+@dataclass(frozen=True, slots=True)
+class PreviewNode:
+    """A node of the plan with what is expected of it; a loop counts all its rounds."""
+
+    path: str
+    label: str
+    kind: str  #: "step", "record", "loop", "branch", or what kind of group it is
+    where: Location
+    seconds: float
+    basis: Basis
+    records: int
+    samples: int
+    children: tuple[PreviewNode, ...] = ()
+    bindings: Mapping[str, str] = field(default_factory=dict)
+    times: int | None = 1  #: rounds of a loop; None when a condition decides
+    counted: bool = True  #: False for what is carried out only when something goes wrong
+    warning: str | None = None
+
+    def walk(self, *, counted: bool = False) -> Iterator[PreviewNode]:
+        """This node and all below it; with `counted`, without what runs only when something goes wrong."""
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            if counted and not node.counted:
+                continue
+            yield node
+            stack.extend(reversed(node.children))
+
+
+@dataclass(frozen=True, slots=True)
+class SweepSize:
+    """One `for` of the plan."""
+
+    path: str
+    variables: tuple[str, ...]
+    points: int
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a plan is expected to do; the first of a loop's rounds stands for all of them."""
+
+    plan: Plan
+    roots: tuple[PreviewNode, ...]  #: the procedure, then its cleanup blocks
+    limits: tuple[LimitUse, ...]
+    start: State
+
+    @property
+    def seconds(self) -> float:
+        """Expected duration."""
+        return sum(root.seconds for root in self.roots if root.counted)
+
+    @property
+    def basis(self) -> Basis:
+        """What the least certain part of the duration rests on."""
+        return max(root.basis for root in self.roots if root.counted)
+
+    @property
+    def records(self) -> int:
+        """How many records the run will hold."""
+        return sum(root.records for root in self.roots if root.counted)
+
+    @property
+    def samples(self) -> int:
+        """How many samples the records will hold, about."""
+        return sum(root.samples for root in self.roots if root.counted)
+
+    @property
+    def open_ended(self) -> bool:
+        """True when a condition decides how often something is done."""
+        return any(node.times is None for node in self.walk(counted=True))
+
+    @property
+    def warnings(self) -> tuple[tuple[Location, str], ...]:
+        """What will most likely not work, each with its place; once for each place and text."""
+        found = [(node.where, f"{node.label}: {node.warning}") for node in self.walk() if node.warning]
+        return tuple(dict.fromkeys(found))
+
+    @property
+    def sweeps(self) -> tuple[SweepSize, ...]:
+        """Every `for` of the plan, in its order."""
+        return tuple(
+            SweepSize(
+                node.path, tuple(node.children[0].bindings) if node.children else (), len(node.children)
+            )
+            for node in self.walk()
+            if node.kind == GroupKind.FOR.value
+        )
+
+    def durations(self) -> dict[str, float]:
+        """Expected seconds of each single step by its path; a step in a loop once."""
+        return {node.path: node.seconds for node in self.walk(counted=True) if node.kind == "step"}
+
+    def walk(self, *, counted: bool = False) -> Iterator[PreviewNode]:
+        """Every node in order of execution."""
+        for root in self.roots:
+            yield from root.walk(counted=counted)
+
+
+def preview(plan: Plan) -> Preview:
+    """Forecast a plan, step by step, from the state that the rig file says the bench starts from.
+
+    Heating follows from the heat balance of the tank, moves from the flow through the throttle, conditions
+    count with their timeouts, and a person is assumed to take the times named in `rigctl.planning.bench`.
+    """
+    bench = bench_of(plan.rig)
+    start = initial_state(bench)
+    walker = _Walker(bench, start)
+    roots = [walker.visit(plan.root)]
+    roots += [walker.visit_uncounted(block) for block in (plan.on_failure, plan.on_abort) if block]
+    if plan.finally_ is not None:
+        roots.append(walker.visit(plan.finally_))
+    return Preview(plan, tuple(roots), limits_used(plan.rig, walker.reached), start)
+
+
+class _Walker:
+    """Carries the expected state from step to step."""
+
+    def __init__(self, bench: Bench, state: State) -> None:
+        self.bench = bench
+        self.state = state
+        self.reached: dict[str, tuple[float, float]] = {}
+        self._in_loop = False
+
+    def visit(self, node: Node) -> PreviewNode:
+        """The node with its forecast; the state moves on."""
+        match node:
+            case Leaf():
+                return self._leaf(node)
+            case Group():
+                return self._group(node)
+            case RecordNode():
+                return self._record(node)
+            case Loop():
+                return self._loop(node)
+            case Branch():
+                return self._branch(node)
+
+    def visit_uncounted(self, block: Group) -> PreviewNode:
+        """A block that runs only when something goes wrong: the state stays as it is."""
+        state, reached = self.state, dict(self.reached)
+        seen = self._group(block, counted=False)
+        self.state, self.reached = state, reached
+        return seen
+
+    def _leaf(self, node: Leaf) -> PreviewNode:
+        expected = forecast(node.action, self.state, self.bench)
+        self.state = expected.state
+        for channel, (low, high) in expected.reaches.items():
+            known = self.reached.get(channel, (low, high))
+            self.reached[channel] = (min(known[0], low), max(known[1], high))
+        return PreviewNode(
+            node.path,
+            node.label,
+            "step",
+            node.where,
+            expected.seconds,
+            expected.basis,
+            records=0,
+            samples=0,
+            warning=expected.warning,
+        )
+
+    def _group(self, node: Group, *, counted: bool = True) -> PreviewNode:
+        below = [self.visit(child) for child in node.children]
+        below += [self.visit_uncounted(block) for block in (node.on_failure, node.on_abort) if block]
+        if node.finally_ is not None:
+            below.append(self.visit(node.finally_))
+        return _sum(node, node.kind.value, below, bindings=node.bindings, counted=counted)
+
+    def _record(self, node: RecordNode) -> PreviewNode:
+        body = self._group(node.body)
+        samples = round(body.seconds * node.rate)
+        return _sum(node, "record", [*body.children], records=1, samples=samples)
+
+    def _loop(self, node: Loop) -> PreviewNode:
+        first = self._group(node.body)
+        times = node.count
+        if times == 0:
+            return _scaled(node, first, 0, 0.0, times)
+        rounds = 1 if times is None else times
+        later = first
+        # what a later round takes is looked at once; loops inside loops would double the work at each level
+        if rounds > 1 and not self._in_loop:
+            self._in_loop = True
+            later = self._group(node.body)
+            self._in_loop = False
+        return _scaled(node, first, rounds, first.seconds + (rounds - 1) * later.seconds, times)
+
+    def _branch(self, node: Branch) -> PreviewNode:
+        before = self.state
+        then = self._group(node.then)
+        if node.otherwise is None:
+            return _sum(node, "branch", [then])
+        after_then, self.state = self.state, before
+        otherwise = self._group(node.otherwise)
+        if then.seconds >= otherwise.seconds:
+            self.state = after_then
+        longer = max(then, otherwise, key=lambda side: side.seconds)
+        return _sum(node, "branch", [then, otherwise], counting=[longer])
+
+
+def _sum(
+    node: Node,
+    kind: str,
+    below: list[PreviewNode],
+    *,
+    counting: list[PreviewNode] | None = None,
+    bindings: Mapping[str, str] | None = None,
+    counted: bool = True,
+    records: int = 0,
+    samples: int | None = None,
+) -> PreviewNode:
+    parts = [part for part in (below if counting is None else counting) if part.counted]
+    return PreviewNode(
+        node.path,
+        node.label,
+        kind,
+        node.where,
+        seconds=sum(part.seconds for part in parts),
+        basis=max((part.basis for part in parts), default=Basis.TIMED),
+        records=records + sum(part.records for part in parts),
+        samples=sum(part.samples for part in parts) if samples is None else samples,
+        children=tuple(below),
+        bindings=bindings or {},
+        counted=counted,
+    )
+
+
+def _scaled(node: Loop, first: PreviewNode, rounds: int, seconds: float, times: int | None) -> PreviewNode:
+    return PreviewNode(
+        node.path,
+        node.label,
+        "loop",
+        node.where,
+        seconds=seconds,
+        basis=first.basis if times is not None else Basis.AT_MOST,
+        records=first.records * rounds,
+        samples=first.samples * rounds,
+        children=first.children,
+        times=times,
+    )
