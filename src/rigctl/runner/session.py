@@ -188,9 +188,13 @@ class _Session:
         """
         bench = self._bench
         bench.start(bench.rig.monitor_rate)
-        rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
-        while not rows:  # a bench that stays silent trips the interlock for that
-            rows = driver.watch(1.0 / bench.rate)
+        try:
+            rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
+            while not rows:  # a bench that stays silent trips the interlock for that
+                rows = driver.watch(1.0 / bench.rate)
+        except Tripped as tripped:
+            tripped.reason = f"not armed: {tripped.reason}"
+            raise
         first = len(bench.rig.layout.columns) - len(bench.rig.layout.commands)
         bench.commanded = dict(zip(bench.rig.layout.commands, rows[-1][first:], strict=True))
         alarms = self._interlocks.check_arming(rows)

@@ -1,0 +1,127 @@
+"""Limits, impossible values, rates and silence, as pure functions of rows."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.rig import Rig, load_rig
+from rigctl.runner.interlocks import REARM, Alarm, Interlocks
+
+SHIPPED = load_rig(Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml")
+HOT, WARM, PRESSURE, POSITION = 364.0, 293.15, 20e5, 0.05
+
+
+@pytest.fixture
+def rig(workshop: Any) -> Rig:
+    rig: Rig = workshop.rig()
+    return rig
+
+
+def row(
+    time: float, oil: float = WARM, pressure: float = PRESSURE, position: float = POSITION
+) -> tuple[float, ...]:
+    return (time, -1.0, oil, pressure, position, 0.0, 0.0, 20e5)
+
+
+def feed(locks: Interlocks, rows: list[tuple[float, ...]]) -> list[Alarm]:
+    return [alarm for item in rows for alarm in locks.check(item)]
+
+
+def test_a_calm_bench_raises_nothing(rig: Rig) -> None:
+    assert feed(Interlocks(rig), [row(0.01 * i) for i in range(1000)]) == []
+
+
+def test_a_limit_trips_once_after_its_persistence(rig: Rig) -> None:
+    alarms = feed(Interlocks(rig), [row(0.1 * i, pressure=61e5) for i in range(50)])
+    assert [(a.name, a.action, a.active) for a in alarms] == [("over_pressure", "stop", True)]
+    assert alarms[0].time == pytest.approx(0.1)  # the first sample at least 50 ms after the first one outside
+    assert "Supply over-pressure: supply_pressure is 61 bar, above the limit of 60 bar" in alarms[0].message
+
+
+def test_a_single_bad_sample_is_forgiven(rig: Rig) -> None:
+    locks = Interlocks(rig)
+    rows = [row(0.1 * i, pressure=61e5 if i % 2 else 30e5) for i in range(50)]
+    assert feed(locks, rows) == []
+
+
+def test_a_warning_is_cleared_when_its_cause_has_been_gone_long_enough(rig: Rig) -> None:
+    locks = Interlocks(rig)
+    warm = 273.15 + 86.0
+    assert [a.name for a in feed(locks, [row(0.5 * i, oil=warm) for i in range(10)])] == ["oil_hot"]
+    calm = feed(locks, [row(5.0 + 0.5 * i) for i in range(40)])
+    assert [(a.name, a.active) for a in calm] == [("oil_hot", False)]
+    assert calm[0].time == pytest.approx(5.0 + REARM)
+    again = feed(locks, [row(30 + 0.5 * i, oil=warm) for i in range(10)])
+    assert [a.active for a in again if a.name == "oil_hot"] == [True]
+
+
+@pytest.mark.parametrize("value", [math.nan, 1296.9])
+def test_a_broken_sensor_trips_after_the_time_a_silent_bench_has(rig: Rig, value: float) -> None:
+    alarms = feed(Interlocks(rig), [row(0.1 * i, oil=value if i > 3 else WARM) for i in range(30)])
+    impossible = [a for a in alarms if a.name == "oil_temperature sensor"]
+    assert len(impossible) == 1
+    assert impossible[0].time == pytest.approx(0.4 + rig.stale_after)
+    assert "sensor or line broken" in impossible[0].message
+
+
+def test_a_rate_is_taken_over_its_window(rig: Rig) -> None:
+    slow = [row(0.01 * i, position=0.12 * 0.01 * i) for i in range(200)]
+    assert feed(Interlocks(rig), slow) == []
+    fast = [row(0.01 * i, position=0.9 * 0.01 * i) for i in range(25)]
+    alarms = feed(Interlocks(rig), fast)
+    assert [a.name for a in alarms] == ["moves_too_fast"]
+    assert alarms[0].time < 0.2
+    assert "0.9 m/s" in alarms[0].message or "900 mm/s" in alarms[0].message
+
+
+def test_quantisation_noise_is_no_motion(rig: Rig) -> None:
+    step = 0.00029325513
+    rows = [row(0.01 * i, position=0.05 + step * (i % 3)) for i in range(500)]
+    assert feed(Interlocks(rig), rows) == []
+
+
+def test_arming_is_refused_without_waiting_for_persistence(rig: Rig) -> None:
+    locks = Interlocks(rig)
+    rows = [row(0.1 * i, oil=HOT) for i in range(3)]
+    assert [alarm.name for alarm in locks.check_arming(rows)] == ["oil_too_hot"]
+    assert locks.check_arming([row(0.0, oil=HOT), row(0.1)]) == []
+    assert [a.name for a in locks.check_arming([row(0.0, position=math.nan)])] == ["position sensor"]
+
+
+def test_silence_trips_once_and_again_after_samples_came_back(rig: Rig) -> None:
+    locks = Interlocks(rig)
+    assert locks.check_silence(0.9, 0.0, 0.1) is None
+    alarm = locks.check_silence(1.0, 0.0, 0.1)
+    assert alarm is not None
+    assert alarm.action == "stop"
+    assert "no sample for 1 s" in alarm.message
+    assert locks.check_silence(2.0, 0.0, 0.1) is None
+    locks.check(row(3.0))
+    assert locks.check_silence(4.5, 3.0, 0.1) is not None
+
+
+def test_a_slow_rate_is_no_silence(rig: Rig) -> None:
+    assert Interlocks(rig).check_silence(25.0, 0.0, 10.0) is None
+    assert Interlocks(rig).check_silence(30.0, 0.0, 10.0) is not None
+
+
+@given(st.lists(st.floats(0.0, 0.24), min_size=1, max_size=60), st.floats(278.2, 357.0))
+def test_nothing_inside_every_band_ever_trips(positions: list[float], oil: float) -> None:
+    # 10 s apart: no rate is known over windows shorter than that
+    rows = [row(10.0 * i, oil=oil, position=x) for i, x in enumerate(positions)]
+    assert feed(Interlocks(SHIPPED), rows) == []
+
+
+@given(st.lists(st.sampled_from([20e5, 61e5, math.nan]), min_size=1, max_size=80))
+def test_the_fast_way_and_the_thorough_one_agree(pressures: list[float]) -> None:
+    fast, thorough = Interlocks(SHIPPED), Interlocks(SHIPPED)
+    for i, pressure in enumerate(pressures):
+        thorough._busy = True
+        item = row(0.03 * i, pressure=pressure)
+        assert list(fast.check(item)) == list(thorough.check(item))

@@ -1,0 +1,70 @@
+"""A paused run is safe; what it was doing begins again when it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from rigctl.runner.requests import Request
+
+from .conftest import ScriptedControl
+
+Do = Callable[..., Any]
+
+
+class Person(ScriptedControl):
+    """Pauses at a bench time and lets the run go on as soon as it stands still."""
+
+    def poll(self) -> list[Any]:
+        if self.views and self.views[-1].state == "paused":
+            self.orders.append((0.0, Request.CONTINUE))
+        return super().poll()
+
+
+def test_outputs_are_safe_while_paused_and_the_step_begins_again(do: Do) -> None:
+    person = Person([(2.0, Request.PAUSE)])
+    done = do("steps:\n  - set: {heater: on}\n  - wait: 5 s\n", control=person)
+    assert done.result.status == "finished"
+    assert [value for _, value in done.commands("heater")] == [1.0, 0.0, 1.0, 0.0]
+    assert person.answers[:2] == ["paused, outputs are safe", "the run goes on"]
+    assert done.result.duration == pytest.approx(7.0, abs=0.2)
+    assert done.states == ["arming", "running", "paused", "running", "finishing", "finished"]
+
+
+def test_a_record_is_carried_through_before_the_pause(do: Do) -> None:
+    person = Person([(1.0, Request.PAUSE)])
+    steps = "steps:\n  - record: {name: stroke}\n    do:\n      - wait: 3 s\n  - wait: 1 s\n"
+    done = do(steps, control=person)
+    assert [outcome for _, outcome in done.records] == ["complete"]
+    assert person.answers[0] == "pausing at the end of the record"
+    assert person.answers[1] == "paused, outputs are safe"
+    paused = next(e["time"] for e in done.events("state") if e["state"] == "paused")
+    assert paused == pytest.approx(3.2, abs=0.02)
+
+
+def test_a_timed_move_is_carried_through_before_the_pause(do: Do) -> None:
+    person = Person([(0.5, Request.PAUSE)])
+    done = do("steps:\n  - extend: {for: 1 s}\n  - wait: 1 s\n", control=person)
+    assert [value for _, value in done.commands("valve")] == [1.0, 0.0]
+    on, off = (time for time, _ in done.commands("valve"))
+    assert off - on == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_run_that_is_not_paused_says_so_and_twice_is_once(do: Do) -> None:
+    control = ScriptedControl([(0.5, Request.CONTINUE)])
+    do("steps:\n  - wait: 1 s\n", control=control)
+    assert control.answers == ["the run is not paused"]
+
+
+def test_abort_while_paused(do: Do) -> None:
+    class Impatient(ScriptedControl):
+        def poll(self) -> list[Any]:
+            if self.views and self.views[-1].state == "paused":
+                self.orders.append((0.0, Request.ABORT))
+            return super().poll()
+
+    done = do("steps:\n  - wait: 5 s\n", control=Impatient([(1.0, Request.PAUSE)]))
+    assert done.result.status == "aborted"
+    assert done.states == ["arming", "running", "paused", "safe", "finishing", "aborted"]

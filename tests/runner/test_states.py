@@ -1,0 +1,51 @@
+"""The declared table: what can follow what, and the page that is written from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigctl.runner.states import EVENTS, STATES, Lifecycle, RunState, transitions
+from rigctl.runner.states_page import run_states_page
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "run-states.md"
+
+
+def follow(*events: str) -> list[RunState]:
+    seen: list[RunState] = []
+    life = Lifecycle(lambda _before, _event, after: seen.append(after))
+    for event in events:
+        life.send(event)
+    assert life.state is seen[-1]
+    return seen
+
+
+def test_a_run_that_goes_well() -> None:
+    states = follow("arm", "start", "pause", "go_on", "finish", "succeed")
+    assert [s.value for s in states] == ["arming", "running", "paused", "running", "finishing", "finished"]
+
+
+def test_safe_can_be_reached_from_every_state_that_is_not_an_end() -> None:
+    sources = {source for source, event, target in transitions() if target is RunState.SAFE}
+    assert sources == {state for state in RunState if not state.ended}
+
+
+def test_an_end_is_left_by_nothing_and_comes_only_after_finishing() -> None:
+    assert not [source for source, _, _ in transitions() if source.ended]
+    assert {source for source, _, target in transitions() if target.ended} == {RunState.FINISHING}
+
+
+def test_what_the_table_does_not_have_is_an_error() -> None:
+    life = Lifecycle(lambda *_: None)
+    with pytest.raises(Exception, match="Can't"):
+        life.send("go_on")
+
+
+def test_every_state_and_event_is_explained() -> None:
+    assert set(STATES) == set(RunState)
+    assert set(EVENTS) == {event for _, event, _ in transitions()}
+
+
+def test_the_page_is_current() -> None:
+    assert PAGE.read_text(encoding="utf-8") == run_states_page(), "run 'make docs'"
