@@ -1,0 +1,98 @@
+"""Numbers, units and times as a page prints them: true minus signs, °C and mm², no needless digits."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from datetime import datetime
+
+MISSING = "–"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_WORDS = {"degC": "°C", "degF": "°F", "1": "", "percent": "%", "um": "µm", "uPa": "µPa"}
+_POWER = re.compile(r"\s*(?:\^|\*\*)\s*(-?\d+)")
+_NAME = re.compile(r"[^\W\d]\w*|(?<!\d)1(?!\d)")
+
+
+def symbol(unit: str) -> str:
+    """A unit as it is printed: ``degC`` is °C, ``mm^2`` is mm², ``N*s/m`` is N·s/m, ``1`` is nothing."""
+    if unit == "1":
+        return ""
+    text = _POWER.sub(lambda match: match.group(1).translate(_SUPERSCRIPT), unit)
+    text = _NAME.sub(lambda match: _WORDS.get(match.group(), match.group()) or "1", text)
+    return text.replace("*", "·")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A value to `digits` significant digits; a dash when it is missing."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    text = f"{value:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}·10{str(int(exponent)).translate(_SUPERSCRIPT)}"
+    return text.replace("-", "−", 1) if text.startswith("-") else text
+
+
+def amount(value: float | None, unit: str, digits: int = 4) -> str:
+    """A value with its unit, which is in the form that files use: ``amount(40, "degC")`` is ``40 °C``."""
+    return with_unit(number(value, digits), unit)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Append the printed unit to a number that is already text, with a space that does not break."""
+    sign = symbol(unit)
+    return f"{text}\N{NO-BREAK SPACE}{sign}" if sign and text != MISSING else text
+
+
+def decimals(values: Iterable[float], digits: int = 4) -> int:
+    """How many decimals give the largest of the values `digits` significant digits."""
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    if largest == 0.0:
+        return 0
+    return min(max(digits - 1 - math.floor(math.log10(largest)), 0), 9)
+
+
+def fixed(value: float | None, places: int, *, sign: bool = False) -> str:
+    """A value with a fixed number of decimals, so that a column lines up."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    text = f"{value:+.{places}f}" if sign else f"{value:.{places}f}"
+    if not float(text):
+        text = text.lstrip("+-")
+    return text.replace("-", "−", 1)
+
+
+def duration(seconds: float | None) -> str:
+    """A length of time in the two units a person would say it in, e.g. ``3 h 12 min``."""
+    if seconds is None or not math.isfinite(seconds):
+        return MISSING
+    space = "\N{NO-BREAK SPACE}"
+    if abs(seconds) < 60.0:
+        return f"{number(seconds, 3)}{space}s"
+    rounded = round(seconds)
+    if rounded < 3600:
+        return f"{rounded // 60}{space}min {rounded % 60:02d}{space}s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes // 60}{space}h {minutes % 60:02d}{space}min"
+
+
+def moment(text: str | None) -> str:
+    """A point in time from its ISO form, to the second, with its zone; unreadable text as it is."""
+    if not text:
+        return MISSING
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    return when.strftime("%Y-%m-%d %H:%M:%S ") + (when.tzname() or "") if when.tzinfo else when.isoformat(" ")
+
+
+def plural(count: int, noun: str, nouns: str | None = None) -> str:
+    """``1 record``, ``28 records``."""
+    return f"{whole(count)} {noun if count == 1 else nouns or noun + 's'}"
+
+
+def whole(count: int) -> str:
+    """A count with its thousands apart: ``65 100``."""
+    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")

@@ -1,0 +1,94 @@
+"""The page around the sections: one HTML file that needs no other, and that nothing can make fetch one."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from markupsafe import Markup
+
+from rigctl.report.numbers import moment, plural
+from rigctl.report.run_data import RunData
+from rigctl.report.section import Section, render
+
+_ASSETS = Path(__file__).parent / "assets"
+
+
+def page(runs: Sequence[RunData], sections: Sequence[Section], made: datetime | None = None) -> str:
+    """The HTML of the page, ready to be written as UTF-8.
+
+    Parameters
+    ----------
+    made: when, for the footer; now when left out.
+    """
+    scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
+    when = (made or datetime.now(UTC)).isoformat(timespec="seconds")
+    return render(
+        "page.html",
+        title=title(runs),
+        subtitle=subtitle(runs),
+        sections=sections,
+        policy=policy(scripts),
+        style=Markup(_asset("page.css")),  # noqa: S704 - a file of this package
+        scripts=[Markup(script) for script in scripts],  # noqa: S704 - files of this package
+        version=_version(),
+        made=moment(when),
+    )
+
+
+def title(runs: Sequence[RunData]) -> str:
+    """The procedures that were run."""
+    names = dict.fromkeys(str(run.info.get("procedure", {}).get("name") or run.id) for run in runs)
+    return ", ".join(names)
+
+
+def subtitle(runs: Sequence[RunData]) -> str:
+    """On what, when, by whom; for several runs on what and how many."""
+    rigs = ", ".join(dict.fromkeys(str(run.info.get("rig", {}).get("name") or "") for run in runs))
+    on = f"on {rigs}" if rigs else ""
+    if len(runs) > 1:
+        return " ".join(filter(None, (plural(len(runs), "run"), on)))
+    info = runs[0].info
+    started = moment(info.get("started")) if info.get("started") else ""
+    by = f"by {info['operator']}" if info.get("operator") else ""
+    return ", ".join(filter(None, (on, started, by)))
+
+
+def policy(scripts: Sequence[str]) -> str:
+    """A content security policy: these scripts run and no other, and nothing is fetched from anywhere.
+
+    It stands even if a text from a user's file should get into the page unescaped.
+    """
+    hashes = " ".join(f"'sha256-{_sha256(script)}'" for script in scripts)
+    return "; ".join(
+        (
+            "default-src 'none'",
+            f"script-src {hashes}",
+            "style-src 'unsafe-inline'",  # plotly.js sizes its parts by style attributes
+            "img-src data: blob:",  # a plot that is saved as an image
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+
+
+def _sha256(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+
+
+@lru_cache(maxsize=4)
+def _asset(name: str) -> str:
+    """A file of the page, its lines ended as a browser sees them, which the policy's hashes depend on."""
+    return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+def _version() -> str:
+    try:
+        return version("rigctl")
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,76 @@
+"""What a plot shows, apart from how it is drawn: the page draws it interactively, `static` into a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: told apart by most colour-blind readers, and visible on white and on a dark ground
+COLOURS = ("#2f7fc1", "#d97a26", "#2f9e6e", "#b35fb0", "#c9504c", "#1f9aa8", "#8c6d46", "#7b8494")
+#: a second mark, so that series are told apart on a black-and-white print
+MARKERS = ("circle", "square", "diamond", "triangle-up", "cross", "triangle-down", "x", "star")
+
+
+class Look(Enum):
+    """How a trace is drawn."""
+
+    LINE = "line"  #: a line through samples
+    STEP = "step"  #: the value holds until the next sample
+    POINTS = "points"  #: marks only
+    MARKED = "marked"  #: marks joined by a line
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One line: points x, y of equal length; NaN in y interrupts it. `unit` is that of y, as printed."""
+
+    name: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    look: Look = Look.LINE
+    colour: int = 0
+    unit: str = ""
+    faint: bool = False  #: a set value beside what was measured
+    in_legend: bool = True
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes; those of a plot stand above each other over the same x."""
+
+    title: str
+    traces: tuple[Trace, ...]
+    height: float = 1.0  #: relative to the other panels
+    range: tuple[float, float] | None = None  #: of y; from the data when None
+    ticks: tuple[tuple[float, str], ...] | None = None  #: values with their names, e.g. of a valve
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of x that is shaded, e.g. a record."""
+
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A moment that is marked by a line, e.g. an alarm."""
+
+    x: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure: an `id` unique on the page (and the file's name), its caption, panels over one x axis."""
+
+    id: str
+    caption: str
+    x_title: str
+    panels: tuple[Panel, ...]
+    spans: tuple[Span, ...] = ()
+    marks: tuple[Mark, ...] = field(default=())

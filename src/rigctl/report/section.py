@@ -1,0 +1,78 @@
+"""A part of the page, and the templates that all parts are made with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from rigctl.report import numbers
+from rigctl.report.interactive import embed, figure
+from rigctl.report.plot import Plot
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+#: rows of a table that a browser lays out without delay; a page says how many it leaves out
+MOST_ROWS = 1000
+
+
+@dataclass(frozen=True)
+class Section:
+    """One part of the page.
+
+    Parameters
+    ----------
+    id: unique on the page; a link to the section ends with it.
+    title: its heading, and its entry in the page's contents.
+    body: HTML, from `render`, which escapes whatever comes from a user's file.
+    plots: what is drawn into files when figures are asked for.
+    """
+
+    id: str
+    title: str
+    body: Markup
+    plots: tuple[Plot, ...] = ()
+
+
+def render(template: str, **values: Any) -> Markup:
+    """A template of this package, filled in; every text is escaped unless it is `Markup` already."""
+    return Markup(environment().get_template(template).render(values))  # noqa: S704 - autoescaped
+
+
+def plot_slot(plot: Plot) -> Markup:
+    """Where a plot is drawn once it comes into view, with its numbers beside it."""
+    drawn = figure(plot)
+    return render("plot.html", plot=plot, height=drawn["height"], content=embed(drawn))
+
+
+@lru_cache(maxsize=1)
+def environment() -> Environment:
+    """The templates of the page: escaping by default, and an unknown name is an error."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    made = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates", encoding="utf-8"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(
+        amount=numbers.amount,
+        duration=numbers.duration,
+        moment=numbers.moment,
+        number=numbers.number,
+        symbol=numbers.symbol,
+    )
+    made.globals.update(plural=numbers.plural)
+    return made
+
+
+def cut(rows: Sequence[Any], most: int = MOST_ROWS) -> tuple[Sequence[Any], int]:
+    """The rows that are shown, and how many are left out."""
+    return rows[:most], max(len(rows) - most, 0)

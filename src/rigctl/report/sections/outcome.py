@@ -1,0 +1,162 @@
+"""What was run, on what, when and by whom, and how it ended in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rigctl.report.numbers import duration, moment, plural, whole
+from rigctl.report.run_data import COMPLETE, RunData
+from rigctl.report.section import Section, render
+from rigctl.report.signals import ALARMS
+
+#: kinds of bench whose numbers come from equations
+_SIMULATED = {"simulated": "simulated bench", "emulated": "emulated board and simulated bench"}
+_STATUS = {
+    "finished": ("good", "finished"),
+    "failed": ("bad", "failed"),
+    "aborted": ("warn", "aborted"),
+    "interrupted": ("warn", "interrupted"),
+    "running": ("warn", "in progress"),
+}
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What the top of the page says about one run."""
+
+    id: str
+    tone: str  #: good, warn or bad
+    status: str
+    badge: str | None  #: says that no bench was involved
+    statement: str
+    figures: tuple[tuple[str, str], ...]
+    facts: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
+
+
+def build(runs: Sequence[RunData]) -> Section:
+    """A summary of each run."""
+    body = render("outcome.html", summaries=[summarise(run) for run in runs])
+    return Section("outcome", "Outcome", body)
+
+
+def summarise(run: RunData) -> RunSummary:
+    """Everything the summary of a run shows."""
+    status = str(run.info.get("status", ""))
+    imported = run.info.get("source") == "import"
+    tone, word = _STATUS.get(status, ("warn", status or "unknown"))
+    missed = sum(not measured.passed for measured in run.all_measures())
+    if missed and tone == "good":
+        tone = "warn"
+    kind = str(_part(run.info, "backend").get("kind", ""))
+    return RunSummary(
+        id=run.id,
+        tone=tone,
+        status="imported" if imported and tone == "good" else word,
+        badge=_SIMULATED.get(kind),
+        statement=statement(run),
+        figures=tuple(_figures(run, missed)),
+        facts=tuple((name, value) for name, value in _facts(run) if value),
+        notes=tuple(_notes(run)),
+    )
+
+
+def statement(run: RunData) -> str:
+    """How a run ended, in a sentence or two."""
+    complete = sum(record.outcome == COMPLETE for record in run.records)
+    total = len(run.records)
+    status = str(run.info.get("status", ""))
+    reason = str(run.info.get("reason") or "").rstrip(".")
+    if total == 0:
+        kept = "Nothing was recorded"
+    elif complete == total:
+        kept = "The record is complete" if total == 1 else f"All {total} records are complete"
+    else:
+        kept = f"{complete} of {plural(total, 'record')} {'is' if complete == 1 else 'are'} complete"
+    if status == "finished":
+        began = "The data was imported" if run.info.get("source") == "import" else "The run finished"
+        return f"{began}. {kept}{_measured(run)}."
+    verb = {"failed": "failed", "aborted": "was aborted", "running": "is in progress"}.get(
+        status, "was interrupted"
+    )
+    return f"The run {verb}{': ' + reason if reason else ''}. {kept}{_measured(run)}."
+
+
+def _measured(run: RunData) -> str:
+    """What became of the values that have limits."""
+    limited = [measured for measured in run.all_measures() if measured.limited]
+    missed = sum(not measured.passed for measured in limited)
+    if not limited:
+        return ""
+    if missed == 0:
+        return ", and every measured value lies within its limits"
+    return f", and {missed} of {plural(len(limited), 'measured value')} " + (
+        "lies outside its limits" if missed == 1 else "lie outside their limits"
+    )
+
+
+def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
+    """The few numbers a reader looks for first."""
+    complete = sum(record.outcome == COMPLETE for record in run.records)
+    found = [
+        ("records complete", f"{complete} of {len(run.records)}"),
+        ("duration", duration(_length(run))),
+        ("samples", whole(len(run.time))),
+    ]
+    excluded = sum(record.excluded is not None for record in run.records)
+    if excluded:
+        found.append(("records excluded", str(excluded)))
+    limited = sum(measured.limited for measured in run.all_measures())
+    if limited:
+        found.append(("values within limits", f"{limited - missed} of {limited}"))
+    alarms = sum(event.kind in ALARMS for event in run.events)
+    found.append(("alarms and faults", str(alarms) if alarms else "none"))
+    return found
+
+
+def _length(run: RunData) -> float:
+    given = run.info.get("duration")
+    if isinstance(given, int | float):
+        return float(given)
+    return float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
+
+
+def _facts(run: RunData) -> list[tuple[str, str]]:
+    info = run.info
+    backend = _part(info, "backend")
+    arguments = ", ".join(f"{name} = {value}" for name, value in _part(info, "arguments").items())
+    identity = ", ".join(
+        f"{name.replace('_', ' ')} {value}" for name, value in backend.items() if name not in ("kind", "seed")
+    )
+    seed = info.get("seed")
+    sessions = len(info.get("sessions") or ())
+    return [
+        ("Procedure", str(_part(info, "procedure").get("name", ""))),
+        ("Arguments", arguments),
+        ("Rig", str(_part(info, "rig").get("name", ""))),
+        ("Bench", " · ".join(part for part in (str(backend.get("kind", "")), identity) if part)),
+        ("Operator", str(info.get("operator") or "")),
+        ("Started", moment(info.get("started"))),
+        ("Ended", moment(info.get("ended"))),
+        ("Clock", str(info.get("clock") or "")),
+        ("Seed", "" if seed is None else str(seed)),
+        ("Sessions", f"{sessions}, resumed {plural(sessions - 1, 'time')}" if sessions > 1 else ""),
+        ("rigctl", str(_part(info, "versions").get("rigctl", ""))),
+    ]
+
+
+def _notes(run: RunData) -> list[str]:
+    """What people said about the run afterwards."""
+    said = [item for item in run.info.get("annotations") or () if item.get("kind") == "note"]
+    return [
+        f"{item.get('text', '')} ({', '.join(filter(None, (item.get('by'), moment(item.get('when')))))})"
+        + (f", record {item['record']}" if item.get("record") is not None else "")
+        for item in said
+    ]
+
+
+def _part(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    part = info.get(name)
+    return part if isinstance(part, Mapping) else {}

@@ -1,0 +1,76 @@
+"""Make the report of one or more runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigctl.errors import RigctlError
+from rigctl.files.write import write_text
+from rigctl.report.page import page
+from rigctl.report.run_data import RunData, read_run
+from rigctl.report.section import Section
+from rigctl.report.sections import SECTIONS
+
+if TYPE_CHECKING:
+    from rigctl.dataset import Run
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written."""
+
+    page: Path
+    figures: tuple[Path, ...]
+    runs: tuple[str, ...]
+    size: int  #: of the page, bytes
+
+    def summary(self) -> str:
+        """One sentence for a person."""
+        figures = f" and {len(self.figures)} figures" if self.figures else ""
+        return f"{self.page} ({self.size / 1e6:.1f} MB){figures}"
+
+
+def write_report(
+    runs: Sequence[Run],
+    output: Path,
+    *,
+    figures: Path | None = None,
+    form: str = "png",
+    sections: Sequence[Section] = (),
+) -> Report:
+    """Write one self-contained HTML page about the runs, whole or not at all.
+
+    Parameters
+    ----------
+    output: the page's file; one that is there is replaced.
+    figures: a folder for every plot as a file of its own.
+    form: of these, ``png`` or ``svg``.
+    sections: what other parts of rigctl have to say about these runs; shown after the results.
+
+    Raises
+    ------
+    RigctlError
+        no run was given, a run's file is damaged, or a file cannot be written.
+    """
+    if not runs:
+        raise RigctlError("a report needs at least one run")
+    data = [read_run(run) for run in runs]
+    parts = assemble(data, sections)
+    html = page(data, parts)
+    write_text(output, html)
+    drawn: tuple[Path, ...] = ()
+    if figures is not None:
+        from rigctl.report.static import write_figure
+
+        drawn = tuple(write_figure(plot, figures, form) for part in parts for plot in part.plots)
+    return Report(output, drawn, tuple(run.id for run in data), output.stat().st_size)
+
+
+def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[Section]:
+    """The page's sections: the outcome first, then the results, then what was contributed, then the rest."""
+    own = [section for build in SECTIONS if (section := build(runs)) is not None]
+    place = next((i for i, section in enumerate(own) if section.id not in ("outcome", "campaign")), len(own))
+    return [*own[:place], *sections, *own[place:]]
