@@ -1,7 +1,7 @@
 """Write the pages of the documentation that can be generated; a test fails when one is out of date.
 
-    python tools/generate_docs.py            write them
-    python tools/generate_docs.py --check    say which would change
+python tools/generate_docs.py            write them
+python tools/generate_docs.py --check    say which would change
 """
 
 from __future__ import annotations

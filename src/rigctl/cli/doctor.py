@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import platform
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -43,10 +42,7 @@ def examine() -> Iterator[Finding]:
 
 
 def _interpreter() -> Finding:
-    found = platform.python_version()
-    if sys.version_info < (3, 11):
-        return Finding("Python", "broken", found, "install Python 3.11 or newer")
-    return Finding("Python", "ok", f"{found} on {platform.system()} {platform.machine()}")
+    return Finding("Python", "ok", f"{platform.python_version()} on {platform.system()} {platform.machine()}")
 
 
 def _packages() -> Iterator[Finding]:

@@ -16,20 +16,20 @@ from rigctl.errors import ExitCode, RigctlError
 class LazyGroup(TyperGroup):
     """A group of commands that imports a command only to carry it out, or to print its own help."""
 
-    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+    def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the table, which is the order of a user's work."""
         return [entry.name for entry in ENTRIES]
 
-    def get_command(self, ctx: typer.Context, cmd_name: str) -> Any:
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """A stand-in that knows its name and summary: all that the overview shows."""
         entry = BY_NAME.get(cmd_name)
         if entry is None:
             return None
         return TyperCommand(entry.name, help=entry.summary, rich_help_panel=entry.panel)
 
-    def resolve_command(self, ctx: typer.Context, args: list[str]) -> Any:  # type: ignore[override]
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Load the command that is really called."""
-        name, stand_in, rest = super().resolve_command(ctx, args)  # type: ignore[arg-type]
+        name, stand_in, rest = super().resolve_command(ctx, args)
         return name, stand_in and load_command(str(stand_in.name)), rest
 
 
