@@ -1,0 +1,49 @@
+"""`rigctl schema`: JSON Schema of the files a user writes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+import typer
+
+from rigctl.errors import unknown_name
+
+#: kind of file: where its pydantic model is, and what editors call it
+_FILES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "procedure": ("rigctl.procedure:ProcedureFile", "rigctl procedure"),
+        "rig": ("rigctl.rig:Rig", "rigctl rig"),
+        "model": ("rigctl.model.schema:ModelFile", "rigctl model"),
+    }
+)
+
+
+def schema(
+    kind: Annotated[str, typer.Argument(help="procedure, rig or model.", show_default=False)],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write it to a file instead of stdout.")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a kind of file, with which an editor completes and checks it.
+
+    Example: rigctl schema procedure -o procedure.schema.json
+
+    In a file, '# yaml-language-server: $schema=procedure.schema.json' as the first line attaches it.
+    """
+    from rigctl.files.schema import json_schema
+    from rigctl.files.write import write_text
+
+    if kind not in _FILES:
+        raise unknown_name("kind of file", kind, _FILES)
+    target, title = _FILES[kind]
+    module, name = target.split(":")
+    text = json.dumps(json_schema(getattr(import_module(module), name), title=title), indent=1)
+    if output is None:
+        typer.echo(text)
+    else:
+        write_text(output, text + "\n")
