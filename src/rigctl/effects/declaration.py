@@ -19,13 +19,16 @@ from rigctl.physics.scope import Addition, Scope
 
 
 class Own:
-    """An effect's own parameters and states by attribute: ``p.conductance``."""
+    """An effect's own parameters and states by attribute, ``p.conductance``, or by name, ``p["side_1"]``."""
 
     def __init__(self, scope: Scope, effect: str) -> None:
         self._scope = scope
         self._effect = effect
 
     def __getattr__(self, name: str) -> Scalar:
+        return self[name]
+
+    def __getitem__(self, name: str) -> Scalar:
         return self._scope[qualified(self._effect, name)]
 
 

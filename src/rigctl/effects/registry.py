@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
 
-from rigctl.effects import hydraulic_cylinder
+from rigctl.effects import heater_board, hydraulic_cylinder, oil_viscosity
 from rigctl.effects.declaration import Effect, problems
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.families import find_family
@@ -20,7 +20,7 @@ ENTRY_POINTS = "rigctl.effects"
 
 @lru_cache(maxsize=1)
 def _shipped() -> tuple[Effect, ...]:
-    return hydraulic_cylinder.EFFECTS
+    return (*hydraulic_cylinder.EFFECTS, *heater_board.EFFECTS, *oil_viscosity.EFFECTS)
 
 
 @lru_cache(maxsize=1)

@@ -13,11 +13,16 @@ from rigctl.rig.rig import Rig
 
 @dataclass(frozen=True)
 class InputSource:
-    """One input of the model: ``value + sum of factor * command`` over `actuators`, all SI."""
+    """One input of the model: ``value + sum of factor * command`` over `actuators`, all SI.
+
+    `channel` is the rig's channel that records the input, when it has one and nothing commands the input; its
+    readings then count more than `value`.
+    """
 
     input: str
     value: float
     actuators: tuple[tuple[str, float], ...] = ()
+    channel: str | None = None
 
     def of(self, commands: Mapping[str, float]) -> float:
         """The input's value for the actuators' SI values."""
@@ -53,7 +58,8 @@ def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputS
     if item.name in rig.actuators:
         return InputSource(item.name, 0.0, ((item.name, 1.0),))
     known = {**rig.constants, **given}
-    return InputSource(item.name, float(known.get(item.name, item.value)))
+    value = float(known.get(item.name, item.value))
+    return InputSource(item.name, value, channel=item.name if item.name in rig.channels else None)
 
 
 def _of_role(item: InputVariable, rig: Rig) -> tuple[tuple[str, float], ...]:

@@ -85,7 +85,10 @@ def _of_oil(name: str) -> dict[str, float]:
 
 def _of_rig(family: ModelFamily, rig: Rig) -> dict[str, float]:
     """What the rig says of the family's parameters; it may say more, for inputs and effects."""
-    named = {**rig.geometry, **rig.constants}
     known = {parameter.name for parameter in family.parameters}
-    translated = {family.rig_names.get(name, name): float(value) for name, value in named.items()}
-    return {name: value for name, value in translated.items() if name in known}
+    return {
+        parameter: float(value)
+        for name, value in {**rig.geometry, **rig.constants}.items()
+        for parameter in family.rig_names.get(name, (name,))
+        if parameter in known
+    }

@@ -122,7 +122,7 @@ class ModelFamily:
     Attributes
     ----------
     options: the variants of the equations, each with its choices; the first is the default.
-    rig_names: what a rig file calls a parameter when it is not its own name.
+    rig_names: the parameters that a name of a rig file stands for, where it is not their own.
     """
 
     name: str
@@ -135,7 +135,7 @@ class ModelFamily:
     slots: tuple[Slot, ...]
     outputs: tuple[OutputVariable, ...]
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    rig_names: Mapping[str, str] = field(default_factory=dict)
+    rig_names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def slot(self, name: str) -> Slot:
         """The slot called `name`.

@@ -60,7 +60,9 @@ CONSTANTS: Mapping[str, Mapping[str, Constant]] = {
         "vogel_c": Constant("K", "c of Vogel's law of viscosity"),
     },
     "heater_board": {
-        "heater_gain": Constant("W", "power of a heater at 100 %"),
+        "heater_gain": Constant("W", "power of either heater at 100 %"),
+        "heater_gain_1": Constant("W", "power of the first heater at 100 %"),
+        "heater_gain_2": Constant("W", "power of the second heater at 100 %"),
         "heat_capacity": Constant("J/K", "of one heater with its sensor"),
         "convection": Constant("W/K", "heat loss of one heater per kelvin above ambient"),
         "ambient_temperature": Constant("K", "around the board"),

@@ -46,4 +46,4 @@ FITTABLE = (
 PARAMETERS = (*FIXED, *FITTABLE)
 
 #: the rig file calls the opening of the flow-control valve by what it is
-RIG_NAMES = {"throttle_area": "flow_area"}
+RIG_NAMES = {"throttle_area": ("flow_area",)}

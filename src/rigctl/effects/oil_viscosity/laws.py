@@ -1,0 +1,100 @@
+"""Other laws of viscosity and density."""
+
+from __future__ import annotations
+
+from rigctl.effects.declaration import Effect, EffectParameter, Own
+from rigctl.engine.symbols import Scalar, constant_like, exp, log
+from rigctl.physics import oil
+from rigctl.physics.oil.density import REFERENCE_TEMPERATURE
+from rigctl.physics.scope import Scope
+
+_FAMILY = "oil_viscosity"
+
+_A1, _A2, _B1, _B2 = oil.HL32.modulus
+#: Walther's constants through HL32's points at 40 and 100 degC: 33.81 and 5.74 cSt
+_WALTHER_A, _WALTHER_B = oil.walther_constants(313.15, 33.81e-6, 373.15, 5.74e-6)
+
+BARUS = Effect(
+    name="barus",
+    family=_FAMILY,
+    summary="Viscosity rises with pressure.",
+    equation="µ = µ0·exp(α·p)",
+    source="Barus (1893)",
+    terms=(("viscosity", lambda m, p: oil.barus_factor(m.pressure, p.coefficient)),),
+    parameters=(EffectParameter("coefficient", "1/Pa", 0.0, 2e-8, 0.0, 1e-7, "α"),),
+    looks_like="The logarithm of viscosity rises in proportion to pressure, at every temperature alike.",
+    confused_with=("modulus_viscosity",),
+    needs="measurements under pressure",
+)
+
+
+def _modulus(m: Scope, p: Own) -> Scalar:
+    return oil.modulus_factor(p.share * m.pressure, m.temperature, (p.a1, p.a2, p.b1, p.b2))
+
+
+MODULUS_VISCOSITY = Effect(
+    name="modulus_viscosity",
+    family=_FAMILY,
+    summary="Viscosity rises with pressure, less in hot oil.",
+    equation="µ = µ0·exp(p/(a1 + a2·t + (b1 + b2·t)·p)), t in degC",
+    source="Knezevic & Savic, Facta Universitatis, Mechanical Engineering 4(1) (2006)",
+    terms=(("viscosity", _modulus),),
+    parameters=(
+        EffectParameter(
+            "share", "1", 0.0, 1.0, 0.0, 5.0, "of the pressure that acts; 1 is the law as printed"
+        ),
+        EffectParameter("a1", "bar", None, _A1, 100e5, 2000e5, "a1"),
+        EffectParameter("a2", "bar/K", None, _A2, 0.0, 20e5, "a2"),
+        EffectParameter("b1", "1", None, _B1, 0.0, 1.0, "b1"),
+        EffectParameter("b2", "1/K", None, _B2, 0.0, 0.01, "b2"),
+    ),
+    looks_like="As barus, with less of it in hot oil and at high pressure.",
+    confused_with=("barus",),
+    needs="measurements under pressure at several temperatures",
+)
+
+
+def _walther(m: Scope, p: Own) -> Scalar:
+    vogel = oil.vogel(m.temperature, m.vogel_a, m.vogel_b, m.vogel_c) / m.true_density
+    squared_metres = constant_like(1.0, vogel)
+    ratio = oil.walther(m.temperature, p.a, p.b) * squared_metres / vogel
+    return exp(p.share * log(ratio))
+
+
+WALTHER = Effect(
+    name="walther",
+    family=_FAMILY,
+    summary="The double-log law of ASTM D341 instead of Vogel's.",
+    equation="log10(log10(ν + 0.7)) = A − B·log10(T), ν in cSt, T in K",
+    source="ASTM D341",
+    terms=(("viscosity", _walther),),
+    parameters=(
+        EffectParameter("share", "1", 0.0, 1.0, 0.0, 1.0, "0 is Vogel's law, 1 is Walther's"),
+        EffectParameter("a", "1", None, _WALTHER_A, 2.0, 20.0, "A"),
+        EffectParameter("b", "1", None, _WALTHER_B, 1.0, 8.0, "B"),
+    ),
+    looks_like="The curve bends a little less than Vogel's at the cold and the hot end.",
+    confused_with=("capillary_end_correction", "thermometer_offset"),
+    needs="measurements over a wide range of temperatures",
+)
+
+
+def _curvature(m: Scope, p: Own) -> Scalar:
+    above = m.temperature - constant_like(REFERENCE_TEMPERATURE, m.temperature)
+    return 1.0 + p.coefficient * above**2
+
+
+DENSITY_CURVATURE = Effect(
+    name="density_curvature",
+    family=_FAMILY,
+    summary="Density does not fall in a straight line.",
+    equation="ρ·(1 + k·(T − 15 degC)²)",
+    source="API MPMS 11.1: second-order volume correction",
+    terms=(("density", _curvature),),
+    parameters=(EffectParameter("coefficient", "1/K^2", 0.0, -3e-7, -1e-5, 1e-5, "k"),),
+    looks_like="Density bends; kinematic viscosity hardly shows it.",
+    confused_with=("walther",),
+    needs="measured densities",
+)
+
+EFFECTS = (BARUS, MODULUS_VISCOSITY, WALTHER, DENSITY_CURVATURE)

@@ -1,0 +1,72 @@
+"""The declaration of the viscosity table."""
+
+from __future__ import annotations
+
+from rigctl.engine.symbols import Scalar
+from rigctl.physics import oil
+from rigctl.physics.family import Definition, InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
+from rigctl.physics.family import ParameterDeclaration as Parameter
+from rigctl.physics.oil import HL32
+from rigctl.physics.scope import Scope
+
+
+def temperature(m: Scope) -> Scalar:
+    """Of the oil in the viscometer."""
+    return m.oil_temperature + m.total("temperature")
+
+
+def density(m: Scope) -> Scalar:
+    """At atmospheric pressure."""
+    base = oil.density(m.temperature, m.density_15, m.thermal_expansion)
+    return base * m.factor("density")
+
+
+def dynamic_viscosity(m: Scope) -> Scalar:
+    """Vogel's law, times what effects make of it."""
+    return oil.vogel(m.temperature, m.vogel_a, m.vogel_b, m.vogel_c) * m.factor("viscosity")
+
+
+def true_kinematic(m: Scope) -> Scalar:
+    """``nu = mu / rho``."""
+    return oil.kinematic_viscosity(m.true_dynamic_viscosity, m.true_density)
+
+
+def kinematic_reading(m: Scope) -> Scalar:
+    """What the viscometer gives."""
+    return m.true_kinematic_viscosity + m.total("kinematic_viscosity_reading")
+
+
+OIL_VISCOSITY = ModelFamily(
+    name="oil_viscosity",
+    title="Viscosity of an oil over temperature and pressure",
+    source="Vogel (1921); density by thermal expansion",
+    states=(StateVariable("row", "s", 1.0, lambda m: 1.0, 0.0, "counts the rows of the table"),),
+    inputs=(
+        InputVariable("oil_temperature", "K", 313.15, "as the thermometer reads"),
+        InputVariable("pressure", "Pa", 0.0, "gauge"),
+    ),
+    parameters=(
+        Parameter("vogel_a", "Pa*s", HL32.vogel.a, "a of Vogel's law", 1e-7, 1e-2),
+        Parameter("vogel_b", "K", HL32.vogel.b, "b of Vogel's law", 100.0, 5e3),
+        Parameter("vogel_c", "K", HL32.vogel.c, "c of Vogel's law", 50.0, 260.0),
+        Parameter("density_15", "kg/m^3", HL32.density_15, "density at 15 degC", 500.0, 1500.0),
+        Parameter("thermal_expansion", "1/K", HL32.thermal_expansion, "alpha_v", 0.0, 3e-3),
+    ),
+    definitions=(
+        Definition("temperature", "K", temperature, "oil in the viscometer"),
+        Definition("true_density", "kg/m^3", density, "at atmospheric pressure"),
+        Definition("true_dynamic_viscosity", "Pa*s", dynamic_viscosity, "at the pressure"),
+        Definition("true_kinematic_viscosity", "m^2/s", true_kinematic, "at the pressure"),
+    ),
+    slots=(
+        Slot("temperature", "K", "of the oil, above what the thermometer reads", kind="sensor"),
+        Slot("density", "1", "of the linear law", combine="product"),
+        Slot("viscosity", "1", "of Vogel's law", combine="product"),
+        Slot("kinematic_viscosity_reading", "m^2/s", "of the viscometer, beside the truth", kind="sensor"),
+    ),
+    outputs=(
+        OutputVariable("kinematic_viscosity", "m^2/s", kinematic_reading, "viscometer"),
+        OutputVariable("dynamic_viscosity", "Pa*s", lambda m: m.true_dynamic_viscosity, "worked out with it"),
+        OutputVariable("density", "kg/m^3", lambda m: m.true_density, "hydrometer"),
+    ),
+)
