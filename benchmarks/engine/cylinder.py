@@ -7,8 +7,12 @@ compare. SI throughout.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import SimpleNamespace
 
+import numpy as np
+
+from rigctl.engine.excitation import Excitation
 from rigctl.engine.symbols import Expr, exp, positive_part, sqrt, tanh
 from rigctl.engine.system import System, SystemBuilder
 
@@ -145,3 +149,24 @@ def build() -> System:  # noqa: PLR0915 - one model, read from top to bottom
     builder.output("position", "m", y.position)
     builder.output("pressure_cap", "Pa", y.pressure_cap + q.pressure_offset)
     return builder.build()
+
+
+SEGMENTS = ((2.5, 1.0), (2.0, 0.0), (2.5, -1.0))
+RATE = 100.0
+CONDITIONS = [(celsius, bar) for celsius in range(20, 51, 5) for bar in range(20, 51, 10)]
+
+
+def campaign(parameters: Sequence[float] | None = None) -> list[Excitation]:
+    """28 records of 7 s at 100 Hz: extend, hold, retract, at seven temperatures and four pressures."""
+    switch_times = np.array([0.0, SEGMENTS[0][0], SEGMENTS[0][0] + SEGMENTS[1][0]])
+    times = np.arange(int(sum(seconds for seconds, _ in SEGMENTS) * RATE) + 1) / RATE
+    nominal = [value for _, value, _ in PARAMETERS.values()]
+    values = np.array(nominal if parameters is None else parameters)
+    records = []
+    for celsius, bar in CONDITIONS:
+        condition = [295.15, bar * BAR, 0.0, 1.0]
+        inputs = np.array([[valve, *condition] for _, valve in SEGMENTS])
+        initial = np.array([celsius + 273.15, 0.0, bar * BAR, 7.5 * BAR, 10 * BAR, 0.005, 0.0])
+        name = f"{celsius} degC, {bar} bar"
+        records.append(Excitation(times, switch_times, inputs, initial, values, name))
+    return records

@@ -7,7 +7,7 @@ the graph is a loop over sorted numbers, never a recursion.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from numbers import Real
 from typing import Never, TypeAlias
@@ -131,6 +131,10 @@ class Expr:
 
         return to_text(self)
 
+    def __reduce__(self) -> tuple[Callable[[Graph, int], Expr], tuple[Graph, int]]:
+        # a node by its number: pickling its arguments would recurse as deep as the expression
+        return _node_of, (self.graph, self.index)
+
     def _no_branch(self) -> Never:
         raise RigctlError(
             "an equation may not branch on a state or a parameter",
@@ -141,6 +145,14 @@ class Expr:
 
 #: what a physical term takes and returns: an expression, or a plain number when it is tested by itself
 Scalar: TypeAlias = Expr | float
+
+
+#: a node as it is pickled: operation, numbers of its arguments, value, name, declared dimension
+_Flat: TypeAlias = tuple[str, tuple[int, ...], float | Fraction, str, Dimension]
+
+
+def _node_of(graph: Graph, index: int) -> Expr:
+    return graph.nodes[index]
 
 
 class Graph:
@@ -374,6 +386,20 @@ class Graph:
     def _append(self, node: Expr) -> Expr:
         self.nodes.append(node)
         return node
+
+    def __getstate__(self) -> list[_Flat]:
+        return [
+            (node.op, tuple(arg.index for arg in node.args), node.value, node.name, node.declared)
+            for node in self.nodes
+        ]
+
+    def __setstate__(self, state: list[_Flat]) -> None:
+        Graph.__init__(self)
+        for op, args, value, name, declared in state:
+            if op == "variable":
+                self.variable(name, declared)
+            else:
+                self._make(op, tuple(self.nodes[index] for index in args), value, declared)
 
 
 def _zero(a: Expr) -> bool:

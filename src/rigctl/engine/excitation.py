@@ -1,0 +1,102 @@
+"""What is done to a system in one record: where it starts, what is commanded when, and when it is sampled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigctl.engine.system import System
+from rigctl.errors import RigctlError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """One record. Everything in SI, times in seconds on one axis.
+
+    The integration starts at ``switch_times[0]``. A sample at the very time of a switch shows what was
+    before it.
+
+    Attributes
+    ----------
+    times: (samples) when outputs are wanted; rising, irregular or with gaps as they may be.
+    switch_times: (switches) when commands are given, between samples too; rising.
+    inputs: (switches, inputs) what is commanded from each of these times on.
+    initial: (states) the state at ``switch_times[0]``.
+    parameters: (parameters) their values in this record; quantities of one record simply differ here.
+    name: what the record is called in messages.
+    """
+
+    times: Floats
+    switch_times: Floats
+    inputs: Floats
+    initial: Floats
+    parameters: Floats
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("times", "switch_times", "inputs", "initial", "parameters"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        _check_shapes(self)
+
+    def replace(self, *, initial: ArrayLike | None = None, parameters: ArrayLike | None = None) -> Excitation:
+        """The same record with another initial state or other parameters."""
+        return Excitation(
+            self.times,
+            self.switch_times,
+            self.inputs,
+            self.initial if initial is None else np.asarray(initial, dtype=float),
+            self.parameters if parameters is None else np.asarray(parameters, dtype=float),
+            self.name,
+        )
+
+
+def check_fits(excitation: Excitation, system: System) -> None:
+    """Require that a record has as many states, inputs and parameters as the system.
+
+    Raises
+    ------
+    RigctlError
+        a number differs.
+    """
+    for what, found, wanted in (
+        ("initial states", excitation.initial.size, len(system.states)),
+        ("inputs", excitation.inputs.shape[1], len(system.inputs)),
+        ("parameters", excitation.parameters.size, len(system.parameters)),
+    ):
+        if found != wanted:
+            raise RigctlError(
+                f"record {excitation.name or '(unnamed)'} has {found} {what}",
+                expected=f"{wanted}, as the system has",
+            )
+
+
+def _frozen(values: ArrayLike) -> Floats:
+    """A contiguous copy that cannot be written, unless it is one already."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.flags.writeable or not array.flags.c_contiguous:
+        array = np.array(array, order="C")
+        array.flags.writeable = False
+    return array
+
+
+def _check_shapes(excitation: Excitation) -> None:
+    times, switches = excitation.times, excitation.switch_times
+    problem = ""
+    if times.ndim != 1 or switches.ndim != 1 or excitation.initial.ndim != 1:
+        problem = "times, switch times and initial state must be one-dimensional"
+    elif switches.size == 0:
+        problem = "there is no command, not even the first"
+    elif excitation.inputs.ndim != 2 or len(excitation.inputs) != switches.size:
+        problem = "each switch time needs one row of inputs"
+    elif not (np.isfinite(times).all() and np.isfinite(switches).all()):
+        problem = "a time is not finite"
+    elif np.any(np.diff(times) < 0.0) or np.any(np.diff(switches) < 0.0):
+        problem = "time runs backwards"
+    elif times.size and times[0] < switches[0]:
+        problem = "the first sample lies before the first command"
+    if problem:
+        raise RigctlError(f"record {excitation.name or '(unnamed)'}: {problem}")

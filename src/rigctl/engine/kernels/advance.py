@@ -1,0 +1,147 @@
+"""Adaptive steps from one moment to another while the inputs are constant."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from rigctl.engine.kernels.calling import (
+    OPTIONS,
+    RHS,
+    RHS_JACOBIAN,
+    RHS_TANGENT,
+    call_4,
+    call_5,
+    call_6,
+    offset,
+)
+from rigctl.engine.kernels.esdirk import CONVERGED, NOT_FINITE, attempt, tangent
+from rigctl.engine.kernels.outcomes import (
+    DONE,
+    GUILTY_STATE,
+    NOT_FINITE_RHS,
+    REJECTED,
+    RESTARTS,
+    STEP_TOO_SMALL,
+    STEPS,
+    TOO_MANY_STEPS,
+)
+
+_MOST_STEPS = 2_000_000
+_ROUNDING = 1e-15
+_FIRST_CHANGE = 0.01  # of the tolerance, by the derivative left out of the first step's formula
+
+
+@njit(**OPTIONS)
+def set_weights(work, relative, absolute):
+    """``1 / (absolute + relative·|y|)``: the tolerance of each state here."""
+    for i in range(work.n):
+        work.weight[i] = 1.0 / (absolute[i] + relative * abs(work.y[i]))
+
+
+@njit(**OPTIONS)
+def restart(addresses, u, q, work, relative, absolute, sensitive, counters):
+    """Derivatives at the present state, after a start or a switch. Returns (outcome, first step to try).
+
+    The first step is Hairer's: from the sizes of the state, its derivative, and how fast that changes.
+    E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I, II.4.
+    """
+    n, m = work.n, work.m
+    counters[RESTARTS] += 1
+    if sensitive:
+        call_6(addresses[RHS_TANGENT], work.y, u, q, work.k, work.jacobian, work.packed)
+        for i in range(n):
+            for c in range(m):
+                total = 0.0
+                for j in range(n):
+                    total += work.jacobian[i * n + j] * work.s[j * m + c]
+                work.dk[i * m + c] = total
+        for entry in range(work.used):
+            place, row, column = (
+                work.active[3 * entry],
+                work.active[3 * entry + 1],
+                work.active[3 * entry + 2],
+            )
+            work.dk[row * m + column] += work.packed[place]
+    else:
+        call_4(addresses[RHS], work.y, u, q, work.k)
+    set_weights(work, relative, absolute)
+    size, slope = 0.0, 0.0
+    for i in range(n):
+        if not math.isfinite(work.k[i]):
+            counters[GUILTY_STATE] = i
+            return NOT_FINITE_RHS, 0.0
+        size += (work.y[i] * work.weight[i]) ** 2
+        slope += (work.k[i] * work.weight[i]) ** 2
+    size, slope = math.sqrt(size / n), math.sqrt(slope / n)
+    probe = 0.01 * size / slope if size > 1e-5 and slope > 1e-5 else 1e-6
+    for i in range(n):
+        work.z[n + i] = work.y[i] + probe * work.k[i]
+    call_4(addresses[RHS], offset(work.z, n), u, q, work.value)
+    bend = 0.0
+    for i in range(n):
+        bend += ((work.value[i] - work.k[i]) * work.weight[i]) ** 2
+    bend = math.sqrt(bend / n) / probe
+    fastest = max(slope, bend)
+    if not math.isfinite(fastest):
+        return DONE, 1e-3 * probe
+    return DONE, min(100.0 * probe, (_FIRST_CHANGE / fastest) ** (1.0 / 3.0) if fastest > 1e-15 else 1e3)
+
+
+@njit(**OPTIONS)
+def advance(addresses, u, q, t, target, h, work, relative, absolute, sensitive, counters):
+    """Integrate from t to exactly `target`, starting with a step of at most h.
+
+    Returns (outcome, time reached, step to try next). The first of `work.k`, and with
+    `sensitive` also that of `work.dk` and the Jacobian, belong to the state at the start and at the end.
+    """
+    n = work.n
+    fresh = sensitive
+    for _ in range(_MOST_STEPS):
+        left = target - t
+        if left <= 0.0:
+            return DONE, target, h
+        step = min(h, left)
+        # two equal steps rather than one and a crumb
+        if step < left < 1.1 * step:
+            step = 0.5 * left
+        if not fresh:
+            call_5(addresses[RHS_JACOBIAN], work.y, u, q, work.value, work.jacobian)
+            fresh = True
+        set_weights(work, relative, absolute)
+        outcome, error = attempt(addresses, u, q, step, work)
+        if not error <= 1.0:
+            counters[REJECTED] += 1
+            shorter = max(0.2, 0.9 * error ** (-1.0 / 3.0)) if outcome == CONVERGED else 0.25
+            h = step * shorter
+            if h <= _ROUNDING * max(abs(t), abs(target)):
+                counters[GUILTY_STATE] = guilty_state(work, outcome)
+                return NOT_FINITE_RHS if outcome == NOT_FINITE else STEP_TOO_SMALL, t, h
+            continue
+        counters[STEPS] += 1
+        if sensitive:
+            tangent(addresses, u, q, step, work)
+        else:
+            fresh = False
+        for i in range(n):
+            work.y[i] = work.z[3 * n + i]
+            work.k[i] = work.k[3 * n + i]
+        t = target if step == left else t + step
+        longer = min(5.0, max(0.3, 0.9 * error ** (-1.0 / 3.0))) if error > 0.0 else 5.0
+        # a step cut short by the target says nothing against the longer one planned before
+        h = max(step * longer, h) if step < h and longer >= 1.0 else step * longer
+    return TOO_MANY_STEPS, t, h
+
+
+@njit(**OPTIONS)
+def guilty_state(work, outcome):
+    """The state that kept the last attempt from succeeding."""
+    guilty, worst = 0, -1.0
+    for i in range(work.n):
+        if outcome == NOT_FINITE:
+            if not math.isfinite(work.value[i]):
+                return i
+        elif abs(work.correction[i]) > worst:
+            guilty, worst = i, abs(work.correction[i])
+    return guilty

@@ -1,0 +1,153 @@
+"""One step of ESDIRK3(2), and the exact derivative of that step.
+
+Kværnø's 3/2a: four stages, the first explicit, the others with the same gamma; L-stable and stiffly accurate,
+with an embedded second-order solution that is L-stable too.
+
+    z_i = y + h·sum(a_ij·k_j, j <= i),   k_i = f(z_i),   y_next = z_3,   error ~ z_3 - z_2
+
+A. Kværnø, Singly diagonally implicit Runge-Kutta methods with an explicit first stage, BIT 44 (2004).
+The sensitivities are those of the steps that were taken (internal differentiation): each stage's equation
+is differentiated and solved with the Jacobian at that very stage, so they are exact to rounding whatever
+the step size. H. G. Bock, Recent advances in parameter identification for ODE (1983).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from rigctl.engine.kernels.calling import OPTIONS, RHS, RHS_TANGENT, call_4, call_6, offset
+from rigctl.engine.kernels.linear import factorise, solve, solve_columns
+
+GAMMA = 0.43586652150845906
+A = np.zeros((4, 3))
+A[1, 0] = GAMMA
+A[2, 0] = (-4 * GAMMA**2 + 6 * GAMMA - 1) / (4 * GAMMA)
+A[2, 1] = (1 - 2 * GAMMA) / (4 * GAMMA)
+A[3, 0] = (6 * GAMMA - 1) / (12 * GAMMA)
+A[3, 1] = -1 / ((24 * GAMMA - 12) * GAMMA)
+A[3, 2] = (-6 * GAMMA**2 + 6 * GAMMA - 1) / (6 * GAMMA - 3)
+
+CONVERGED, SLOW, NOT_FINITE = 0, 1, 2
+
+_ITERATIONS = 8
+_SMALL_CORRECTION = 1e-2  # of the tolerance
+
+
+@njit(**OPTIONS)
+def set_matrix(work, h_gamma):
+    """Factorise ``I - h·gamma·∂f/∂y``."""
+    n = work.n
+    for i in range(n * n):
+        work.matrix[i] = -h_gamma * work.jacobian[i]
+    for i in range(n):
+        work.matrix[i * n + i] += 1.0
+    factorise(n, work.matrix, work.exchanges)
+
+
+@njit(**OPTIONS)
+def solve_stage(addresses, u, q, z, h_gamma, work):
+    """Newton's iteration for ``z = base + h·gamma·f(z)``, with the matrix of the step's start."""
+    n = work.n
+    previous = math.inf
+    for iteration in range(_ITERATIONS):
+        call_4(addresses[RHS], z, u, q, work.value)
+        for i in range(n):
+            work.correction[i] = work.base[i] + h_gamma * work.value[i] - z[i]
+        solve(n, work.matrix, work.exchanges, work.correction)
+        total = 0.0
+        for i in range(n):
+            z[i] += work.correction[i]
+            scaled = work.correction[i] * work.weight[i]
+            total += scaled * scaled
+        size = math.sqrt(total / n)
+        if not math.isfinite(size):
+            return NOT_FINITE
+        if size < _SMALL_CORRECTION:
+            return CONVERGED
+        if iteration > 0 and size < previous and size * size < _SMALL_CORRECTION * (previous - size):
+            return CONVERGED
+        if iteration > 1 and size > 2.0 * previous:
+            return SLOW
+        previous = size
+    return SLOW
+
+
+@njit(**OPTIONS)
+def attempt(addresses, u, q, h, work):
+    """Try a step of length h from `work.y`, whose derivative is the first of `work.k`.
+
+    Returns (outcome, error in units of the tolerance). The new state is the last of `work.z`, its derivative
+    the last of `work.k`. The error is filtered by the step's matrix, as stiff components would spoil it.
+    """
+    n, y = work.n, work.y
+    h_gamma = h * GAMMA
+    set_matrix(work, h_gamma)
+    for stage in range(1, 4):
+        z, k = offset(work.z, stage * n), offset(work.k, stage * n)
+        for i in range(n):
+            total = y[i]
+            for j in range(stage):
+                total += h * A[stage, j] * work.k[j * n + i]
+            work.base[i] = total
+            if stage == 1:
+                z[i] = y[i]
+            elif stage == 2:
+                z[i] = y[i] + (work.z[n + i] - y[i]) / (2.0 * GAMMA)
+            else:
+                z[i] = work.z[2 * n + i]
+        outcome = solve_stage(addresses, u, q, z, h_gamma, work)
+        if outcome != CONVERGED:
+            return outcome, math.inf
+        for i in range(n):
+            k[i] = (z[i] - work.base[i]) / h_gamma
+    for i in range(n):
+        work.correction[i] = work.z[3 * n + i] - work.z[2 * n + i]
+    solve(n, work.matrix, work.exchanges, work.correction)
+    total = 0.0
+    for i in range(n):
+        work.correction[i] *= work.weight[i]
+        total += work.correction[i] * work.correction[i]
+    error = math.sqrt(total / n)
+    if not math.isfinite(error):
+        return NOT_FINITE, math.inf
+    return CONVERGED, error
+
+
+@njit(**OPTIONS)
+def tangent(addresses, u, q, h, work):
+    """Carry the sensitivities `work.s` and their derivative, the first of `work.dk`, over the accepted step.
+
+    Leaves the Jacobian of the new state in `work.jacobian`.
+    """
+    n, m = work.n, work.m
+    block = n * m
+    h_gamma = h * GAMMA
+    inverse = 1.0 / h_gamma
+    for stage in range(1, 4):
+        z, dk = offset(work.z, stage * n), offset(work.dk, stage * block)
+        call_6(addresses[RHS_TANGENT], z, u, q, work.value, work.jacobian, work.packed)
+        set_matrix(work, h_gamma)
+        for i in range(block):
+            work.fixed[i] = work.s[i]
+        for j in range(stage):
+            weight, earlier = h * A[stage, j], offset(work.dk, j * block)
+            for i in range(block):
+                work.fixed[i] += weight * earlier[i]
+        for i in range(block):
+            work.moving[i] = work.fixed[i]
+        for entry in range(work.used):
+            place, row, column = (
+                work.active[3 * entry],
+                work.active[3 * entry + 1],
+                work.active[3 * entry + 2],
+            )
+            work.moving[row * m + column] += h_gamma * work.packed[place]
+        solve_columns(n, m, work.matrix, work.exchanges, work.moving)
+        for i in range(block):
+            dk[i] = (work.moving[i] - work.fixed[i]) * inverse
+    for i in range(block):
+        work.s[i] = work.moving[i]
+        work.dk[i] = work.dk[3 * block + i]

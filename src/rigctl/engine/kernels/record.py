@@ -1,0 +1,149 @@
+"""One record: from its first command to its last sample, over every switch."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from rigctl.engine.kernels.advance import advance, restart
+from rigctl.engine.kernels.calling import (
+    OPTIONS,
+    OUTPUTS,
+    OUTPUTS_TANGENT,
+    call_4,
+    call_6,
+    offset,
+    pointer_to,
+)
+from rigctl.engine.kernels.outcomes import DONE
+from rigctl.engine.kernels.switching import act, command, next_switch
+from rigctl.engine.kernels.workspace import lay_out
+
+
+@njit(**OPTIONS)
+def differentiate_outputs(addresses, u, q, work, seen, result):
+    """``∂g/∂y·s + ∂g/∂q`` into `result` (outputs, columns)."""
+    n, m = work.n, work.m
+    call_6(addresses[OUTPUTS_TANGENT], work.y, u, q, seen.value, seen.jacobian, seen.packed)
+    for row in range(seen.outputs):
+        for c in range(m):
+            result[row * m + c] = 0.0
+        for i in range(n):
+            slope = seen.jacobian[row * n + i]
+            if slope != 0.0:
+                for c in range(m):
+                    result[row * m + c] += slope * work.s[i * m + c]
+    for entry in range(seen.used):
+        place, row, column = seen.active[3 * entry], seen.active[3 * entry + 1], seen.active[3 * entry + 2]
+        result[row * m + column] += seen.packed[place]
+
+
+@njit(**OPTIONS)
+def settle(addresses, t, commands, count, times, values, q, work, switches, sensitive):
+    """Let everything act that is due at time t: first what waited, then the commands of this moment.
+
+    `count` commands: `values` (count, inputs) from `times` (count) on, the first `commands` of them taken.
+    Returns (outcome, commands taken so far, whether an input changed, when the next one acts by itself).
+    """
+    stale = False
+    while True:
+        switch_time, place = next_switch(switches)
+        if switch_time <= t:
+            stale = act(addresses, place, q, work, switches, sensitive) or stale
+        elif commands < count and times[commands] <= t:
+            commanded = offset(values, commands * switches.inputs)
+            outcome, changed = command(addresses, t, commanded, q, work, switches, sensitive)
+            if outcome != DONE:
+                return outcome, commands, stale, switch_time
+            stale = stale or changed
+            commands += 1
+        else:
+            return DONE, commands, stale, switch_time
+
+
+@njit(**OPTIONS)
+def integrate_record(
+    addresses,
+    sizes,
+    tolerance,
+    y0,
+    q,
+    command_times,
+    command_values,
+    sample_times,
+    initial_columns,
+    delayed,
+    rhs_active,
+    outputs_active,
+    delays_active,
+    floats,
+    integers,
+    states,
+    outputs,
+    sensitivities,
+    counters,
+):
+    """Integrate from ``command_times[0]`` over all samples; a sample at a switch shows what was before it.
+
+    Arguments: `sizes` and the buffers as in `workspace`; `tolerance` the relative one and then the absolute
+    one of each state; y0 (n); q; command k holds ``command_values[k]`` from ``command_times[k]`` on;
+    `initial_columns` the initial states that the last columns differentiate by. Fills states (samples, n),
+    outputs (samples, z) and sensitivities (samples, z, columns).
+
+    Returns (outcome, time reached, samples done).
+    """
+    work, switches, seen = lay_out(
+        sizes,
+        pointer_to(floats),
+        pointer_to(integers),
+        pointer_to(rhs_active),
+        pointer_to(outputs_active),
+        pointer_to(delays_active),
+        pointer_to(delayed),
+    )
+    n, m, functions, parameters = work.n, work.m, pointer_to(addresses), pointer_to(q)
+    count, times, values = command_times.size, pointer_to(command_times), pointer_to(command_values)
+    sensitive = m > 0
+    relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
+    for i in range(floats.size):
+        floats[i] = 0.0
+    for i in range(n):
+        work.y[i] = y0[i]
+    switches.waiting[0] = 0
+    for j in range(switches.inputs):
+        switches.u[j] = command_values[0, j]
+        switches.commanded[j] = command_values[0, j]
+    for c in range(initial_columns.size):
+        work.s[initial_columns[c] * m + m - initial_columns.size + c] = 1.0
+
+    t, h, stale, commands, samples = command_times[0], 0.0, True, 1, 0
+    while True:
+        while samples < sample_times.size and sample_times[samples] <= t:
+            for i in range(n):
+                states[samples, i] = work.y[i]
+            shown = offset(pointer_to(outputs), samples * seen.outputs)
+            call_4(functions[OUTPUTS], work.y, switches.u, parameters, shown)
+            if sensitive:
+                shown = offset(pointer_to(sensitivities), samples * seen.outputs * m)
+                differentiate_outputs(functions, switches.u, parameters, work, seen, shown)
+            samples += 1
+        if samples == sample_times.size:
+            return DONE, t, samples
+        outcome, commands, changed, switch_time = settle(
+            functions, t, commands, count, times, values, parameters, work, switches, sensitive
+        )
+        if outcome == DONE and (changed or stale):
+            outcome, h = restart(
+                functions, switches.u, parameters, work, relative, absolute, sensitive, counters
+            )
+            stale = False
+        if outcome != DONE:
+            return outcome, t, samples
+        following = times[commands] if commands < count else math.inf
+        target = min(sample_times[samples], following, switch_time)
+        outcome, t, h = advance(
+            functions, switches.u, parameters, t, target, h, work, relative, absolute, sensitive, counters
+        )
+        if outcome != DONE:
+            return outcome, t, samples

@@ -1,0 +1,60 @@
+"""One stretch of a bench that is stepped sample by sample."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from rigctl.engine.kernels.advance import advance, restart
+from rigctl.engine.kernels.calling import OPTIONS, OUTPUTS, call_4, offset, pointer_to
+from rigctl.engine.kernels.outcomes import DONE
+from rigctl.engine.kernels.switching import act, command, next_switch
+from rigctl.engine.kernels.workspace import lay_out
+
+#: places in the array of what is carried from call to call
+TIME, NEXT_STEP, STALE = range(3)
+
+
+@njit(**OPTIONS)
+def step_to(
+    addresses, sizes, tolerance, q, target, commanded, carried, delayed, floats, integers, outputs, counters
+):
+    """Command the inputs now, then integrate to `target`; the buffers and `carried` hold all between calls.
+
+    Fills `outputs` with g at `target`. Returns (outcome, time reached).
+    """
+    nothing = pointer_to(integers)
+    work, switches, _ = lay_out(
+        sizes, pointer_to(floats), nothing, nothing, nothing, nothing, pointer_to(delayed)
+    )
+    functions, parameters = pointer_to(addresses), pointer_to(q)
+    relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
+    t, h, stale = carried[TIME], carried[NEXT_STEP], carried[STALE] != 0.0
+    outcome, changed = command(functions, t, pointer_to(commanded), parameters, work, switches, False)
+    stale = stale or changed
+    while outcome == DONE:
+        switch_time, place = next_switch(switches)
+        while switch_time <= t:
+            stale = act(functions, place, parameters, work, switches, False) or stale
+            switch_time, place = next_switch(switches)
+        if t >= target:
+            break
+        if stale:
+            outcome, h = restart(functions, switches.u, parameters, work, relative, absolute, False, counters)
+            stale = False
+        if outcome == DONE:
+            outcome, t, h = advance(
+                functions,
+                switches.u,
+                parameters,
+                t,
+                min(target, switch_time),
+                h,
+                work,
+                relative,
+                absolute,
+                False,
+                counters,
+            )
+    call_4(functions[OUTPUTS], work.y, switches.u, parameters, pointer_to(outputs))
+    carried[TIME], carried[NEXT_STEP], carried[STALE] = t, h, 1.0 if stale else 0.0
+    return outcome, t

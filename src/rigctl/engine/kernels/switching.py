@@ -1,0 +1,161 @@
+"""Commands that act after a delay, and what a moved switch does to the sensitivities.
+
+A command at time t for an input acts at ``t + tau``, tau = d(y(t), u_before, u_after, q). When tau depends
+on a parameter, the state is continuous over the switch but its sensitivity jumps:
+
+    s_after = s_before + (f_before - f_after)·dtau,    dtau = ∂d/∂q + ∂d/∂y·s(t)
+
+P. I. Barton, C. K. Lee, Modeling, simulation, sensitivity analysis, and optimization of hybrid systems, ACM
+TOMACS 12 (2002).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from rigctl.engine.kernels.calling import (
+    DELAYS,
+    DELAYS_TANGENT,
+    OPTIONS,
+    RHS,
+    call_4,
+    call_5,
+    call_7,
+)
+from rigctl.engine.kernels.outcomes import DONE, NOT_FINITE_DELAY, TOO_MANY_COMMANDS
+
+
+@njit(**OPTIONS)
+def next_switch(switches):
+    """(time, place) of the waiting command that acts first; (inf, -1) when none waits."""
+    earliest, place = math.inf, -1
+    for k in range(switches.waiting[0]):
+        if switches.time[k] < earliest:
+            earliest, place = switches.time[k], k
+    return earliest, place
+
+
+@njit(**OPTIONS)
+def drop(m, switches, place):
+    """Take a command out of the queue, keeping the order of the others."""
+    switches.waiting[0] -= 1
+    for k in range(place, switches.waiting[0]):
+        switches.time[k] = switches.time[k + 1]
+        switches.value[k] = switches.value[k + 1]
+        switches.index[k] = switches.index[k + 1]
+        for c in range(m):
+            switches.shift[k * m + c] = switches.shift[(k + 1) * m + c]
+
+
+@njit(**OPTIONS)
+def command(addresses, t, commanded, q, work, switches, sensitive):
+    """Take new commands at time t: inputs without a delay act now, the others are queued.
+
+    Returns (outcome, whether an input changed).
+    """
+    changed = False
+    late = False
+    for j in range(switches.inputs):
+        switches.following[j] = commanded[j]
+        if commanded[j] != switches.commanded[j]:
+            is_late = False
+            for d in range(switches.delays):
+                is_late = is_late or switches.delayed[d] == j
+            if is_late:
+                late = True
+            else:
+                switches.u[j] = commanded[j]
+                changed = True
+    if late:
+        outcome = queue(addresses, t, q, work, switches, sensitive)
+        if outcome != DONE:
+            return outcome, changed
+    for j in range(switches.inputs):
+        switches.commanded[j] = commanded[j]
+    return DONE, changed
+
+
+@njit(**OPTIONS)
+def queue(addresses, t, q, work, switches, sensitive):
+    """Put the delayed inputs that changed into the queue, each with its delay."""
+    if sensitive:
+        call_7(
+            addresses[DELAYS_TANGENT],
+            work.y,
+            switches.commanded,
+            switches.following,
+            q,
+            switches.tau,
+            switches.jacobian,
+            switches.packed,
+        )
+    else:
+        call_5(addresses[DELAYS], work.y, switches.commanded, switches.following, q, switches.tau)
+    for d in range(switches.delays):
+        j = switches.delayed[d]
+        if switches.following[j] == switches.commanded[j]:
+            continue
+        tau = switches.tau[d]
+        if not math.isfinite(tau):
+            return NOT_FINITE_DELAY
+        acts = t + max(tau, 0.0)
+        for k in range(switches.waiting[0] - 1, -1, -1):
+            if switches.index[k] == j and switches.time[k] >= acts:
+                drop(work.m, switches, k)
+        place = switches.waiting[0]
+        if place == switches.capacity:
+            return TOO_MANY_COMMANDS
+        switches.waiting[0] += 1
+        switches.time[place] = acts
+        switches.value[place] = switches.following[j]
+        switches.index[place] = j
+        for c in range(work.m):
+            switches.shift[place * work.m + c] = 0.0
+        if sensitive and tau >= 0.0:
+            set_shift(d, place, work, switches)
+    return DONE
+
+
+@njit(**OPTIONS)
+def set_shift(d, place, work, switches):
+    """``dtau = ∂d/∂q + ∂d/∂y·s`` of delay d, for every column."""
+    n, m = work.n, work.m
+    for i in range(n):
+        slope = switches.jacobian[d * n + i]
+        if slope != 0.0:
+            for c in range(m):
+                switches.shift[place * m + c] += slope * work.s[i * m + c]
+    for entry in range(switches.used):
+        source, row, column = (
+            switches.active[3 * entry],
+            switches.active[3 * entry + 1],
+            switches.active[3 * entry + 2],
+        )
+        if row == d:
+            switches.shift[place * m + column] += switches.packed[source]
+
+
+@njit(**OPTIONS)
+def act(addresses, place, q, work, switches, sensitive):
+    """Let the waiting command at `place` act. Returns whether the input changed."""
+    n, m = work.n, work.m
+    j = switches.index[place]
+    changed = switches.u[j] != switches.value[place]
+    if changed:
+        moved = False
+        if sensitive:
+            for c in range(m):
+                moved = moved or switches.shift[place * m + c] != 0.0
+        if moved:
+            call_4(addresses[RHS], work.y, switches.u, q, switches.earlier)
+        switches.u[j] = switches.value[place]
+        if moved:
+            call_4(addresses[RHS], work.y, switches.u, q, switches.later)
+            for i in range(n):
+                jump = switches.earlier[i] - switches.later[i]
+                for c in range(m):
+                    work.s[i * m + c] += jump * switches.shift[place * m + c]
+    drop(m, switches, place)
+    return changed

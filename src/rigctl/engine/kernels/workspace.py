@@ -1,0 +1,91 @@
+"""Where everything of one integration lies: pointers into two buffers that the caller allocates."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+from numba import njit
+
+from rigctl.engine.kernels.calling import OPTIONS, offset
+from rigctl.engine.kernels.sizes import (
+    CAPACITY,
+    COLUMNS,
+    DELAYS_ACTIVE,
+    DELAYS_COUNT,
+    DELAYS_ENTRIES,
+    INPUTS,
+    OUTPUTS_ACTIVE,
+    OUTPUTS_COUNT,
+    RHS_ACTIVE,
+    RHS_ENTRIES,
+    N,
+)
+
+#: y the state (n); k stage derivatives (4, n); z stage values (4, n); base, value, correction, weight (n);
+#: jacobian, matrix (n, n); exchanges (n);
+#: s state sensitivities (n, m); dk their stage derivatives (4, n, m); fixed, moving (n, m);
+#: packed ∂f/∂q; active (used, 3): place in `packed`, row, column
+Work = namedtuple(  # noqa: PYI024 - numba compiles this kind
+    "Work",
+    "n m y k z base value correction weight jacobian matrix exchanges s dk fixed moving packed active used",
+)
+
+#: u the inputs that act now, commanded the last ones commanded, following those being commanded (inputs);
+#: waiting (1) how many commands wait, and of each the time it acts, its value, index of its input and
+#: shift dtau (m); delayed the input of each delay;
+#: tau, jacobian, packed what the delays' functions return; active (used, 3) as above;
+#: earlier, later f on both sides of a switch (n)
+Switches = namedtuple(  # noqa: PYI024 - numba compiles this kind
+    "Switches",
+    "inputs delays u commanded following waiting time value index shift delayed tau jacobian packed active "
+    "used capacity earlier later",
+)
+
+#: value g (outputs); jacobian (outputs, n); packed ∂g/∂q; active (used, 3) as above
+Seen = namedtuple("Seen", "outputs value jacobian packed active used")  # noqa: PYI024
+
+
+@njit(**OPTIONS)
+def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, delayed):
+    """The three workspaces inside the buffers `floats` and `integers`."""
+    n, m, inputs, delays = sizes[N], sizes[COLUMNS], sizes[INPUTS], sizes[DELAYS_COUNT]
+    capacity, outputs = sizes[CAPACITY], sizes[OUTPUTS_COUNT]
+    y = floats
+    k = offset(y, n)
+    z = offset(k, 4 * n)
+    base = offset(z, 4 * n)
+    value = offset(base, n)
+    correction = offset(value, n)
+    weight = offset(correction, n)
+    jacobian = offset(weight, n)
+    matrix = offset(jacobian, n * n)
+    s = offset(matrix, n * n)
+    dk = offset(s, n * m)
+    fixed = offset(dk, 4 * n * m)
+    moving = offset(fixed, n * m)
+    packed = offset(moving, n * m)
+    work = Work(
+        n, m, y, k, z, base, value, correction, weight, jacobian, matrix, integers, s, dk, fixed, moving,
+        packed, rhs_active, sizes[RHS_ACTIVE],
+    )  # fmt: skip
+    u = offset(packed, sizes[RHS_ENTRIES])
+    commanded = offset(u, inputs)
+    following = offset(commanded, inputs)
+    time = offset(following, inputs)
+    held = offset(time, capacity)
+    shift = offset(held, capacity)
+    tau = offset(shift, capacity * m)
+    delay_jacobian = offset(tau, delays)
+    delay_packed = offset(delay_jacobian, delays * n)
+    earlier = offset(delay_packed, sizes[DELAYS_ENTRIES])
+    later = offset(earlier, n)
+    waiting = offset(integers, n)
+    switches = Switches(
+        inputs, delays, u, commanded, following, waiting, time, held, offset(waiting, 1), shift, delayed,
+        tau, delay_jacobian, delay_packed, delays_active, sizes[DELAYS_ACTIVE], capacity, earlier, later,
+    )  # fmt: skip
+    seen_value = offset(later, n)
+    seen_jacobian = offset(seen_value, outputs)
+    seen_packed = offset(seen_jacobian, outputs * n)
+    seen = Seen(outputs, seen_value, seen_jacobian, seen_packed, outputs_active, sizes[OUTPUTS_ACTIVE])
+    return work, switches, seen

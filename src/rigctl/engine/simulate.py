@@ -1,0 +1,207 @@
+"""Simulating records, with the sensitivities that a fit needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.engine.compile import CompiledSystem, Integers
+from rigctl.engine.excitation import Excitation, Floats, check_fits
+from rigctl.engine.failure import Failure, check_outputs, check_values, explain
+from rigctl.engine.kernels import outcomes
+from rigctl.engine.kernels import sizes as sizing
+from rigctl.engine.source import Pattern
+from rigctl.engine.tolerance import DEFAULT, Tolerance
+from rigctl.engine.trajectories import Statistics, Trajectories
+from rigctl.errors import RigctlError, unknown_name
+
+
+def simulate(
+    compiled: CompiledSystem,
+    excitations: Sequence[Excitation],
+    *,
+    columns: Sequence[str] = (),
+    initial_columns: Sequence[str] = (),
+    tolerance: Tolerance = DEFAULT,
+    workers: int | None = None,
+) -> Trajectories:
+    """Integrate every record; with columns, also the exact sensitivities of the outputs.
+
+    Column c of the sensitivities is ``∂z/∂q_c`` for the parameters named in `columns`, then ``∂z/∂y_c(0)``
+    for the states named in `initial_columns`, at fixed steps: what the steps taken compute, differentiated.
+
+    Parameters
+    ----------
+    excitations: the records; they share nothing and are integrated by `workers` threads, one for each core
+        unless told otherwise. The result does not depend on how many there are.
+    columns, initial_columns: names of parameters and of states.
+    tolerance: of each step.
+
+    Returns
+    -------
+    Trajectories
+        a record that could not be integrated ends where it failed, with the reason.
+
+    Raises
+    ------
+    RigctlError
+        a column is unknown, or a record does not fit the system.
+    """
+    plan = _plan(compiled, columns, initial_columns, tolerance)
+    for excitation in excitations:
+        check_fits(excitation, compiled.system)
+    threads = min(len(excitations), workers or os.cpu_count() or 1)
+    if threads <= 1:
+        results = [_integrate(plan, excitation) for excitation in excitations]
+    else:
+        # the kernels release the interpreter, so that threads run at once
+        with ThreadPoolExecutor(threads) as pool:
+            results = list(pool.map(lambda excitation: _integrate(plan, excitation), excitations))
+    return Trajectories(
+        names=tuple(excitation.name for excitation in excitations),
+        times=tuple(
+            excitation.times[: len(result.states)]
+            for excitation, result in zip(excitations, results, strict=True)
+        ),
+        states=tuple(result.states for result in results),
+        outputs=tuple(result.outputs for result in results),
+        sensitivities=tuple(result.sensitivities for result in results),
+        failures=tuple(result.failure for result in results),
+        state_names=compiled.system.state_names,
+        output_names=compiled.system.output_names,
+        columns=tuple(columns) + tuple(initial_columns),
+        stats=tuple(result.statistics for result in results),
+    )
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What all records of one call share."""
+
+    compiled: CompiledSystem
+    sizes: Integers
+    tolerance: Floats
+    initial_columns: Integers
+    delayed: Integers
+    rhs_active: Integers
+    outputs_active: Integers
+    delays_active: Integers
+
+
+@dataclass(frozen=True)
+class _Result:
+    states: Floats
+    outputs: Floats
+    sensitivities: Floats
+    failure: Failure | None
+    statistics: Statistics
+
+    @classmethod
+    def nothing(cls, sizes: Integers, failure: Failure) -> _Result:
+        """The result of a record that could not even start."""
+        width = int(sizes[sizing.OUTPUTS_COUNT])
+        return cls(
+            np.empty((0, int(sizes[sizing.N]))),
+            np.empty((0, width)),
+            np.empty((0, width, int(sizes[sizing.COLUMNS]))),
+            failure,
+            Statistics(0, 0, 0),
+        )
+
+
+def _plan(
+    compiled: CompiledSystem, columns: Sequence[str], initial_columns: Sequence[str], tolerance: Tolerance
+) -> _Plan:
+    system, source = compiled.system, compiled.source
+    chosen = _indices("parameter", columns, system.parameter_names)
+    initial = _indices("state", initial_columns, system.state_names)
+    patterns = (source.rhs_pattern, source.outputs_pattern, source.delays_pattern)
+    active = [_active(pattern, chosen) for pattern in patterns]
+    sizes = np.zeros(sizing.SIZES, dtype=np.int64)
+    sizes[sizing.N] = len(system.states)
+    sizes[sizing.INPUTS] = len(system.inputs)
+    sizes[sizing.OUTPUTS_COUNT] = len(system.outputs)
+    sizes[sizing.DELAYS_COUNT] = len(system.delays)
+    sizes[sizing.COLUMNS] = chosen.size + initial.size
+    sizes[sizing.RHS_ENTRIES : sizing.DELAYS_ENTRIES + 1] = [len(pattern) for pattern in patterns]
+    sizes[sizing.RHS_ACTIVE : sizing.DELAYS_ACTIVE + 1] = [len(entries) for entries in active]
+    return _Plan(compiled, sizes, tolerances(compiled, tolerance), initial, delayed_inputs(compiled), *active)
+
+
+def tolerances(compiled: CompiledSystem, tolerance: Tolerance) -> Floats:
+    """The relative tolerance, then the absolute one of each state."""
+    scales = [tolerance.absolute * state.scale for state in compiled.system.states]
+    return np.array([tolerance.relative, *scales])
+
+
+def delayed_inputs(compiled: CompiledSystem) -> Integers:
+    """The index of each delay's input."""
+    names = compiled.system.input_names
+    return np.array([names.index(delay.input) for delay in compiled.system.delays], dtype=np.int64)
+
+
+def _indices(kind: str, names: Sequence[str], known: Sequence[str]) -> Integers:
+    for name in names:
+        if name not in known:
+            raise unknown_name(f"{kind} to differentiate by", name, known)
+    if len(set(names)) != len(names):
+        repeated = next(name for name in names if list(names).count(name) > 1)
+        raise RigctlError(f"a {kind} is to be differentiated by twice", value=repeated)
+    return np.array([known.index(name) for name in names], dtype=np.int64)
+
+
+def _active(pattern: Pattern, columns: Integers) -> Integers:
+    """(place, row, column) of the entries of a packed ∂/∂q that the columns ask for."""
+    column_of = {int(parameter): column for column, parameter in enumerate(columns)}
+    entries = [
+        (place, row, column_of[parameter])
+        for place, (row, parameter) in enumerate(pattern)
+        if parameter in column_of
+    ]
+    return np.array(entries, dtype=np.int64).reshape(-1, 3)
+
+
+def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
+    bad = check_values(plan.compiled.system, excitation)
+    if bad is not None:
+        return _Result.nothing(plan.sizes, bad)
+    sizes = plan.sizes.copy()
+    sizes[sizing.CAPACITY] = plan.delayed.size * excitation.switch_times.size
+    samples, columns = excitation.times.size, int(sizes[sizing.COLUMNS])
+    width = int(sizes[sizing.OUTPUTS_COUNT])
+    states = np.empty((samples, excitation.initial.size))
+    outputs = np.empty((samples, width))
+    sensitivities = np.empty((samples, width, columns))
+    counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
+    outcome, reached, done = plan.compiled.integrate_record(
+        plan.compiled.addresses,
+        sizes,
+        plan.tolerance,
+        excitation.initial,
+        excitation.parameters,
+        excitation.switch_times,
+        excitation.inputs,
+        excitation.times,
+        plan.initial_columns,
+        plan.delayed,
+        plan.rhs_active,
+        plan.outputs_active,
+        plan.delays_active,
+        np.empty(sizing.float_count(sizes)),
+        np.empty(sizing.integer_count(sizes), dtype=np.int64),
+        states,
+        outputs,
+        sensitivities,
+        counters,
+    )
+    failure = None
+    if outcome != outcomes.DONE:
+        failure = explain(plan.compiled.system, int(outcome), float(reached), counters)
+    else:
+        failure = check_outputs(plan.compiled.system, excitation.times, outputs, sensitivities)
+    done = int(done) if failure is None else int(np.searchsorted(excitation.times[:done], failure.time))
+    return _Result(states[:done], outputs[:done], sensitivities[:done], failure, Statistics.of(counters))

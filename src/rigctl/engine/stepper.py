@@ -1,0 +1,186 @@
+"""A system advanced step by step, as a bench that is watched and commanded while it moves."""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rigctl.engine.compile import CompiledSystem
+from rigctl.engine.excitation import Floats
+from rigctl.engine.failure import explain
+from rigctl.engine.kernels import outcomes
+from rigctl.engine.kernels import sizes as sizing
+from rigctl.engine.simulate import delayed_inputs, tolerances
+from rigctl.engine.tolerance import DEFAULT, Tolerance
+from rigctl.errors import ExitCode, RigctlError, unknown_name
+
+_WAITING_COMMANDS = 64
+
+# places in the array that the kernel carries from call to call; see kernels.step
+_TIME, _STALE = 0, 2
+
+
+class Stepper:
+    """Advances ``dy/dt = f(y, u, q)`` to one moment after the other, on the equations that records use.
+
+    The step size is carried from call to call: while nothing changes a call takes one step. Delays of
+    inputs are honoured. The same calls give the same numbers, bit for bit.
+
+    Parameters
+    ----------
+    compiled: the system.
+    y0: the state at `time`.
+    q: the parameters.
+    inputs: what is commanded, and acts, at `time`.
+    time: in seconds.
+    """
+
+    def __init__(
+        self,
+        compiled: CompiledSystem,
+        y0: ArrayLike,
+        q: ArrayLike,
+        inputs: ArrayLike,
+        *,
+        time: float = 0.0,
+        tolerance: Tolerance = DEFAULT,
+    ) -> None:
+        system = compiled.system
+        self.compiled = compiled
+        self._parameters = _vector("parameters", q, len(system.parameters))
+        self._commanded = _vector("inputs", inputs, len(system.inputs))
+        self._scheduled: list[tuple[float, int, int, float]] = []
+        self._sizes = np.zeros(sizing.SIZES, dtype=np.int64)
+        self._sizes[sizing.N] = len(system.states)
+        self._sizes[sizing.INPUTS] = len(system.inputs)
+        self._sizes[sizing.OUTPUTS_COUNT] = len(system.outputs)
+        self._sizes[sizing.DELAYS_COUNT] = len(system.delays)
+        self._sizes[sizing.CAPACITY] = _WAITING_COMMANDS if system.delays else 0
+        self._tolerance = tolerances(compiled, tolerance)
+        self._delayed = delayed_inputs(compiled)
+        self._floats = np.zeros(sizing.float_count(self._sizes))
+        self._integers = np.zeros(sizing.integer_count(self._sizes), dtype=np.int64)
+        self._counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
+        self._outputs = np.zeros(len(system.outputs))
+        self._carried = np.array([float(time), 0.0, 1.0])
+        start, acting, commanded = sizing.stepping_places(self._sizes)
+        self._state = self._floats[start : start + len(system.states)]
+        self._state[:] = _vector("initial states", y0, len(system.states))
+        self._acting = self._floats[acting : acting + self._commanded.size]
+        self._acting[:] = self._commanded
+        self._floats[commanded : commanded + self._commanded.size] = self._commanded
+        self._advance(float(time))
+
+    @property
+    def time(self) -> float:
+        """The moment that has been reached, in seconds."""
+        return float(self._carried[_TIME])
+
+    @property
+    def state(self) -> Floats:
+        """A copy of the state."""
+        return self._state.copy()
+
+    @property
+    def acting_inputs(self) -> Floats:
+        """A copy of the inputs that act now; a delayed one differs from what was commanded last."""
+        return self._acting.copy()
+
+    @property
+    def steps(self) -> int:
+        """Steps taken since the start."""
+        return int(self._counters[outcomes.STEPS])
+
+    def outputs(self) -> Floats:
+        """A copy of the outputs g(y, u, q), with the inputs that acted up to now."""
+        return self._outputs.copy()
+
+    def set_state(self, state: ArrayLike) -> None:
+        """Put the system somewhere else, as an operator or a fault does; the next step starts afresh."""
+        self._state[:] = _vector("states", state, self._state.size)
+        self._carried[_STALE] = 1.0
+        self._advance(self.time)
+
+    def set_parameters(self, q: ArrayLike) -> None:
+        """Change the parameters, as a fault does; the next step starts afresh."""
+        self._parameters[:] = _vector("parameters", q, self._parameters.size)
+        self._carried[_STALE] = 1.0
+
+    def switch_input(self, name: str, value: float, *, at: float | None = None) -> None:
+        """Command one input: now, or at a moment to come, which `advance` then meets exactly.
+
+        Raises
+        ------
+        RigctlError
+            there is no such input, the value is not finite, or the moment has passed.
+        """
+        names = self.compiled.system.input_names
+        if name not in names:
+            raise unknown_name("input", name, names)
+        if not np.isfinite(value):
+            raise RigctlError(f"the input {name} is not a finite number", value=str(value))
+        moment = self.time if at is None else float(at)
+        if not moment >= self.time:
+            raise RigctlError(
+                f"the input {name} cannot be switched in the past",
+                value=f"{moment:g} s",
+                expected=f"{self.time:g} s or later",
+            )
+        # the count keeps commands of one moment in the order in which they were given
+        insort(self._scheduled, (moment, len(self._scheduled), names.index(name), float(value)))
+
+    def advance(self, to_time: float, inputs: Sequence[float] | Floats | None = None) -> None:
+        """Integrate to `to_time`, meeting every scheduled switch and every delayed one on the way.
+
+        With `inputs`, all inputs are commanded first, now; without, they stay as commanded last.
+
+        Raises
+        ------
+        RigctlError
+            the moment has passed, an input is not finite, or the equations cannot be integrated that far.
+        """
+        if inputs is not None:
+            self._commanded[:] = inputs
+            if not np.isfinite(self._commanded).all():
+                raise RigctlError("an input is not a finite number", value=str(list(self._commanded)))
+        if not to_time >= self._carried[_TIME]:
+            raise RigctlError(
+                "a bench cannot go back in time", value=f"{to_time:g} s", expected=f"{self.time:g} s or later"
+            )
+        while self._scheduled and self._scheduled[0][0] <= to_time:
+            moment, _, place, value = self._scheduled.pop(0)
+            if moment > self._carried[_TIME]:
+                self._advance(moment)
+            self._commanded[place] = value
+        self._advance(to_time)
+
+    def _advance(self, target: float) -> None:
+        outcome, reached = self.compiled.step_to(
+            self.compiled.addresses,
+            self._sizes,
+            self._tolerance,
+            self._parameters,
+            target,
+            self._commanded,
+            self._carried,
+            self._delayed,
+            self._floats,
+            self._integers,
+            self._outputs,
+            self._counters,
+        )
+        if outcome != outcomes.DONE:
+            failure = explain(self.compiled.system, outcome, reached, self._counters)
+            raise RigctlError(f"the simulation broke down: {failure}", exit_code=ExitCode.FAILED)
+
+
+def _vector(what: str, values: ArrayLike, size: int) -> Floats:
+    vector = np.array(values, dtype=np.float64)
+    if vector.shape != (size,):
+        raise RigctlError(f"{vector.size} {what}", expected=f"{size}, as the system has")
+    if not np.isfinite(vector).all():
+        raise RigctlError(f"one of the {what} is not a finite number", value=str(vector.tolist()))
+    return vector

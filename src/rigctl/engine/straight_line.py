@@ -1,0 +1,121 @@
+"""Straight-line code handed to LLVM, past the compiler's Python front end.
+
+numba spends most of its time working out the types of Python statements; here every value is a double, so
+each line becomes one instruction. It makes the first use of a model about ten times faster (see
+docs/decisions) and the machine code is the same.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import operator
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from rigctl.engine.source import ARGUMENTS
+
+POINTER: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+
+_BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
+
+
+def signature_of(function: str) -> Any:
+    """The compiled type of a function of the model: one pointer to doubles for each of its arrays."""
+    return types.void(*[POINTER] * len(ARGUMENTS[function]))
+
+
+def body_of(text: str, function: str) -> Any:
+    """The body of `function` in the straight-line code `text`, callable from compiled code."""
+
+    def generate(_typing: Any, *arrays: Any) -> Any:
+        def build(context: Any, builder: Any, _signature: Any, pointers: Sequence[Any]) -> Any:
+            lines = _lines_of(text, function)
+            _Emitter(context, builder, dict(zip(ARGUMENTS[function], pointers, strict=True))).emit(lines)
+            return context.get_dummy_value()
+
+        return types.void(*arrays), build
+
+    # numba reads from the signature how many arguments the call takes
+    generate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+            for name in ("typingctx", *ARGUMENTS[function])
+        ]
+    )
+    return intrinsic(generate)
+
+
+def _lines_of(text: str, function: str) -> list[list[str]]:
+    start = text.index(f"function {function} ")
+    block = text[start : text.index("\nend\n", start)]
+    return [line.split() for line in block.split("\n")[1:]]
+
+
+class _Emitter:
+    """Writes instructions with `builder`; the arrays are pointers to doubles."""
+
+    def __init__(self, context: Any, builder: Any, arrays: dict[str, Any]) -> None:
+        self.context = context
+        self.builder = builder
+        self.arrays = arrays
+        self.values: list[Any] = []
+
+    def emit(self, lines: Sequence[Sequence[str]]) -> None:
+        for number, operation, *args in lines:
+            if number == "store":
+                index, value = args
+                self.builder.store(self.values[int(value)], self._place(operation, index))
+            else:
+                self.values.append(self._value(operation, args))
+
+    def _value(self, operation: str, args: Sequence[str]) -> Any:
+        if operation == "load":
+            return self.builder.load(self._place(*args))
+        if operation == "constant":
+            return self._constant(float(args[0]))
+        first = self.values[int(args[0])]
+        if operation in _BINARY:
+            return getattr(self.builder, _BINARY[operation])(first, self.values[int(args[1])])
+        if operation == "negative":
+            return self.builder.fneg(first)
+        if operation == "power":
+            return self._power(first, args[1])
+        return self._call(operation, first)
+
+    def _power(self, base: Any, exponent: str) -> Any:
+        """Products and roots where the exponent is a whole or a half number, else the library's pow."""
+        if "." in exponent or "e" in exponent:
+            double = types.float64
+            function = self.context.get_function(operator.pow, double(double, double))
+            return function(self.builder, [base, self._constant(float(exponent))])
+        fraction = Fraction(exponent)
+        if fraction.denominator == 2:
+            base = self._call("sqrt", base)
+        raised = self._whole_power(base, abs(fraction.numerator))
+        return raised if fraction > 0 else self.builder.fdiv(self._constant(1.0), raised)
+
+    def _whole_power(self, base: Any, exponent: int) -> Any:
+        result = None
+        while exponent:
+            if exponent & 1:
+                result = base if result is None else self.builder.fmul(result, base)
+            exponent >>= 1
+            if exponent:
+                base = self.builder.fmul(base, base)
+        return result
+
+    def _call(self, name: str, argument: Any) -> Any:
+        function = self.context.get_function(getattr(math, name), types.float64(types.float64))
+        return function(self.builder, [argument])
+
+    def _place(self, array: str, index: str) -> Any:
+        return self.builder.gep(self.arrays[array], [ir.Constant(ir.IntType(64), int(index))])
+
+    def _constant(self, value: float) -> Any:
+        return ir.Constant(ir.DoubleType(), value)

@@ -1,0 +1,23 @@
+"""How exactly an integration follows its equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """The error that one step may add to state i: ``absolute·scale_i + relative·|y_i|``.
+
+    `absolute` is a fraction of each state's natural scale (`system.State`).
+    """
+
+    relative: float
+    absolute: float
+
+
+#: for fitting and diagnosis
+DEFAULT = Tolerance(relative=1e-5, absolute=1e-2)
+
+#: for checks and references: some ten times as exact, for about twice the time
+TIGHT = Tolerance(relative=1e-7, absolute=1e-4)

@@ -1,0 +1,130 @@
+"""What simulated records return."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.engine.excitation import Floats
+from rigctl.engine.failure import Failure
+from rigctl.engine.kernels import outcomes
+from rigctl.errors import ExitCode, RigctlError, unknown_name
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """The work one record took."""
+
+    steps: int
+    rejected: int
+    restarts: int
+
+    @classmethod
+    def of(cls, counters: Sequence[int] | np.ndarray) -> Statistics:
+        """The statistics in a kernel's counters."""
+        return cls(
+            int(counters[outcomes.STEPS]),
+            int(counters[outcomes.REJECTED]),
+            int(counters[outcomes.RESTARTS]),
+        )
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Records as they were simulated, one array per record, SI.
+
+    A record that failed ends before the first sample that could not be reached.
+
+    Attributes
+    ----------
+    names: the records' names.
+    times: (samples) of each record.
+    states: (samples, states).
+    outputs: (samples, outputs).
+    sensitivities: (samples, outputs, columns); no columns unless they were asked for.
+    failures: why each record ended early; None where it did not.
+    state_names, output_names, columns: what stands in each place.
+    stats: the work each record took.
+    """
+
+    names: tuple[str, ...]
+    times: tuple[Floats, ...]
+    states: tuple[Floats, ...]
+    outputs: tuple[Floats, ...]
+    sensitivities: tuple[Floats, ...]
+    failures: tuple[Failure | None, ...]
+    state_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    columns: tuple[str, ...]
+    stats: tuple[Statistics, ...]
+
+    @property
+    def ok(self) -> bool:
+        """True when every record was integrated to its end."""
+        return not any(self.failures)
+
+    def require(self) -> Trajectories:
+        """These trajectories, all of them whole.
+
+        Raises
+        ------
+        RigctlError
+            a record failed; names the first one and the reason.
+        """
+        for number, failure in enumerate(self.failures):
+            if failure is not None:
+                raise RigctlError(
+                    f"record {self._label(number)} could not be simulated: {failure}",
+                    exit_code=ExitCode.FAILED,
+                )
+        return self
+
+    def output(self, name: str) -> tuple[Floats, ...]:
+        """One output of every record, (samples) each.
+
+        Raises
+        ------
+        RigctlError
+            there is no such output.
+        """
+        place = _place("output", name, self.output_names)
+        return tuple(outputs[:, place] for outputs in self.outputs)
+
+    def sensitivity(self, output: str, column: str) -> tuple[Floats, ...]:
+        """``∂(output)/∂(column)`` of every record, (samples) each.
+
+        Raises
+        ------
+        RigctlError
+            there is no such output, or the column was not asked for.
+        """
+        place, c = _place("output", output, self.output_names), _place("column", column, self.columns)
+        return tuple(sensitivities[:, place, c] for sensitivities in self.sensitivities)
+
+    def summary(self) -> str:
+        """One paragraph: how much was simulated, the work, and every failure."""
+        samples = sum(len(times) for times in self.times)
+        steps = sum(one.steps for one in self.stats)
+        rejected = sum(one.rejected for one in self.stats)
+        lines = [
+            f"{len(self.names)} records, {samples} samples of {', '.join(self.output_names)}; "
+            f"{steps} steps, {rejected} rejected"
+            + (f"; sensitivities to {', '.join(self.columns)}" if self.columns else "")
+        ]
+        lines += [
+            f"record {self._label(number)} failed: {failure}"
+            for number, failure in enumerate(self.failures)
+            if failure is not None
+        ]
+        return "\n".join(lines)
+
+    def _label(self, number: int) -> str:
+        return self.names[number] or str(number + 1)
+
+
+def _place(kind: str, name: str, names: Sequence[str]) -> int:
+    if name not in names:
+        raise unknown_name(kind, name, names)
+    return list(names).index(name)
