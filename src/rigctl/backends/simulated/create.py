@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from rigctl.backends.options import read_flag, read_texts, refuse_unknown
 from rigctl.backends.simulated.bench import SimulatedBench
@@ -17,7 +18,10 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
-OPTIONS = ("seed", "noise", "quantised", "faults", "plant", "effects")
+OPTIONS = ("seed", "noise", "quantised", "faults", "plant", "effects", "progress")
+
+#: the plant that needs no model
+PLAIN = "roles"
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBench:
@@ -31,7 +35,10 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBe
         ``seed`` (a whole number, not negative);
         ``noise``, ``quantised`` (on or off);
         ``faults`` (texts as `parse_fault` reads them);
-        ``plant`` (``roles``, or nothing for the model family that the rig names).
+        ``plant`` (a model file as the truth, or ``roles`` for the plain plant; where it is missing, the rig's
+        model family, or the plain plant where the rig names none);
+        ``effects`` (texts such as ``piston_leakage:clearance=30 um``, hidden in the plant);
+        ``progress`` (a function that is told when something takes long).
 
     Raises
     ------
@@ -47,7 +54,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBe
         answer_delay=rig.simulation.answer_delay,
         faults=tuple(parse_fault(text, rig) for text in read_texts("faults", options.get("faults"))),
     )
-    make_plant, plant_name = _plant(rig, options)
+    make_plant, plant_name = _choose_plant(rig, options)
 
     def switch_on() -> Device:
         return Device(rig, make_plant(), initial_commands(rig), flaws)
@@ -69,8 +76,27 @@ def _seed(given: object, default: int) -> int:
     raise RigctlError("not a seed", value=str(given), expected="a whole number, 0 or more")
 
 
-def _plant(rig: Rig, options: Mapping[str, object]) -> tuple[Callable[[], Plant], str]:
-    return (
-        lambda: RolesPlant(rig, initial_values(rig), rig.simulation.ambient_temperature),
-        RolesPlant.description,
-    )
+def _choose_plant(rig: Rig, options: Mapping[str, object]) -> tuple[Callable[[], Plant], str]:
+    """How the plant is made when the bench is opened, and what it is."""
+    choice = options.get("plant")
+    effects = read_texts("effects", options.get("effects"))
+    if choice == PLAIN or (choice is None and rig.model is None):
+        if effects:
+            raise RigctlError(
+                "effects need a plant with a model",
+                value=effects[0],
+                expected="'model: …' in the rig file, or a model file",
+            )
+        ambient = rig.simulation.ambient_temperature
+        return lambda: RolesPlant(rig, initial_values(rig), ambient), RolesPlant.description
+    from rigctl.backends.simulated.truth import describe, read_truth
+
+    truth = read_truth(rig, None if choice is None else Path(str(choice)), effects)
+    progress = options.get("progress")
+
+    def make() -> Plant:
+        from rigctl.backends.simulated.model_plant import ModelPlant
+
+        return ModelPlant(rig, truth, progress if callable(progress) else None)
+
+    return make, describe(truth)

@@ -17,11 +17,6 @@ class Plant(Protocol):
         """The rig's channels in the order in which `read` gives them."""
         ...
 
-    @property
-    def description(self) -> str:
-        """What is simulated, in a few words, for the run's provenance."""
-        ...
-
     def advance(self, time: float) -> None:
         """Let the plant run to `time` with its inputs as they are."""
         ...

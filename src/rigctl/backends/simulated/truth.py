@@ -1,0 +1,62 @@
+"""Which model the simulated bench is made of: the rig's family, or a model file, with hidden effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rigctl.effects.declaration import qualified
+from rigctl.effects.option import parse_effect_option
+from rigctl.effects.registry import find_effect
+from rigctl.errors import RigctlError
+from rigctl.model import Model, family_of, load_model
+from rigctl.physics.families import find_family
+from rigctl.rig import Rig
+
+
+def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Model:
+    """The model that the bench obeys.
+
+    Parameters
+    ----------
+    rig: the bench that is simulated; the model's outputs are its channels.
+    model_file: its parameters and effects; the rig's own family without effects where it is missing.
+    effects: further ones, e.g. ``piston_leakage:clearance=30 um``; what they leave out has its typical size.
+
+    Raises
+    ------
+    RigctlError
+        the file or an effect is wrong, or the file's model is of another family than the rig's.
+    """
+    family = find_family(family_of(rig))
+    model = Model(family, rig) if model_file is None else replace(load_model(model_file), rig=rig)
+    if model.family.name != family.name:
+        raise RigctlError(
+            "this model is of another kind than the bench",
+            value=f"{model_file}: {model.family.name}",
+            expected=f"a model of the family {family.name}, as rig '{rig.name}' says",
+        )
+    for text in effects:
+        name, values = parse_effect_option(text, family.name, model.values)
+        model = model.with_effect(name, values, fit=False)
+    return model
+
+
+def describe(model: Model) -> str:
+    """The model in a few words: where it comes from, and its effects with their SI values."""
+    origin = str(model.path) if model.path is not None else model.family.name
+    effects = [
+        f"{name} ({', '.join(f'{key}={value.si:.6g}' for key, value in values.items())})"
+        for name, values in model.effects.items()
+    ]
+    return f"{origin} with {', '.join(effects)}" if effects else origin
+
+
+def resting_state(model: Model) -> dict[str, float]:
+    """The SI value of every state of the model before anything has happened."""
+    states = {state.name: state.start for state in model.family.states}
+    for name in model.effects:
+        effect = find_effect(name, model.family.name)
+        states |= {qualified(name, state.name): state.start for state in effect.states}
+    return states
