@@ -1,0 +1,127 @@
+"""The bench's equations as something that is watched and commanded while it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rigctl.effects.declaration import Effect
+from rigctl.effects.registry import find_effect
+from rigctl.errors import unknown_name
+from rigctl.model.build import Effects, build_system
+from rigctl.model.inputs import InputSource, input_sources, input_values
+from rigctl.model.values import family_of
+from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
+from rigctl.rig.rig import Rig
+
+if TYPE_CHECKING:
+    from rigctl.engine.stepper import Stepper
+
+
+@dataclass(frozen=True)
+class PlantInputs:
+    """How the rig's commands become the plant's inputs."""
+
+    sources: tuple[InputSource, ...]
+
+    def switched(self, actuator: str, commands: Mapping[str, float]) -> dict[str, float]:
+        """The inputs that change with `actuator`, with their values for these commands (SI)."""
+        return {
+            source.input: source.of(commands)
+            for source in self.sources
+            if any(name == actuator for name, _ in source.actuators)
+        }
+
+
+def plant_inputs(rig: Rig) -> PlantInputs:
+    """Where each input of the simulated bench comes from; the room and the pump are the simulation's.
+
+    Raises
+    ------
+    RigctlError
+        the rig names no family, or does not say its heater's power.
+    """
+    room = {
+        "ambient_temperature": rig.simulation.ambient_temperature,
+        "pump": 1.0 if rig.simulation.pump else 0.0,
+    }
+    return PlantInputs(input_sources(family_of(rig), rig, room))
+
+
+def plant_stepper(
+    rig: Rig,
+    effects: Effects | None = None,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    initial: Mapping[str, float] | None = None,
+    commands: Mapping[str, float] | None = None,
+    own: Iterable[Effect] = (),
+) -> Stepper:
+    """The bench that `rig` describes, with hidden effects, at time 0.
+
+    Parameters
+    ----------
+    effects: by name, with their parameters (SI); what is left out has its typical size.
+    parameters: of the family, SI; they count more than the rig's.
+    initial: states by name, SI; else what the rig's simulation says the channels read, else the family's.
+    commands: of the actuators at the start, SI; 0 for those left out, and a relief valve at the supply
+        pressure of the start.
+    own: a user's effects, which may then be named in `effects`.
+
+    Raises
+    ------
+    RigctlError
+        an unknown family, effect, parameter or state.
+    """
+    from rigctl.engine.compile import compile_system
+    from rigctl.engine.stepper import Stepper
+
+    family = find_family(family_of(rig))
+    users = tuple(own)
+    hidden = _resolved(family, effects or {}, users)
+    sizes = {effect.name: effect.start | dict((effects or {})[effect.name]) for effect in hidden}
+    system = build_system(family, sizes, rig, parameters=parameters, own=users)
+    start = _initial(family, rig, initial or {}, hidden)
+    given = dict.fromkeys(rig.actuators, 0.0)
+    role = rig.roles.set_pressure
+    if role is not None and role.channel in start:
+        given[role.actuator] = start[role.channel]
+    inputs = input_values(plant_inputs(rig).sources, given | dict(commands or {}))
+    return Stepper(
+        compile_system(system), [start[name] for name in system.state_names], system.nominal, inputs
+    )
+
+
+def initial_state(
+    family: ModelFamily, effects: Iterable[Effect], given: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """The start of a record by state: what is given, else the family's and the effects' own.
+
+    Raises
+    ------
+    RigctlError
+        `given` names no state.
+    """
+    start = {state.name: state.start for state in family.states}
+    for effect in effects:
+        start |= {f"{effect.name}.{state.name}": state.start for state in effect.states}
+    for name, value in (given or {}).items():
+        if name not in start:
+            raise unknown_name("state", name, start)
+        start[name] = float(value)
+    return start
+
+
+def _initial(
+    family: ModelFamily, rig: Rig, given: Mapping[str, float], effects: Iterable[Effect]
+) -> dict[str, float]:
+    known = {state.name for state in family.states}
+    read = {name: float(value) for name, value in rig.simulation.initial.items() if name in known}
+    return initial_state(family, effects, read | dict(given))
+
+
+def _resolved(family: ModelFamily, names: Iterable[str], own: Iterable[Effect]) -> list[Effect]:
+    users = {effect.name: effect for effect in own}
+    return [users.get(name) or find_effect(name, family.name) for name in names]
