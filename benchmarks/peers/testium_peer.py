@@ -20,7 +20,10 @@ LET = f"{INDENT}- let:\n{INDENT}    name: s\n{INDENT}    values:\n{INDENT}      
 REPORT = f"{INDENT}    report:\n" + "".join(
     f"{INDENT}      ch{k}: <| $(loop_index) * 0.001 / {k + 3} |>\n" for k in range(8)
 )
-HEAD = "main:\n  name: bench\n  steps:\n    - loop:\n        name: L\n        iterator: {count}\n        steps:\n"
+HEAD = (  # fmt: skip
+    "main:\n  name: bench\n  steps:\n    - loop:\n"
+    "        name: L\n        iterator: {count}\n        steps:\n"
+)
 
 
 def run(folder: Path, count: int, step: str) -> tuple[float, Path]:
