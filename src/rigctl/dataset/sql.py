@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
@@ -86,11 +87,11 @@ def query(sql: str, runs: Path | None = None) -> QueryResult:
         try:
             _require_select(sql)
             _make_views(connection, closed, sql)
-            answer = connection.execute(sql)
-            rows = answer.fetchall()
+            answer = connection.sql(sql).to_arrow_table()
         except duckdb.Error as problem:
             _refuse(connection, problem)
-        return QueryResult(tuple(column[0] for column in answer.description or ()), tuple(rows))
+        columns = [[_plain(value) for value in column.to_pylist()] for column in answer.columns]
+        return QueryResult(tuple(answer.column_names), tuple(zip(*columns, strict=True)))
 
 
 def _closed_runs(folders: Iterable[Path]) -> dict[Path, dict[str, Any]]:
@@ -138,6 +139,7 @@ def _make_views(
         )
     connection.execute(f"SET allowed_paths = [{_quoted(allowed)}]")
     for setting in (
+        "TimeZone = 'UTC'",
         "enable_external_access = false",
         "autoinstall_known_extensions = false",
         "autoload_known_extensions = false",
@@ -171,6 +173,13 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: Sequence[Se
         marks = ", ".join("(" + ", ".join("?" * len(row)) + ")" for row in part)
         values = [value for row in part for value in row]
         connection.execute(f"INSERT INTO {table} VALUES {marks}", values)  # noqa: S608 - names are ours
+
+
+def _plain(value: Any) -> Any:
+    """Exact decimals, which sums of integers are, as numbers."""
+    if not isinstance(value, Decimal):
+        return value
+    return int(value) if value == value.to_integral_value() else float(value)
 
 
 def _dig(info: Mapping[str, Any], path: Sequence[str]) -> Any:

@@ -1,0 +1,317 @@
+"""`rigctl runs`: the catalogue of what was measured."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import timedelta
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigctl.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.table import Table
+
+    from rigctl.dataset import RunSummary
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="List, show, verify, annotate, exclude and query runs.\n\n"
+    "A RUN is given by its id, an unambiguous start of it, its path, or 'latest'.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Ref = Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")]
+
+
+@app.command("list")
+def list_(
+    *,
+    last: Annotated[int | None, typer.Option(min=1, help="Only the newest this many.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List all runs, oldest first.
+
+    Example: rigctl runs list --last 10
+    """
+    from rigctl.dataset import list_runs
+
+    found = list_runs()
+    shown = found[-last:] if last else found
+    if as_json:
+        _print_json({"runs": [asdict(run) for run in shown]})
+    elif not shown:
+        typer.echo("There are no runs yet; 'rigctl simulate PROCEDURE' makes one.")
+    else:
+        _print_table(_runs_table(shown))
+
+
+@app.command()
+def show(run: Ref = "latest", *, as_json: Json = False) -> None:
+    """Show one run: what was carried out, on what, by whom, and its records.
+
+    Example: rigctl runs show latest
+    """
+    from rigctl.dataset import find_run
+    from rigctl.dataset.catalogue import status_of
+    from rigctl.dataset.run_json import read_info
+
+    folder = find_run(run)
+    info = {**read_info(folder), "folder": folder}
+    info["status"] = status_of(folder, info)
+    open_still = info["status"] in ("running", "unclosed")
+    records, facts = ([], {}) if open_still else _records(folder)
+    if as_json:
+        _print_json({**info, "records": records})
+        return
+    _print_table(_facts_table(info))
+    if records:
+        _print_table(_records_table(records, facts))
+    for said in info.get("annotations", ()):
+        about = "" if said["record"] is None else f" (record {said['record']})"
+        typer.echo(f"{said['when']} {said['by']}: {said['kind']}{about}: {said['text']}")
+
+
+@app.command()
+def verify(
+    runs: Annotated[list[str] | None, typer.Argument(metavar="[RUN]...", help="All when left out.")] = None,
+    *,
+    as_json: Json = False,
+) -> None:
+    """Prove runs whole by their checksums, and recover those that were never closed.
+
+    A run in progress is left alone. Ends with exit code 1 when a run is broken.
+
+    Example: rigctl runs verify latest
+    """
+    from rigctl import dataset
+    from rigctl.dataset.catalogue import run_folders, runs_folder
+
+    folders = [dataset.find_run(ref) for ref in runs] if runs else run_folders(runs_folder())
+    verdicts = [dataset.verify(folder) for folder in folders]
+    broken = sum(not verdict.good for verdict in verdicts)
+    if as_json:
+        told = [
+            {"run": verdict.id, "condition": verdict.condition.value, "problems": list(verdict.problems)}
+            for verdict in verdicts
+        ]
+        _print_json({"runs": told, "broken": broken})
+    else:
+        for verdict in verdicts:
+            typer.echo(f"{verdict.id}: {verdict.condition.value}")
+            for problem in verdict.problems:
+                typer.echo(f"  {problem}")
+        if not verdicts:
+            typer.echo("There are no runs yet.")
+    if broken:
+        raise typer.Exit(ExitCode.FAILED)
+
+
+@app.command()
+def annotate(
+    run: Ref,
+    text: Annotated[str, typer.Argument(help="The note.")],
+    *,
+    record: Annotated[int | None, typer.Option(help="The record it is about; the run when left out.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Add a note to a run or to one of its records.
+
+    Example: rigctl runs annotate latest "new piston seals" --record 3
+    """
+    from rigctl import dataset
+
+    folder = dataset.find_run(run)
+    dataset.annotate(folder, text, record=record)
+    _confirm({"run": folder.name, "record": record, "note": text}, f"{folder.name}: noted", as_json=as_json)
+
+
+@app.command()
+def exclude(
+    run: Ref,
+    records: Annotated[list[int], typer.Argument(metavar="RECORD...", help="Indices, from 0.")],
+    *,
+    reason: Annotated[str, typer.Option(help="Why; kept with the record.")],
+    undo: Annotated[bool, typer.Option("--undo", help="Take them back into analysis.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Leave records out of analysis, with a reason; they are never deleted.
+
+    Example: rigctl runs exclude latest 3 4 --reason "air in the oil"
+    """
+    from rigctl import dataset
+
+    folder = dataset.find_run(run)
+    (dataset.include if undo else dataset.exclude)(folder, records, reason)
+    listed = ", ".join(map(str, records))
+    done = "included again" if undo else "excluded from analysis"
+    facts = {"run": folder.name, "records": records, "excluded": not undo, "reason": reason}
+    _confirm(facts, f"{folder.name}: record {listed} {done}", as_json=as_json)
+
+
+@app.command()
+def sql(
+    query: Annotated[str, typer.Argument(metavar="SELECT", help="One SELECT in DuckDB's dialect.")],
+    *,
+    as_json: Json = False,
+) -> None:
+    """Ask across all closed runs: tables runs, records, samples, events and units.
+
+    The query can read the runs' data and nothing else, and write nothing.
+
+    Example: rigctl runs sql "SELECT oil, supply, avg(stroke) FROM records GROUP BY ALL ORDER BY ALL"
+    """
+    from rigctl import dataset
+
+    answer = dataset.query(query)
+    if as_json:
+        rows = [[_plain_cell(value) for value in row] for row in answer.rows]
+        _print_json({"columns": list(answer.columns), "rows": rows})
+    else:
+        _print_table(_table(answer.columns, [[_cell(value) for value in row] for row in answer.rows]))
+
+
+def _runs_table(runs: Sequence[RunSummary]) -> Table:
+    columns = ("run", "status", "procedure", "duration", "records", "samples", "notes")
+    return _table(
+        columns,
+        [
+            [
+                run.id,
+                run.status,
+                run.procedure,
+                _duration(run.duration),
+                _records_cell(run),
+                _cell(run.rows),
+                _cell(run.notes or None),
+            ]
+            for run in runs
+        ],
+    )
+
+
+def _records_cell(run: RunSummary) -> str:
+    """``27/28, 1 excluded``: complete ones of all."""
+    if run.records is None:
+        return ""
+    whole = run.complete_records == run.records
+    text = str(run.records) if whole else f"{run.complete_records}/{run.records}"
+    return f"{text}, {run.excluded} excluded" if run.excluded else text
+
+
+def _facts_table(info: Mapping[str, Any]) -> Table:
+    """What a person wants to know of a run, top to bottom."""
+    backend = ", ".join(f"{key} {value}" for key, value in info["backend"].items())
+    reason = f": {info['reason']}" if info.get("reason") else ""
+    facts = {
+        "run": info["id"],
+        "status": f"{info['status']}{reason}",
+        "procedure": _source(info["procedure"]),
+        "rig": _source(info["rig"]),
+        "bench": backend,
+        "operator": info["operator"],
+        "started": info["started"],
+        "duration": _duration(info.get("duration")),
+        "clock": info["clock"],
+        "seed": _cell(info["seed"]),
+        "samples": _cell(info.get("rows")),
+        "measures": ", ".join(
+            f"{measure['name']} {_cell(measure['value'])} {measure['unit']}"
+            for measure in info.get("measures", ())
+        ),
+        "folder": str(info["folder"]),
+    }
+    table = _table((), [[name, value] for name, value in facts.items() if value])
+    table.show_header = False
+    return table
+
+
+def _source(source: Mapping[str, str]) -> str:
+    return f"{source['name']} ({source['path']})" if source["path"] else source["name"]
+
+
+def _records(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
+    """The rows of records.parquet, and what each of its columns says of itself."""
+    from rigctl.dataset import tables
+    from rigctl.dataset.parquet import open_parquet
+
+    with open_parquet(folder / tables.RECORDS) as file:
+        rows: list[dict[str, Any]] = file.read().to_pylist()
+        facts = {
+            field.name: {key.decode(): value.decode("utf-8") for key, value in (field.metadata or {}).items()}
+            for field in file.schema_arrow
+        }
+    return rows, facts
+
+
+def _records_table(records: Sequence[Mapping[str, Any]], facts: Mapping[str, Mapping[str, str]]) -> Table:
+    """One line per record; a measure that missed its limits says so."""
+    hidden = {"path", "rate", "session"}
+    if not any(record["excluded"] for record in records):
+        hidden.add("excluded")
+    passed = {fact["variable"]: name for name, fact in facts.items() if fact.get("kind") == "passed"}
+    names = [name for name in facts if name not in hidden and name not in passed.values()]
+    units = {name: facts[name].get("unit", "") for name in names}
+    heads = [f"{name} [{units[name]}]" if units[name] not in ("", "1") else name for name in names]
+
+    def cell(record: Mapping[str, Any], name: str) -> str:
+        verdict = passed.get(facts[name].get("variable", ""))
+        missed = facts[name].get("kind") == "measure" and verdict and record[verdict] is False
+        return _cell(record[name]) + (" missed" if missed else "")
+
+    return _table(heads, [[cell(record, name) for name in names] for record in records])
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Plain columns; what users wrote is text and never markup."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    for place, column in enumerate(columns):
+        table.add_column(Text(column), overflow="fold", no_wrap=place == 0)
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    return table
+
+
+def _print_table(table: Table) -> None:
+    from rich.console import Console
+
+    # a pipe has no width: nothing is folded there
+    Console(width=None if sys.stdout.isatty() else 4096).print(table)
+
+
+def _print_json(document: Mapping[str, Any]) -> None:
+    from rigctl.files.write import to_json
+
+    typer.echo(to_json(document, indent=1))
+
+
+def _confirm(facts: Mapping[str, Any], sentence: str, *, as_json: bool) -> None:
+    if as_json:
+        _print_json(facts)
+    else:
+        typer.echo(sentence)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _plain_cell(value: object) -> object:
+    """What a database can answer, as JSON has it."""
+    if isinstance(value, bool | int | float | str | list | tuple | dict) or value is None:
+        return value
+    return value.isoformat() if hasattr(value, "isoformat") else str(value)
+
+
+def _duration(seconds: float | None) -> str:
+    return "" if seconds is None else str(timedelta(seconds=round(seconds)))

@@ -1,0 +1,128 @@
+"""`rigctl runs`: the catalogue at the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from dataset.strokes import LAYOUT, STARTED, measure_strokes
+from rigctl.cli.main import app
+from rigctl.dataset import RunHeader, RunWriter, Source, open_run
+from rigctl.errors import RigctlError
+
+FIRST, SECOND = "20261121-093000-stroke", "20261121-100000-stroke"
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder with two runs: one finished, one failed."""
+    monkeypatch.chdir(tmp_path)
+    for run_id, status, reason in ((FIRST, "finished", None), (SECOND, "failed", "too hot [bold]")):
+        header = RunHeader(run_id, Source("stroke"), Source("bench [red]"), LAYOUT, STARTED)
+        writer = RunWriter.create(tmp_path / "runs", header)
+        measure_strokes(writer)
+        writer.close(status, reason)
+    return tmp_path
+
+
+def text(*arguments: str, code: int = 0) -> str:
+    result = CliRunner().invoke(app, ["runs", *arguments], catch_exceptions=False)
+    assert result.exit_code == code, result.output
+    return result.stdout
+
+
+def answer(*arguments: str, code: int = 0) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(text(*arguments, "--json", code=code))
+    return document
+
+
+def test_list(project: Path) -> None:
+    shown = text("list")
+    assert shown.index(FIRST) < shown.index(SECOND)
+    runs = answer("list")["runs"]
+    assert [(run["id"], run["status"], run["records"], run["rows"]) for run in runs] == [
+        (FIRST, "finished", 3, 63),
+        (SECOND, "failed", 3, 63),
+    ]
+    assert [run["id"] for run in answer("list", "--last", "1")["runs"]] == [SECOND]
+
+
+def test_an_empty_project_says_how_to_make_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "rigctl simulate" in text("list")
+    assert answer("list") == {"runs": []}
+    assert answer("verify") == {"runs": [], "broken": 0}
+    assert "no runs" in text("verify")
+
+
+def test_show_is_plain_text_whatever_a_user_wrote(project: Path) -> None:
+    shown = text("show", "latest")
+    for part in (SECOND, "failed: too hot [bold]", "bench [red]", "oil [degC]", "stroke [mm]"):
+        assert part in shown
+    document = answer("show", FIRST)
+    assert document["status"] == "finished"
+    assert [record["oil"] for record in document["records"]] == [20.0, 30.0, 40.0]
+
+
+def test_verify(project: Path) -> None:
+    assert answer("verify")["broken"] == 0
+    (project / "runs" / FIRST / "samples.parquet").unlink()
+    document = answer("verify", code=1)
+    assert [run["condition"] for run in document["runs"]] == ["broken", "whole"]
+    assert "samples.parquet: the file is missing" in text("verify", FIRST, code=1)
+    assert answer("verify", SECOND)["runs"][0]["condition"] == "whole"
+
+
+def test_a_run_in_progress_is_shown_and_left_alone(project: Path) -> None:
+    header = RunHeader("20261122-000000-x", Source("stroke"), Source("bench"), LAYOUT, STARTED)
+    writer = RunWriter.create(project / "runs", header)
+    assert answer("show", "latest")["status"] == "running"
+    assert "20261122-000000-x: in progress" in text("verify", "latest")
+    writer.close("finished")
+
+
+def test_exclude_and_take_back(project: Path) -> None:
+    assert "excluded" in text("exclude", FIRST, "0", "2", "--reason", "air [red]")
+    assert open_run(project / "runs" / FIRST).usable == (1,)
+    assert "air [red]" in text("show", FIRST)
+    assert answer("exclude", FIRST, "2", "--undo", "--reason", "fine")["excluded"] is False
+    assert open_run(project / "runs" / FIRST).usable == (1, 2)
+
+
+def test_annotate(project: Path) -> None:
+    text("annotate", "latest", "new seals [bold]", "--record", "1")
+    assert "(record 1): new seals [bold]" in text("show")
+    assert answer("annotate", "latest", "hot day")["note"] == "hot day"
+    assert answer("list")["runs"][1]["notes"] == 2
+
+
+def test_sql(project: Path) -> None:
+    document = answer(
+        "sql", "SELECT run, sum(record) AS s, now() AS t, NULL AS n FROM records GROUP BY 1 ORDER BY 1"
+    )
+    assert document["columns"] == ["run", "s", "t", "n"]
+    assert document["rows"][0][:2] == [FIRST, 3]
+    assert FIRST in text("sql", "SELECT id FROM runs")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "nearest"),
+    [
+        (["show", "20261121-093000-strike"], FIRST),
+        (["sql", "SELECT * FROM recrods"], "records"),
+        (["sql", "SELECT positon FROM samples"], "position"),
+    ],
+)
+def test_a_mistyped_name_is_told_with_the_nearest(project: Path, arguments: list[str], nearest: str) -> None:
+    with pytest.raises(RigctlError) as caught:
+        text(*arguments)
+    assert caught.value.nearest == nearest
+
+
+@pytest.mark.parametrize("command", ["list", "show", "verify", "annotate", "exclude", "sql"])
+def test_every_command_shows_an_example(command: str) -> None:
+    assert f"rigctl runs {command}" in text(command, "--help")
