@@ -67,9 +67,9 @@ def _extras() -> Iterator[Finding]:
 
 def _engine_cache() -> Finding:
     """The folder that keeps compiled models; without it every start compiles again."""
-    from rigctl.engine.cache import cache_folder
+    from rigctl.engine.cache import cache_root
 
-    folder = cache_folder()
+    folder = cache_root()
     if _writable(folder):
         return Finding("compiled models", "ok", str(folder))
     return Finding("compiled models", "broken", f"cannot write {folder}", "make the folder writable")
@@ -115,11 +115,12 @@ def doctor(
 
 def _show(findings: list[Finding]) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
     marks = {"ok": "[green]✓[/]", "optional": "[dim]–[/]", "broken": "[red]✗[/]"}
     for finding in findings:
-        fix = f"[bold]{finding.fix}[/]" if finding.fix else ""
-        table.add_row(marks[finding.state], finding.subject, finding.detail, fix)
+        fix = f"[bold]{escape(finding.fix)}[/]" if finding.fix else ""
+        table.add_row(marks[finding.state], finding.subject, escape(finding.detail), fix)
     Console(highlight=False).print(table)
