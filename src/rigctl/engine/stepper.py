@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import insort
 from collections.abc import Sequence
+from itertools import count
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,6 +54,7 @@ class Stepper:
         self._parameters = _vector("parameters", q, len(system.parameters))
         self._commanded = _vector("inputs", inputs, len(system.inputs))
         self._scheduled: list[tuple[float, int, int, float]] = []
+        self._order = count()
         self._sizes = np.zeros(sizing.SIZES, dtype=np.int64)
         self._sizes[sizing.N] = len(system.states)
         self._sizes[sizing.INPUTS] = len(system.inputs)
@@ -129,8 +131,8 @@ class Stepper:
                 value=f"{moment:g} s",
                 expected=f"{self.time:g} s or later",
             )
-        # the count keeps commands of one moment in the order in which they were given
-        insort(self._scheduled, (moment, len(self._scheduled), names.index(name), float(value)))
+        # the number keeps commands of one moment in the order in which they were given
+        insort(self._scheduled, (moment, next(self._order), names.index(name), float(value)))
 
     def advance(self, to_time: float, inputs: Sequence[float] | Floats | None = None) -> None:
         """Integrate to `to_time`, meeting every scheduled switch and every delayed one on the way.

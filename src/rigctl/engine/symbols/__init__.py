@@ -10,6 +10,7 @@
 from rigctl.engine.symbols.derivative import derivative
 from rigctl.engine.symbols.dimension import check_dimension, dimension_of
 from rigctl.engine.symbols.evaluate import evaluate
+from rigctl.engine.symbols.expr import Expr, Scalar
 from rigctl.engine.symbols.functions import (
     absolute,
     constant_like,
@@ -24,7 +25,7 @@ from rigctl.engine.symbols.functions import (
     sqrt,
     tanh,
 )
-from rigctl.engine.symbols.graph import Expr, Graph, Scalar
+from rigctl.engine.symbols.graph import Graph
 from rigctl.engine.symbols.printing import to_latex, to_text
 from rigctl.engine.symbols.substitute import substitute, variables_of
 

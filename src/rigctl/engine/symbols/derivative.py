@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigctl.engine.symbols.graph import Expr
+from rigctl.engine.symbols.expr import Expr
 from rigctl.errors import RigctlError
 
 

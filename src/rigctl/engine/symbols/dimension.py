@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from rigctl.engine.symbols.graph import Expr
+from rigctl.engine.symbols.expr import Expr
 from rigctl.errors import RigctlError
 from rigctl.units import DIMENSIONLESS, Dimension
 

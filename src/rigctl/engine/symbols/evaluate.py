@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from rigctl.engine.symbols import functions
-from rigctl.engine.symbols.graph import Expr
+from rigctl.engine.symbols.expr import Expr
 from rigctl.errors import unknown_name
 
 

@@ -13,7 +13,7 @@ import math
 from typing import Any, overload
 
 from rigctl.engine.symbols.dimension import dimension_of
-from rigctl.engine.symbols.graph import Expr, Scalar
+from rigctl.engine.symbols.expr import Expr, Scalar
 from rigctl.errors import RigctlError
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from fractions import Fraction
 
-from rigctl.engine.symbols.graph import Expr
+from rigctl.engine.symbols.expr import Expr
 
 # how tightly an operation binds: sums, products, powers, atoms
 _SUM, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rigctl.engine.symbols.graph import Expr, Scalar
+from rigctl.engine.symbols.expr import Expr, Scalar
 
 
 def substitute(expr: Expr, replacements: Mapping[Expr, Scalar]) -> Expr:
