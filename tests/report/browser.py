@@ -27,6 +27,15 @@ SWITCHES = (
     "--no-default-browser-check",
     "--remote-debugging-pipe",
 )
+#: becomes the browser, which reads descriptor 3 and writes descriptor 4
+LAUNCH = """import os, sys
+os.dup2(int(sys.argv[1]), 100)  # out of the way first: either may be 3 or 4 itself
+os.dup2(int(sys.argv[2]), 101)
+os.dup2(100, 3)
+os.dup2(101, 4)
+os.closerange(100, 102)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
 #: a page's script that waits for a condition, at most ten seconds
 WAIT = """new Promise((done) => {{
   const give_up = Date.now() + 10000;
@@ -61,11 +70,9 @@ class Browser:
             raise RuntimeError("the browser is driven over inherited pipes, which need a POSIX system")
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
-        # the browser reads descriptor 3 and writes descriptor 4
         command = [find_chromium(), *SWITCHES, f"--user-data-dir={self.profile}", "about:blank"]
-        script = f'exec 3<&{to_browser} 4>&{from_browser}; exec "$0" "$@"'
         self._process = subprocess.Popen(
-            ["/bin/sh", "-c", script, *command],
+            [sys.executable, "-c", LAUNCH, str(to_browser), str(from_browser), *command],
             pass_fds=(to_browser, from_browser),
             stderr=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -73,12 +80,19 @@ class Browser:
         os.close(to_browser)
         os.close(from_browser)
         self._buffer = b""
+        try:
+            self._attach()
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def _attach(self) -> None:
         target = self._call("Target.createTarget", {"url": "about:blank"})["targetId"]
         attached = self._call("Target.attachToTarget", {"targetId": target, "flatten": True})
         self._session = attached["sessionId"]
         for domain in ("Runtime", "Log", "Page", "Network"):
             self._call(f"{domain}.enable")
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -86,7 +100,7 @@ class Browser:
         try:
             os.write(self._out, json.dumps({"id": 0, "method": "Browser.close"}).encode() + b"\0")
             self._process.wait(10)
-        except (OSError, subprocess.TimeoutExpired):
+        except (OSError, subprocess.TimeoutExpired):  # it has ended already, or does not
             self._process.kill()
             self._process.wait()
         finally:

@@ -12,6 +12,8 @@ from rigctl.units import parse_unit
 #: s; how long the position is averaged before the valve opens and after the piston has come to rest, and how
 #: long it is given to come to rest after the valve has closed
 REST = 0.2
+#: the command at which nothing moves
+NEUTRAL = 0.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def stroke(run: RunData, record: RecordData, motion: Motion) -> float | None:
     if not len(after):
         return None
     closes = opens + int(after[0])
-    others = np.flatnonzero(command[closes:] != command[closes])
+    others = np.flatnonzero(command[closes:] != NEUTRAL)
     leaves = closes + int(others[0]) if len(others) else len(command)
     before = (time >= time[opens] - REST) & (time < time[opens])
     settled = (time >= time[closes] + REST) & (time < time[closes] + 2.0 * REST)

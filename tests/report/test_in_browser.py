@@ -1,0 +1,180 @@
+"""The page as a person meets it, in a real browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from report.browser import Browser
+from report.conftest import RunMaker
+from rigctl.dataset import Run
+from rigctl.report import write_report
+from rigctl.report.page import page
+from rigctl.report.run_data import read_run
+from rigctl.report.write import assemble
+
+HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
+ALL_DRAWN = "[...document.querySelectorAll('.plot')].every(p => p.querySelector('.main-svg'))"
+RECORD_DRAWN = "document.querySelector('#record-plot .main-svg')"
+POSITIONS = "document.getElementById('record-plot').data[0].y"
+
+
+@pytest.fixture(scope="module")
+def campaign_page(published: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report([published], tmp_path_factory.mktemp("page") / "page.html").page
+
+
+@pytest.fixture
+def quiet(browser: Browser) -> Iterator[Browser]:
+    """The browser, which must have nothing to complain of, and have asked for nothing but the page."""
+    yield browser
+    assert browser.complaints == []
+    assert [url for url in browser.requests if not url.startswith(("file:", "blob:", "data:"))] == []
+    assert len([url for url in browser.requests if url.startswith("file:")]) == 1
+
+
+def show_records(browser: Browser) -> None:
+    browser.evaluate("document.getElementById('records').scrollIntoView({behavior: 'instant'})")
+    assert browser.wait(RECORD_DRAWN)
+
+
+def pick(browser: Browser, name: str, key: str) -> None:
+    """Choose from a list, as a person would."""
+    browser.evaluate(f"document.getElementById('{name}').value = '{key}'")
+    browser.evaluate(f"document.getElementById('{name}').dispatchEvent(new Event('change'))")
+
+
+def test_every_plot_is_there(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page, height=9000)
+    assert quiet.wait(ALL_DRAWN)
+    assert quiet.evaluate("document.querySelectorAll('.plot .main-svg').length") > 0
+    drawn = "document.querySelectorAll('#response-0 .scatterlayer .trace').length"
+    assert quiet.evaluate(drawn) == 4  # one line per pressure
+    point = "Array.from(document.getElementById('response-0').data[2].y)[4]"
+    assert quiet.evaluate(point) == pytest.approx(93.5, abs=0.1)
+
+
+def test_plots_below_the_window_wait_until_they_are_reached(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page, height=500)
+    assert quiet.wait("document.querySelector('#response-0 .main-svg')")
+    assert not quiet.evaluate(f"!!({RECORD_DRAWN})")
+    show_records(quiet)
+
+
+def test_a_record_is_chosen_by_list_row_key_and_link(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page)
+    show_records(quiet)
+    title = "document.getElementById('record-title').textContent"
+    peak = f"Math.max(...{POSITIONS})"
+    assert quiet.evaluate(title) == "0 · stroke · oil 20 °C, supply 20 bar"
+    assert quiet.evaluate(peak) == pytest.approx(77.0, abs=0.6)
+    pick(quiet, "record-chosen", "r0-3")
+    assert quiet.evaluate(title).startswith("3 · stroke")
+    assert quiet.evaluate(peak) == pytest.approx(125.0, abs=0.6)
+    quiet.evaluate("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight', bubbles: true}))")
+    assert quiet.evaluate(title).startswith("4 · stroke")
+    quiet.evaluate("document.querySelector('[data-choose=\"r0-7\"]').click()")
+    assert quiet.evaluate(title).startswith("7 · stroke")
+    quiet.evaluate("location.hash = '#records/r0-27'")
+    assert quiet.wait(f"{title}.startsWith('27 · stroke')")
+    assert quiet.evaluate("document.querySelector('tr.chosen').dataset.choose") == "r0-27"
+    quiet.evaluate("document.getElementById('record-next').click()")  # there is none after the last
+    assert quiet.evaluate(title).startswith("27 · stroke")
+
+
+def test_a_second_record_is_laid_over_the_first(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page)
+    show_records(quiet)
+    before = quiet.evaluate("document.getElementById('record-plot').data.length")
+    pick(quiet, "record-other", "r0-16")
+    assert quiet.evaluate("document.getElementById('record-plot').data.length") == 2 * before
+    assert "dashed: 16 · stroke" in quiet.evaluate("document.getElementById('record-title').textContent")
+
+
+def test_scales_are_shared_until_the_reader_says_otherwise(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page)
+    show_records(quiet)
+    top = "document.getElementById('record-plot')._fullLayout.yaxis.range[1]"
+    assert quiet.evaluate(top) > 125.0
+    quiet.evaluate("document.getElementById('record-scales').click()")
+    assert quiet.wait(f"{top} < 90")
+
+
+def test_it_follows_the_reader_s_dark_ground(quiet: Browser, campaign_page: Path) -> None:
+    colour = "document.getElementById('response-0')._fullLayout.font.color"
+    seen = []
+    for dark in (False, True):
+        quiet.open(campaign_page, dark=dark)
+        assert quiet.wait("document.querySelector('#response-0 .main-svg')")
+        seen.append(quiet.evaluate(colour))
+    assert seen[0] != seen[1]
+
+
+def test_on_paper_every_plot_is_there(quiet: Browser, campaign_page: Path, tmp_path: Path) -> None:
+    quiet.open(campaign_page, height=500, dark=True)
+    assert quiet.wait("document.querySelector('#response-0 .main-svg')")
+    quiet.pdf(tmp_path / "page.pdf")
+    assert quiet.evaluate(ALL_DRAWN)
+    assert (tmp_path / "page.pdf").stat().st_size > 100_000
+
+
+def test_a_narrow_screen_does_not_scroll_sideways(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page, width=400, height=9000)
+    assert quiet.wait(ALL_DRAWN)
+    assert quiet.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def test_hostile_texts_are_shown_and_do_nothing(quiet: Browser, make_run: RunMaker, tmp_path: Path) -> None:
+    made = make_run(
+        temperatures=(20.0, 30.0),
+        pressures=(30.0, 40.0),
+        idle_rows=2,
+        name=HOSTILE,
+        record=HOSTILE,
+        operator=HOSTILE,
+    )
+    data = read_run(made)
+    alarm = replace(
+        data.events[0], kind="alarm", time=3.0, message=HOSTILE + "<a href='https://example.org'>x</a>"
+    )
+    odd = {HOSTILE: (1.0, "1")}
+    records = tuple(replace(record, sweep={**record.sweep, **odd}) for record in data.records)
+    data = replace(data, events=(*data.events, alarm), records=records)
+    target = tmp_path / "page.html"
+    target.write_text(page([data], assemble([data])), encoding="utf-8", newline="\n")
+    quiet.open(target, height=9000)
+    assert quiet.wait(ALL_DRAWN)
+    assert quiet.evaluate("window.hacked === undefined")
+    assert quiet.evaluate("document.querySelector('h1').textContent") == HOSTILE
+    assert quiet.evaluate("document.querySelectorAll('img, .plot a').length") == 0
+    legend = "document.querySelector('#response-0 .legendtext').textContent"
+    assert HOSTILE in quiet.evaluate(legend)
+
+
+def test_even_markup_that_got_through_could_not_run(
+    browser: Browser, campaign_page: Path, tmp_path: Path
+) -> None:
+    """The policy is the second wall: a page that someone forgot to escape in."""
+    broken = tmp_path / "broken.html"
+    text = campaign_page.read_text(encoding="utf-8")
+    broken.write_text(text.replace("<main>", f"<main>{HOSTILE}"), encoding="utf-8", newline="\n")
+    browser.open(broken)
+    assert browser.wait("document.querySelector('#response-0 .main-svg')")
+    assert browser.evaluate("window.hacked === undefined")
+    assert any("Content Security Policy" in complaint for complaint in browser.complaints)
+
+
+def test_missing_values_leave_gaps(quiet: Browser, make_run: RunMaker, tmp_path: Path) -> None:
+    data = read_run(make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2))
+    position = data.signals["position"].values.copy()
+    position[100:110] = float("nan")
+    signals = {**data.signals, "position": replace(data.signals["position"], values=position)}
+    data = replace(data, signals=signals)
+    target = tmp_path / "page.html"
+    target.write_text(page([data], assemble([data])), encoding="utf-8", newline="\n")
+    quiet.open(target, height=9000)
+    assert quiet.wait(ALL_DRAWN)
+    assert quiet.evaluate(f"{POSITIONS}.filter(Number.isNaN).length") == 10

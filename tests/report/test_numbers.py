@@ -1,0 +1,69 @@
+"""Numbers as a page prints them."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigctl.report import numbers
+
+
+@pytest.mark.parametrize(
+    ("unit", "printed"),
+    [
+        ("degC", "°C"),
+        ("1", ""),
+        ("mm^2", "mm²"),
+        ("N*s/m", "N·s/m"),
+        ("m^-1", "m⁻¹"),
+        ("1/s", "1/s"),
+        ("%", "%"),
+        ("m^3/s", "m³/s"),
+    ],
+)
+def test_units_are_printed_as_in_a_book(unit: str, printed: str) -> None:
+    assert numbers.symbol(unit) == printed
+
+
+@pytest.mark.parametrize(
+    ("value", "printed"),
+    [
+        (77.04, "77.04"),
+        (-3.7, "−3.7"),
+        (0.0, "0"),
+        (None, "–"),
+        (float("nan"), "–"),
+        (1.2e-7, "1.2·10⁻⁷"),
+        (-2.5e9, "−2.5·10⁹"),
+        (123456.0, "1.235·10⁵"),
+    ],
+)
+def test_a_number(value: float | None, printed: str) -> None:
+    assert numbers.number(value) == printed
+
+
+def test_an_amount_does_not_break_before_its_unit() -> None:
+    assert numbers.amount(40.0, "degC") == "40\N{NO-BREAK SPACE}°C"
+    assert numbers.amount(0.5, "1") == "0.5"
+    assert numbers.amount(None, "mm") == "–"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "printed"),
+    [(0.25, "0.25 s"), (59.0, "59 s"), (61.4, "1 min 01 s"), (3599.9, "1 h 00 min"), (11520.0, "3 h 12 min")],
+)
+def test_durations(seconds: float, printed: str) -> None:
+    assert numbers.duration(seconds).replace("\N{NO-BREAK SPACE}", " ") == printed
+
+
+def test_a_column_lines_up() -> None:
+    places = numbers.decimals([77.0, 122.64])
+    assert [numbers.fixed(value, places) for value in (77.0, 122.64)] == ["77.0", "122.6"]
+    assert numbers.fixed(-3.71, 1, sign=True) == "−3.7"
+    assert numbers.fixed(0.02, 1, sign=True) == "0.0"
+    assert numbers.decimals([]) == 0
+
+
+def test_moments_keep_their_zone_and_nonsense_stays_as_it_is() -> None:
+    assert numbers.moment("2026-11-21T09:30:00+00:00") == "2026-11-21 09:30:00 UTC"
+    assert numbers.moment("soon") == "soon"
+    assert numbers.moment(None) == "–"

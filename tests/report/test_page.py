@@ -1,0 +1,235 @@
+"""The page as a file: whole, small, escaped, and needing nothing from elsewhere."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from report.conftest import RunMaker
+from report.made_campaign import RIG_FILE, STARTED
+from rigctl.dataset import Run, RunHeader, RunWriter, Source, annotate, open_run, source_of_rig
+from rigctl.errors import RigctlError
+from rigctl.report import write_report
+from rigctl.report.interactive import embed
+from rigctl.report.page import page, policy
+from rigctl.report.run_data import RunData, read_run
+from rigctl.report.section import Section, render
+from rigctl.report.sections.outcome import summarise
+from rigctl.report.write import assemble
+from rigctl.rig import load_rig
+
+HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
+
+
+class Outline(HTMLParser):
+    """What elements a page has."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+
+def outline(html: str) -> Outline:
+    found = Outline()
+    found.feed(html)
+    return found
+
+
+def html_of(*runs: RunData) -> str:
+    return page(runs, assemble(runs))
+
+
+def empty_run(tmp_path: Path, *, status: str = "finished", reason: str | None = None) -> Run:
+    rig = load_rig(RIG_FILE)
+    header = RunHeader("20261121-093000-empty", Source("empty"), source_of_rig(rig), rig.layout, STARTED)
+    return open_run(RunWriter.create(tmp_path / "runs", header).close(status, reason))
+
+
+def test_the_whole_campaign_is_small_and_says_what_matters(published: Run, tmp_path: Path) -> None:
+    written = write_report([published], tmp_path / "page.html")
+    assert written.size < 6_000_000
+    text = written.page.read_text(encoding="utf-8")
+    for part in ("stroke campaign", "HL32 bench", "Ada", "rigfw 1.2", "2026-11-21", "All 28 records"):
+        assert part in text
+    assert "65\N{NARROW NO-BREAK SPACE}100" in text
+
+
+def test_nothing_is_fetched_from_anywhere(published_data: RunData) -> None:
+    html = html_of(published_data)
+    for tag, attributes in outline(html).tags:
+        assert "src" not in attributes or tag == "img", (tag, attributes)
+        assert tag not in ("link", "iframe", "object", "img")
+        assert not (attributes.get("href") or "#").startswith("http")
+    stated = re.search(r'Content-Security-Policy" content="([^"]*)"', html)
+    assert stated is not None
+    assert "default-src &#39;none&#39;" in stated.group(1)
+    assert "http" not in stated.group(1)
+    assert "unsafe-eval" not in stated.group(1)
+
+
+def test_the_policy_allows_these_scripts_alone() -> None:
+    # the digest of the empty script, as browsers compute it
+    assert "script-src 'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='" in policy([""])
+
+
+def test_hostile_texts_stay_texts(make_run: RunMaker) -> None:
+    made = make_run(
+        temperatures=(20.0, 30.0),
+        pressures=(30.0,),
+        idle_rows=2,
+        name=HOSTILE,
+        record=HOSTILE,
+        operator=HOSTILE,
+        facts={"versions": {HOSTILE: HOSTILE}, "arguments": {HOSTILE: HOSTILE}},
+    )
+    annotate(made.folder, HOSTILE)
+    data = read_run(open_run(made.folder))
+    sweep = {HOSTILE: (1.0, "1"), **data.records[0].sweep}
+    alarm = replace(data.events[0], kind="alarm", message=HOSTILE, path=HOSTILE)
+    data = replace(
+        data,
+        records=(replace(data.records[0], sweep=sweep, excluded=HOSTILE), *data.records[1:]),
+        events=(*data.events, alarm),
+        info={**data.info, "reason": HOSTILE, "status": "failed"},
+    )
+    html = html_of(data)
+    plain = html_of(replace(data, events=()))
+    scripts = [attributes for tag, attributes in outline(html).tags if tag == "script"]
+    assert [attributes for attributes in scripts if "type" not in attributes] == [{}, {}]
+    assert "<img" not in html.replace("&lt;img", "")
+    assert html.count("</script>") == len(scripts)
+    assert "<script>window" not in plain
+
+
+@pytest.mark.parametrize("text", ["</script>", "<!--", "]]>", "a & b", "\u2028\u2029", 'quote " and \\'])
+def test_json_in_the_page_cannot_end_its_element(text: str) -> None:
+    embedded = embed({"name": text})
+    assert json.loads(embedded) == {"name": text}
+    assert not set("<>&\u2028\u2029") & set(embedded)
+
+
+def test_a_million_samples_make_a_page_of_a_few_megabytes(tmp_path: Path) -> None:
+    rig = load_rig(RIG_FILE)
+    header = RunHeader("20261121-093000-long", Source("long"), source_of_rig(rig), rig.layout, STARTED)
+    writer = RunWriter.create(tmp_path / "runs", header)
+    count = 1_000_000
+    rows = np.zeros((count, len(rig.layout.columns)))
+    rows[:, 0] = np.arange(count) / 1000.0
+    rows[:, 2] = 300.0 + np.sin(rows[:, 0])
+    rows[654_321, 4] = 0.123  # one spike in a million
+    rows[:, 1] = writer.open_record(0.0, "endurance", {}, "1/record", 1000.0)
+    writer.append_block(rows)
+    writer.close_record(1000.0, "complete")
+    run = open_run(writer.close("finished"))
+    data = read_run(run)
+    sections = assemble([data])
+    assert len(page([data], sections).encode("utf-8")) < 3_000_000
+    for section in sections:
+        for plot in section.plots:
+            position = next(t for panel in plot.panels for t in panel.traces if t.name == "position")
+            assert position.y.max() == pytest.approx(123.0)
+
+
+def test_thousands_of_records_still_make_a_page(published_data: RunData) -> None:
+    records = tuple(replace(published_data.records[i % 28], index=i) for i in range(3000))
+    html = html_of(replace(published_data, records=records))
+    assert len(html) < 6_000_000
+    assert "2000 more are in the run" in html
+
+
+@pytest.mark.parametrize(
+    ("status", "reason", "said"),
+    [
+        ("finished", None, "The run finished. Nothing was recorded."),
+        ("failed", "heat timed out at 38.2 °C.", "The run failed: heat timed out at 38.2 °C. Nothing"),
+        ("aborted", "Ctrl-C", "The run was aborted: Ctrl-C. Nothing was recorded."),
+    ],
+)
+def test_a_run_without_a_sample_has_a_page(
+    tmp_path: Path, status: str, reason: str | None, said: str
+) -> None:
+    html = html_of(read_run(empty_run(tmp_path, status=status, reason=reason)))
+    assert said in html
+    assert 'id="records"' not in html
+
+
+def test_missed_limits_and_failed_records_are_counted(published_data: RunData) -> None:
+    first = published_data.records[0]
+    measures = (replace(first.measures[0], passed=False),)
+    records = (replace(first, measures=measures), *published_data.records[1:])
+    html = html_of(replace(published_data, records=records))
+    assert "1 of 28 measured values lies outside its limits" in html
+    records = (replace(first, outcome="timed_out"), *published_data.records[1:])
+    html = html_of(replace(published_data, records=records))
+    assert "27 of 28 records are complete" in html
+    assert "timed out" in html
+
+
+def test_simulated_data_is_called_so(published_data: RunData) -> None:
+    assert summarise(published_data).badge is None
+    info = {**published_data.info, "backend": {"kind": "simulated"}}
+    assert ">simulated bench</span>" in html_of(replace(published_data, info=info))
+
+
+def test_imported_data_without_a_rig_file_has_a_page(published_data: RunData) -> None:
+    info = {**published_data.info, "source": "import", "rig": {"name": "", "text": ""}, "backend": {}}
+    html = html_of(replace(published_data, info=info, rig=None))
+    assert "The data was imported. All 28 records are complete" in html
+
+
+def test_several_runs_share_a_page(make_run: RunMaker) -> None:
+    runs = [read_run(make_run(temperatures=(20.0, 30.0), idle_rows=2, seed=seed)) for seed in (1, 2)]
+    html = html_of(*runs)
+    assert "2 runs on HL32 bench" in html
+    assert html.count("<optgroup") == 4
+    assert 'data-record="r0-0"' in html
+    assert 'data-record="r1-7"' in html
+    ids = [attributes["id"] for _, attributes in outline(html).tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+
+
+def test_equal_runs_give_equal_pages(published_data: RunData) -> None:
+    when = datetime(2026, 11, 21, tzinfo=UTC)
+    sections = assemble([published_data])
+    assert page([published_data], sections, when) == page([published_data], assemble([published_data]), when)
+
+
+def test_another_part_can_add_its_section(published_data: RunData) -> None:
+    added = Section(
+        "comparison",
+        "Model against measurement",
+        render("events.html", **dict.fromkeys(("rows", "left_out", "omitted", "alarms", "several"), 0)),
+    )
+    order = [section.id for section in assemble([published_data], [added])]
+    assert order[:4] == ["outcome", "campaign", "comparison", "records"]
+
+
+def test_an_unwritable_place_is_told(make_run: RunMaker, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    run = make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2)
+    with pytest.raises(RigctlError, match="cannot write"):
+        write_report([run], tmp_path / "file" / "page.html")
+
+
+def test_an_old_page_is_replaced_and_nothing_else_is_left(make_run: RunMaker, tmp_path: Path) -> None:
+    target = tmp_path / "out" / "page.html"
+    target.parent.mkdir()
+    target.write_text("old", encoding="utf-8")
+    write_report([make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2)], target)
+    assert target.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert [entry.name for entry in target.parent.iterdir()] == ["page.html"]
+
+
+def test_no_run_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="at least one run"):
+        write_report([], tmp_path / "page.html")
