@@ -59,10 +59,18 @@ class Reader:
         try:
             yield
         except RigctlError as error:
-            name = next((key for key in reversed(keys) if isinstance(key, str)), None)
+            name = self._written_name(keys)
             if error.where.line is None and name and f"'{name}'" not in error.what:
                 error.what = f"{name}: {error.what}"
             raise error.at(self.where(*keys)) from None
+
+    def _written_name(self, keys: tuple[Key, ...]) -> str | None:
+        """The last of `keys` that the file holds; a short form leaves some out, and they stand nowhere."""
+        for end in range(len(keys), 0, -1):
+            key = keys[end - 1]
+            if isinstance(key, str) and self.where(*keys[:end]) != self.where(*keys[: end - 1]):
+                return key
+        return None
 
     @property
     def answers(self) -> Mapping[str, ValueType]:
