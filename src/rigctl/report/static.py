@@ -55,7 +55,7 @@ def write_figure(plot: Plot, folder: Path, form: str = "png") -> Path:
         content = io.BytesIO()
         # a date would make equal plots differ; PNG files hold none
         metadata = {"Date": None} if form == "svg" else {}
-        figure.savefig(content, format=form, dpi=160, metadata=metadata)
+        figure.savefig(content, format=form, dpi=144, metadata=metadata)
     write_bytes(path, content.getvalue())
     return path
 
@@ -70,7 +70,8 @@ def _draw(panel: Panel, axes: Axes) -> None:
         axes.set_yticks([value for value, _ in panel.ticks], [name for _, name in panel.ticks])
     labelled = sum(trace.in_legend for trace in panel.traces)
     if labelled > 1:
-        axes.legend(frameon=False, fontsize=8, loc="best" if labelled < 6 else "upper right")
+        # beside the axes, where it hides nothing
+        axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _draw_trace(trace: Trace, axes: Axes) -> None:
