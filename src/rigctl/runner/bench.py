@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rigctl.backends.protocol import Backend, CommandReceipt
-from rigctl.dataset.writer import RunWriter
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
 from rigctl.rig import Rig
 from rigctl.runner.history import History
 from rigctl.runner.operator import Answer, Operator, Question
+from rigctl.runner.recorder import Recorder
 from rigctl.runner.waits import Row, Until, Waiting, every_sample
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Bench:
     """One rig with its backend, the run's data and its operator. All values SI, all times s on its clock."""
 
     def __init__(
-        self, rig: Rig, backend: Backend, writer: RunWriter, operator: Operator, history: History
+        self, rig: Rig, backend: Backend, writer: Recorder, operator: Operator, history: History
     ) -> None:
         self.rig = rig
         self.backend = backend

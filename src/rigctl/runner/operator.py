@@ -61,6 +61,7 @@ class Operator(Protocol):
     """Somebody who can be asked without the runner having to stop looking at the bench."""
 
     name: str
+    typed: str  #: of the answer, so far: shown behind the question
 
     def ask(self, question: Question) -> Answer | None:
         """Begin to ask, or go on asking: None as long as there is no answer."""
@@ -104,6 +105,7 @@ class AutomaticOperator:
     """
 
     name = "simulated"
+    typed = ""
 
     def ask(self, question: Question) -> Answer | None:
         """Confirm, or answer with a value."""
@@ -126,12 +128,13 @@ class AutomaticOperator:
 
 
 class ScriptedOperator:
-    """Answers by name from a table, for unattended runs (`--operator-answers`) and tests.
+    """Answers by name from a table, for unattended runs (`--answer`) and tests.
 
     Confirmations are given at once; a value that the table does not have is an error.
     """
 
     name = "script"
+    typed = ""
 
     def __init__(self, answers: Mapping[str, str]) -> None:
         self._answers = dict(answers)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
+
+from rigctl.procedure.plan import Leaf, Loop, Node, Plan, children, walk
+from rigctl.runner.resume import record_paths
 
 
 class Progress:
@@ -10,32 +14,40 @@ class Progress:
 
     Parameters
     ----------
-    expected: s that each step of the plan is expected to take, by path; loops counted once.
+    expected: s that each step of the plan is expected to take each time, by path.
+    times: how often each step is expected to be carried out, by path.
     records_total: how many records the plan has.
     """
 
-    def __init__(self, expected: Mapping[str, float], records_total: int) -> None:
+    def __init__(self, expected: Mapping[str, float], times: Mapping[str, int], records_total: int) -> None:
         self._expected = expected
-        self._total = sum(expected.values())
+        self._left = dict(times)
+        self._total = sum(seconds * times.get(path, 1) for path, seconds in expected.items())
         self._done = 0.0
-        self._seen: set[str] = set()
         self._current = ""
         self._since = 0.0
-        self.path = ""
         self.label = ""
         self.records_done = 0
         self.records_total = records_total
 
-    def begin(self, planned: str, path: str, label: str, time: float) -> None:
-        """A step begins; `planned` is its path in the plan, `path` the one with the rounds of its loops."""
-        self._current, self.path, self.label, self._since = planned, path, label, time
+    def begin(self, planned: str, label: str, time: float) -> None:
+        """A step begins; `planned` is its path in the plan, without the rounds of its loops."""
+        self._current, self.label, self._since = planned, label, time
 
-    def end(self, planned: str, time: float) -> None:
-        """A step is over."""
-        if planned not in self._seen:
-            self._seen.add(planned)
-            self._done += self._expected.get(planned, 0.0)
+    def end(self, time: float) -> None:
+        """The step is over."""
+        left = self._left.get(self._current, 0)
+        if left > 0:
+            self._left[self._current] = left - 1
+            self._done += self._expected.get(self._current, 0.0)
         self._current, self._since = "", time
+
+    def skip(self, node: Node) -> None:
+        """The steps below a node were done in an earlier session."""
+        for below in walk(node):
+            if isinstance(below, Leaf) and self._left.get(below.path, 0) > 0:
+                self._left[below.path] -= 1
+                self._total -= self._expected.get(below.path, 0.0)
 
     def left(self, time: float) -> float | None:
         """Expected s until the end; None when nothing is known."""
@@ -50,6 +62,25 @@ class Progress:
         return min((self._done + self._of_current(time)) / self._total, 1.0)
 
     def _of_current(self, time: float) -> float:
-        if not self._current or self._current in self._seen:
+        if self._left.get(self._current, 0) <= 0:
             return 0.0
         return min(time - self._since, self._expected.get(self._current, 0.0))
+
+
+def progress_of(plan: Plan) -> Progress:
+    """Progress by the forecast of the plan."""
+    from rigctl.planning import preview
+
+    times: Counter[str] = Counter()
+    for root in (plan.root, plan.finally_):
+        if root is not None:
+            _count(root, 1, times)
+    return Progress(preview(plan).durations(), times, len(record_paths(plan.root)))
+
+
+def _count(node: Node, rounds: int, times: Counter[str]) -> None:
+    if isinstance(node, Leaf):
+        times[node.path] += rounds
+    inner = rounds * (node.count if isinstance(node, Loop) and node.count is not None else 1)
+    for child in children(node):
+        _count(child, inner, times)

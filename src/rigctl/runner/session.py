@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigctl.backends.protocol import Backend
-from rigctl.dataset.writer import RunWriter
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.procedure.plan import Plan
 from rigctl.runner.bench import Bench
@@ -19,9 +18,10 @@ from rigctl.runner.history import history_for
 from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.operator import Operator
 from rigctl.runner.outcomes import Aborted, Ending, Outcome, SamplesLost, Tripped
-from rigctl.runner.progress import Progress
+from rigctl.runner.progress import progress_of
+from rigctl.runner.recorder import Recorder
 from rigctl.runner.requests import Control
-from rigctl.runner.resume import Resume, record_paths
+from rigctl.runner.resume import Resume
 from rigctl.runner.sampling import Sampling
 from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
@@ -43,31 +43,33 @@ class RunResult:
     status: ``finished``, ``failed`` or ``aborted``.
     reason: why it did not finish, or what was missed; None when all is well.
     exit_code: what the process returns.
-    folder: the run's folder.
-    records: number of complete records of this session.
+    folder: the run's folder; None where nothing was recorded.
+    records: number of complete records, those of earlier sessions included.
     duration: s of bench time.
     """
 
     status: str
     reason: str | None
     exit_code: ExitCode
-    folder: Path
+    folder: Path | None
     records: int
     duration: float
 
     def summary(self) -> str:
         """One line for the terminal."""
         reason = f": {self.reason}" if self.reason else ""
-        return f"{self.folder.name} {self.status}, {self.records} records{reason}"
+        name = f"{self.folder.name} " if self.folder is not None else ""
+        return f"{name}{self.status}, {self.records} records{reason}"
 
 
 def run(
     plan: Plan,
     backend: Backend,
-    writer: RunWriter,
+    writer: Recorder,
     *,
     operator: Operator,
     control: Control | None = None,
+    controls: Sequence[Control] = (),
     observer: Observer | None = None,
     dry: bool = False,
     resume_from: Resume | None = None,
@@ -77,8 +79,9 @@ def run(
 
     Parameters
     ----------
+    writer: a `rigctl.dataset.RunWriter`, or `Unrecorded` for moving a bench by hand.
     operator: who answers when the procedure asks.
-    control: requests besides signals and the run's control file: a keyboard, a test.
+    control, controls: requests besides signals and the run's control file: a keyboard, a test.
     observer: told about ten times a second what the run is doing.
     dry: arm and read, but move nothing.
     resume_from: what earlier sessions have done.
@@ -86,7 +89,7 @@ def run(
     """
     with Signals() as signals:
         session = _Session(plan, backend, writer, operator, resume_from)
-        session.watched_by(control, observer)
+        session.watched_by([*controls, *([control] if control is not None else [])], observer)
         ending = session.carry_out(signals, response, dry=dry)
         return session.close(ending)
 
@@ -95,7 +98,7 @@ class _Session:
     """The parts of one run, and the order in which they are used."""
 
     def __init__(
-        self, plan: Plan, backend: Backend, writer: RunWriter, operator: Operator, resume: Resume | None
+        self, plan: Plan, backend: Backend, writer: Recorder, operator: Operator, resume: Resume | None
     ) -> None:
         self._plan = plan
         self._backend = backend
@@ -108,7 +111,8 @@ class _Session:
         self._lifecycle = Lifecycle(self._state_changed)
         self._interlocks = Interlocks(plan.rig)
         self._sampling = Sampling(self._bench, self._interlocks, self._secure)
-        self._progress = _progress_of(plan)
+        self._progress = progress_of(plan)
+        self._progress.records_done = len(self._resume.completed)
         self._walker = Walker(
             self._bench,
             self._progress,
@@ -117,15 +121,15 @@ class _Session:
             finish=lambda: self._lifecycle.send("finish"),
             completed=self._resume.completed,
         )
-        self._controls: list[Control] = [ControlFile(writer.folder)]
+        self._controls: list[Control] = [ControlFile(writer.folder)] if writer.folder is not None else []
         self._observer: Observer | None = None
         self._secured: Ending | None = None
+        self._first: Ending | None = None
         self._message = ""
 
-    def watched_by(self, control: Control | None, observer: Observer | None) -> None:
+    def watched_by(self, controls: Sequence[Control], observer: Observer | None) -> None:
         """Add who may ask and who looks on."""
-        if control is not None:
-            self._controls.append(control)
+        self._controls += controls
         self._observer = observer
 
     def carry_out(self, signals: Signals, response: float, *, dry: bool) -> Ending | None:
@@ -151,10 +155,10 @@ class _Session:
                 self._lifecycle.send("start")
                 driver.drive(steps, self._walker)
         except Quit:
-            ending = self._secured or Aborted(f"ended by {signals.name}", exit_code=signals.exit_code)
+            ending = self._first or Aborted(f"ended by {signals.name}", exit_code=signals.exit_code)
         except Exception as error:  # noqa: BLE001 - nothing may keep the outputs from becoming safe
             ending = ending_for(error, self._bench)
-        if ending is not None and ending is not self._secured:
+        if ending is not None and self._first is None:
             self._secure(ending)
         with suppress(Exception):  # closes what a second signal left open; the outputs are safe already
             steps.close()
@@ -208,7 +212,8 @@ class _Session:
         self._secured = ending
         self._bench.make_safe(ending.reason)
         if not isinstance(ending, SamplesLost):
-            self._message = self._message or ending.reason
+            self._first = self._first or ending
+            self._message = self._first.reason
             self._lifecycle.send("make_safe")
             self._lifecycle.send("clean_up")
 
@@ -247,7 +252,7 @@ class _Session:
     def _view(self) -> View:
         bench, progress, now = self._bench, self._progress, self._bench.now
         newest: Sequence[float] = bench.newest or ()
-        question = bench.question
+        question = f"{bench.question} {bench.operator.typed}".rstrip() if bench.question else None
         return View(
             run=self._writer.id,
             state=self._lifecycle.state.value,
@@ -263,10 +268,6 @@ class _Session:
             commands=dict(bench.commanded),
             alarms=tuple(self._sampling.alarms.values()),
             happenings=tuple(self._sampling.happenings),
-            question=str(question) if question is not None else None,
+            question=question,
             message=self._message,
         )
-
-
-def _progress_of(plan: Plan) -> Progress:
-    return Progress({}, len(record_paths(plan.root)))

@@ -81,6 +81,9 @@ class Walker:
         nodes: Sequence[Node] = group.children
         if self._completed:
             nodes = remaining(nodes, self._done)
+            for node in group.children:
+                if node not in nodes:
+                    self._progress.skip(node)
         try:
             for index, node in enumerate(nodes):
                 if isinstance(node, RecordNode) and node.retries:
@@ -170,7 +173,7 @@ class Walker:
     def _leaf(self, leaf: Leaf) -> Waiting:
         bench = self._bench
         bench.path = path = self._path(leaf.path)
-        self._progress.begin(leaf.path, path, leaf.label, bench.now)
+        self._progress.begin(leaf.path, leaf.label, bench.now)
         bench.writer.event(bench.now, "step", path=path, message=leaf.label, state="begin")
         self.baseline = dict(bench.commanded)
         try:
@@ -189,7 +192,7 @@ class Walker:
             raise ending from None
         self.missed = self.missed or outcome is Outcome.MISSED
         bench.writer.event(bench.now, "step", path=path, state="end", outcome=outcome.value)
-        self._progress.end(leaf.path, bench.now)
+        self._progress.end(bench.now)
 
     def _record(self, node: RecordNode, *, repeatable: bool = False) -> Waiting:
         """Open the record, carry out its body, close it with its outcome."""

@@ -38,7 +38,11 @@ def heat(action: Heat, bench: Bench) -> Behaviour:
 
 
 class _Thermostat:
-    """On below the band, off above it, unchanged inside; never switched faster than the actuator allows."""
+    """On below the band, off at the set-point, unchanged between; no faster than the actuator allows.
+
+    The band lies below the set-point: a pump heats its oil too, and what heats on by itself would carry a
+    reading that is at the upper end of a band out of the tolerance before it has settled.
+    """
 
     def __init__(self, action: Heat, bench: Bench) -> None:
         actuator = bench.rig.actuators[action.actuator]
@@ -56,7 +60,7 @@ class _Thermostat:
         """Decide by the mean reading."""
         if mean < self._action.to - self._band:
             wanted = self._on
-        elif mean > self._action.to + self._band:
+        elif mean >= self._action.to:
             wanted = self._off
         else:
             return

@@ -1,0 +1,85 @@
+"""`rigctl pause`, `continue` and `abort`: act on a run in progress from another terminal."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.errors import ExitCode, RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.runner.requests import Request
+
+Ref = Annotated[
+    str | None,
+    typer.Argument(metavar="[RUN]", help="Id, start of an id, or path; the run in progress when left out."),
+]
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+
+
+def pause(run: Ref = None, *, as_json: Json = False) -> None:
+    """Pause a run: outputs become safe, samples and interlocks go on.
+
+    A record in progress is carried through first.
+
+    Example: rigctl pause
+    """
+    from rigctl.runner.requests import Request
+
+    _ask(run, Request.PAUSE, as_json)
+
+
+def continue_(run: Ref = None, *, as_json: Json = False) -> None:
+    """Let a paused run go on: the step that was interrupted begins again.
+
+    Example: rigctl continue
+    """
+    from rigctl.runner.requests import Request
+
+    _ask(run, Request.CONTINUE, as_json)
+
+
+def abort(run: Ref = None, *, as_json: Json = False) -> None:
+    """End a run: outputs become safe first, then its cleanup steps run and its data is closed.
+
+    Example: rigctl abort
+    """
+    from rigctl.runner.requests import Request
+
+    _ask(run, Request.ABORT, as_json)
+
+
+def _ask(run: str | None, request: Request, as_json: bool) -> None:
+    from rigctl.dataset import find_run
+    from rigctl.runner.control import send
+
+    folder = find_run(run) if run is not None else _in_progress()
+    answer = send(folder, request)
+    if as_json:
+        typer.echo(json.dumps({"run": folder.name, "answer": answer}))
+    else:
+        typer.echo(f"{folder.name}: {answer}")
+
+
+def _in_progress() -> Path:
+    """The one run that is in progress here.
+
+    Raises
+    ------
+    RigctlError
+        there is none, or more than one.
+    """
+    from rigctl.dataset.catalogue import run_folders, runs_folder
+    from rigctl.dataset.lock import in_progress
+
+    found = [folder for folder in run_folders(runs_folder())[-50:] if in_progress(folder)]
+    if len(found) == 1:
+        return found[0]
+    raise RigctlError(
+        "no run is in progress" if not found else "more than one run is in progress",
+        expected="one of " + ", ".join(folder.name for folder in found) if found else None,
+        exit_code=ExitCode.FAILED,
+    )

@@ -1,0 +1,50 @@
+"""`rigctl resume`: go on with a run that was cut off."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def resume(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
+    port: Annotated[str | None, typer.Option(help="Another serial port than before.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Who is in charge now.")] = None,
+    speed: Annotated[
+        str | None, typer.Option(help="max, 1x or 10x; as before when left out.", show_default=False)
+    ] = None,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Go on with a run at its first record that is not complete.
+
+    Procedure and rig file must be what they were. Set-points that the next record rests on are brought about
+    again; complete records stay as they are, an incomplete one is measured again under the next number.
+
+    Example: rigctl resume latest
+    """
+    from rigctl.cli.running import attended, person_in_charge, tell
+    from rigctl.dataset import find_run
+    from rigctl.runner.launch import Launch, bench_options, clock_for
+    from rigctl.runner.operator import AutomaticOperator
+    from rigctl.runner.relaunch import open_interrupted, relaunch
+
+    before = open_interrupted(find_run(run))
+    header = before.history.header
+    kind = header.backend.get("kind", before.plan.rig.backend.kind)
+    typer.echo(f"{header.id}: {before.left} records left", err=True)
+    how = Launch(
+        runs=before.folder.parent,
+        operator=AutomaticOperator(),
+        backend=kind,
+        options=bench_options(kind, before.plan.rig, port=port, seed=header.seed),
+        clock=clock_for(speed or ("max" if header.clock == "virtual" else "1x"), kind),
+        person=person_in_charge(operator or header.operator),
+        arguments=header.arguments,
+        seed=header.seed,
+        exclusive=kind != "simulated",
+    )
+    with attended(how, before.plan.rig, {}) as ready:
+        result = relaunch(before, ready)
+    tell(result, as_json=as_json)

@@ -1,0 +1,73 @@
+"""`rigctl run`: carry out a procedure on the bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
+    recording: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="With '--backend replay': the run to play.")
+    ] = None,
+    backend: Annotated[
+        str | None,
+        typer.Option(help="serial, simulated, emulated or replay; the rig file names the default."),
+    ] = None,
+    port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
+    rig: Annotated[Path | None, typer.Option(help="Another rig file than the procedure names.")] = None,
+    arg: Annotated[
+        list[str] | None,
+        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
+    ] = None,
+    operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with the run.")] = None,
+    answer: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="An operator's answer given beforehand; repeatable."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of what is random on a simulated bench.")] = None,
+    speed: Annotated[str, typer.Option(help="1x; on a bench that is no real one also 10x or max.")] = "1x",
+    *,
+    dry: Annotated[bool, typer.Option("--dry", help="Arm and read, but move nothing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Carry out a procedure on the bench and record it.
+
+    Keys while it runs: p pause, c continue, a or q end. Ctrl-C ends it too: outputs become safe first, then
+    cleanup steps run; a second Ctrl-C skips those.
+
+    Examples:
+
+      rigctl run procedures/quick-check.yaml --port /dev/ttyACM0
+
+      rigctl run procedures/quick-check.yaml --dry
+    """
+    from datetime import UTC, datetime
+
+    from rigctl.cli.plans import open_plan, read_assignments
+    from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
+    from rigctl.project import find_project
+    from rigctl.runner.launch import Launch, bench_options, clock_for, launch
+    from rigctl.runner.operator import AutomaticOperator
+
+    plan = open_plan(procedure, rig, arg or ())
+    runs = find_project().runs
+    kind = backend or plan.rig.backend.kind
+    say_warnings(plan.rig.warnings(datetime.now(UTC).date()))
+    how = Launch(
+        runs=runs,
+        operator=AutomaticOperator(),
+        backend=kind,
+        options=bench_options(kind, plan.rig, port=port, seed=seed, recording=recording, runs=runs),
+        clock=clock_for(speed, kind),
+        person=person_in_charge(operator),
+        arguments=read_assignments(arg or ()),
+        seed=seed,
+        dry=dry,
+    )
+    with attended(how, plan.rig, read_assignments(answer or (), "--answer")) as ready:
+        result = launch(plan, ready)
+    tell(result, as_json=as_json)

@@ -1,0 +1,85 @@
+"""What `run`, `simulate` and `resume` share: who answers, who looks on, and how the end is told."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from rigctl.rig import Rig
+    from rigctl.runner.launch import Launch
+    from rigctl.runner.session import RunResult
+
+#: backends whose operator is simulated or recorded along with the bench
+_UNATTENDED = ("simulated", "replay", "emulated")
+
+
+@contextmanager
+def attended(how: Launch, rig: Rig, answers: Mapping[str, str]) -> Iterator[Launch]:
+    """The launch with its operator, the keys of the terminal, and a display on stderr."""
+    from rigctl.runner.console import Console
+    from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
+
+    kind = how.backend or rig.backend.kind
+    by_hand = kind not in _UNATTENDED and not answers
+    if not by_hand and not _typing_possible():
+        unattended = ScriptedOperator(answers) if answers else AutomaticOperator()
+        yield replace(how, operator=unattended)
+        return
+    with Console(how.person) as console:
+        operator: Operator = console
+        if not by_hand:
+            operator = ScriptedOperator(answers) if answers else AutomaticOperator()
+        yield replace(how, operator=operator, controls=(*how.controls, console))
+
+
+def person_in_charge(given: str | None) -> str:
+    """Who is in charge: as given, or the user of this account."""
+    if given:
+        return given
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a user without a name, as in a container
+        return ""
+
+
+def tell(result: RunResult, *, as_json: bool) -> NoReturn:
+    """Say how a run ended, and end with its exit code."""
+    from rigctl.files.write import to_json
+
+    if as_json:
+        folder = result.folder
+        told = {
+            "run": folder.name if folder is not None else None,
+            "path": str(folder) if folder is not None else None,
+            "status": result.status,
+            "reason": result.reason,
+            "records": result.records,
+            "duration": round(result.duration, 6),
+            "exit_code": int(result.exit_code),
+        }
+        typer.echo(to_json(told))
+    else:
+        typer.echo(result.summary())
+        if result.folder is not None:
+            typer.echo(f"  {result.folder}")
+    raise typer.Exit(int(result.exit_code))
+
+
+def say_warnings(warnings: Sequence[str]) -> None:
+    """What is not wrong but worth reading before a run."""
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def _typing_possible() -> bool:
+    try:
+        return sys.stdin is not None and sys.stdin.isatty()
+    except ValueError:  # closed
+        return False

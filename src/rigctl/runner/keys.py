@@ -1,0 +1,129 @@
+"""Single keys from a terminal without waiting for them; whole lines where there is no terminal."""
+
+from __future__ import annotations
+
+import os
+import queue
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Protocol, TextIO
+
+
+class Keys(Protocol):
+    """Characters as they are typed."""
+
+    interactive: bool
+
+    def read(self) -> str:
+        """What was typed since the last call; returns at once."""
+        ...
+
+    def close(self) -> None:
+        """Leave the terminal as it was; never raises, idempotent."""
+        ...
+
+
+def open_keys(stream: TextIO | None = None) -> Keys:
+    """The keys of a terminal, or the lines of a stream that is none."""
+    source = stream or sys.stdin
+    try:
+        terminal = source is not None and source.isatty()
+    except ValueError:  # closed
+        terminal = False
+    if terminal and os.name == "nt":
+        return _WindowsKeys()
+    if terminal and _in_foreground(source.fileno()):
+        return _PosixKeys(source.fileno())
+    return _Lines(source)
+
+
+def _in_foreground(descriptor: int) -> bool:
+    """True unless the shell has put the program into the background, where reading would stop it."""
+    try:
+        return os.tcgetpgrp(descriptor) == os.getpgrp()
+    except OSError:
+        return False
+
+
+class _PosixKeys:
+    """A terminal that hands over every key at once and does not show it."""
+
+    interactive = True
+
+    def __init__(self, descriptor: int) -> None:
+        import codecs
+        import termios
+        import tty
+
+        self._descriptor = descriptor
+        self._before: Any = termios.tcgetattr(descriptor)
+        self._decode = codecs.getincrementaldecoder("utf-8")("replace").decode
+        tty.setcbreak(descriptor, termios.TCSADRAIN)
+
+    def read(self) -> str:
+        import select
+
+        with suppress(OSError, ValueError):
+            if select.select([self._descriptor], [], [], 0.0)[0]:
+                return self._decode(os.read(self._descriptor, 1024))
+        return ""
+
+    def close(self) -> None:
+        import termios
+
+        before, self._before = self._before, None
+        if before is not None:
+            with suppress(termios.error, OSError):
+                termios.tcsetattr(self._descriptor, termios.TCSADRAIN, before)
+
+
+class _WindowsKeys:
+    """The console's own key functions."""
+
+    interactive = True
+
+    def __init__(self) -> None:
+        import importlib
+
+        console = importlib.import_module("msvcrt")
+        self._waiting: Callable[[], bool] = console.kbhit
+        self._key: Callable[[], str] = console.getwch
+
+    def read(self) -> str:
+        typed = ""
+        while self._waiting():
+            key = self._key()
+            if key in ("\x00", "\xe0"):  # a function key: its code follows and means nothing here
+                self._key()
+            else:
+                typed += "\n" if key == "\r" else key
+        return typed
+
+    def close(self) -> None: ...
+
+
+class _Lines:
+    """A pipe or a file: read by a thread, since only a thread can wait for one everywhere."""
+
+    interactive = False
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        if stream is not None and not stream.closed:
+            threading.Thread(target=self._read, args=(stream,), daemon=True).start()
+
+    def _read(self, stream: TextIO) -> None:
+        with suppress(OSError, ValueError):
+            for line in stream:
+                self._lines.put(line if line.endswith("\n") else line + "\n")
+
+    def read(self) -> str:
+        typed = ""
+        with suppress(queue.Empty):
+            while True:
+                typed += self._lines.get_nowait()
+        return typed
+
+    def close(self) -> None: ...

@@ -1,0 +1,200 @@
+"""One program at a time commands a bench: a lock with owner, process and heartbeat.
+
+The owner is written to a small file in the user's state folder. Whoever finds an owner that is gone, or whose
+heartbeat is old, takes the bench over; the former owner, if it was only asleep, finds that out and ends.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+from uuid import uuid4
+
+from rigctl.dataset.run_id import slug
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.runner.requests import Order, Request
+from rigctl.runner.view import View
+
+#: s without a heartbeat after which an owner counts as gone
+OLD = 30.0
+#: s between two heartbeats
+_BEAT = 2.0
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Who commands a bench. `beat` is monotonic time on `host`, `date` the calendar's, both in s."""
+
+    token: str
+    rig: str
+    purpose: str
+    host: str
+    pid: int
+    beat: float
+    date: float
+    run: str = ""  #: the folder of the run that is in progress, if it is one
+
+    @property
+    def alive(self) -> bool:
+        """False when its process is gone, its computer was restarted, or its heartbeat is old.
+
+        On this computer the age is monotonic: a step of the calendar clock neither kills an owner nor keeps
+        a dead one.
+        """
+        if self.host != platform.node():
+            return abs(time.time() - self.date) < OLD
+        age = time.monotonic() - self.beat
+        return 0.0 <= age < OLD and _process_exists(self.pid)
+
+
+class RigLock:
+    """The right to command one bench, held while entered; also a control of the run that ends it when lost.
+
+    Parameters
+    ----------
+    rig: the bench's name.
+    purpose: what it is needed for, told to others who ask.
+    folder: where locks lie; the user's state folder by default.
+    """
+
+    def __init__(self, rig: str, purpose: str, folder: Path | None = None) -> None:
+        self._rig = rig
+        self._purpose = purpose
+        self._path = (folder or _state_folder()) / f"{slug(rig)}.json"
+        self._token = uuid4().hex
+        self._next_beat = 0.0
+        self._lost = False
+        self._held = False
+        self.run: Path | None = None  #: the folder of the run that the bench is needed for
+
+    def __enter__(self) -> Self:
+        """Take the lock.
+
+        Raises
+        ------
+        RigctlError
+            another program commands the bench; names it.
+        """
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._guard():
+                owner = read_owner(self._path)
+                if owner is not None and owner.alive:
+                    raise RigctlError(
+                        f"'{self._rig}' is in use by {owner.purpose}",
+                        value=f"process {owner.pid} on {owner.host}",
+                        hint="Wait until it ends, or end it with 'rigctl abort'",
+                        exit_code=ExitCode.FAILED,
+                    )
+                self._write()
+        except OSError as problem:
+            raise RigctlError(
+                f"cannot lock the bench: {problem.strerror or problem}",
+                where=Location(self._path),
+                exit_code=ExitCode.FAILED,
+            ) from problem
+        self._held = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give it back; never raises."""
+        if not self._held:
+            return
+        self._held = False
+        with suppress(Exception), self._guard():
+            owner = read_owner(self._path)
+            if owner is not None and owner.token == self._token:
+                self._path.unlink()
+
+    def poll(self) -> Sequence[Order]:
+        """The order to end when another program has taken the bench over."""
+        if self._lost:
+            self._lost = False
+            return (Order(Request.ABORT, "another program that has taken the bench over"),)
+        return ()
+
+    def acknowledge(self, order: Order, message: str) -> None:
+        """Nobody waits for it."""
+
+    def publish(self, view: View) -> None:
+        """Beat when it is due."""
+        now = time.monotonic()
+        if not self._held or now < self._next_beat:
+            return
+        self._next_beat = now + _BEAT
+        with suppress(OSError), self._guard():  # a full disk must not end a run; the owner's process is seen
+            owner = read_owner(self._path)
+            if owner is not None and owner.token != self._token:
+                self._lost, self._held = True, False
+            else:
+                self._write()
+
+    def close(self) -> None:
+        """The lock is given back where it was taken."""
+
+    def owner(self) -> Owner | None:
+        """Who commands the bench now; None when nobody does."""
+        owner = read_owner(self._path)
+        return owner if owner is not None and owner.alive else None
+
+    def _guard(self) -> Any:
+        """For the moment of reading and writing the owner's file."""
+        from filelock import FileLock
+
+        return FileLock(self._path.with_suffix(".lock"), timeout=5.0)
+
+    def _write(self) -> None:
+        import json
+
+        owner = Owner(
+            token=self._token,
+            rig=self._rig,
+            purpose=self._purpose,
+            host=platform.node(),
+            pid=os.getpid(),
+            beat=time.monotonic(),
+            date=time.time(),
+            run=str(self.run.absolute()) if self.run is not None else "",
+        )
+        draft = self._path.with_suffix(".tmp")
+        draft.write_text(json.dumps(asdict(owner)), encoding="utf-8", newline="\n")
+        draft.replace(self._path)
+
+
+def read_owner(path: Path) -> Owner | None:
+    """Who is written in a lock's file; None when nobody is, or it cannot be read."""
+    import json
+
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+        return Owner(**fields)
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _process_exists(pid: int) -> bool:
+    """False when there is no such process; on Windows, where asking would end it, the heartbeat decides."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def _state_folder() -> Path:
+    from platformdirs import user_state_path
+
+    return user_state_path("rigctl", appauthor=False) / "locks"

@@ -1,0 +1,110 @@
+"""Where a run's samples and events go: a `RunWriter`, or nowhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+
+class Recorder(Protocol):
+    """What the runner asks of a `rigctl.dataset.RunWriter`."""
+
+    @property
+    def id(self) -> str:
+        """The run's id."""
+        ...
+
+    @property
+    def folder(self) -> Path | None:
+        """The run's folder; None where nothing is kept."""
+        ...
+
+    @property
+    def record(self) -> int:
+        """Index of the open record; −1 between records."""
+        ...
+
+    def append(self, row: Sequence[float]) -> None:
+        """Keep one sample."""
+        ...
+
+    def event(self, time: float, kind: str, **fields: Any) -> None:
+        """Keep something that happened."""
+        ...
+
+    def open_record(
+        self, time: float, name: str, sweep: Mapping[str, tuple[float, str]], path: str, rate: float
+    ) -> int:
+        """Begin a record."""
+        ...
+
+    def measure(
+        self,
+        name: str,
+        value: float,
+        unit: str,
+        low: float | None = None,
+        high: float | None = None,
+        passed: bool = True,
+        *,
+        difference: bool = False,
+    ) -> None:
+        """Keep a value."""
+        ...
+
+    def close_record(self, time: float, outcome: str) -> None:
+        """End the open record."""
+        ...
+
+    def close(self, status: str, reason: str | None = None) -> Path | None:
+        """End the run."""
+        ...
+
+
+class Unrecorded:
+    """Keeps nothing: for moving the bench by hand and for watching it.
+
+    Parameters
+    ----------
+    on_event: told of every event.
+    """
+
+    id = ""
+    folder = None
+    record = -1
+
+    def __init__(self, on_event: Callable[[float, str, Mapping[str, Any]], None]) -> None:
+        self._on_event = on_event
+
+    def append(self, row: Sequence[float]) -> None:
+        """Forget a sample."""
+
+    def event(self, time: float, kind: str, **fields: Any) -> None:
+        """Pass an event on."""
+        self._on_event(time, kind, fields)
+
+    def open_record(
+        self, time: float, name: str, sweep: Mapping[str, tuple[float, str]], path: str, rate: float
+    ) -> int:
+        """There are no records here."""
+        return -1
+
+    def measure(
+        self,
+        name: str,
+        value: float,
+        unit: str,
+        low: float | None = None,
+        high: float | None = None,
+        passed: bool = True,
+        *,
+        difference: bool = False,
+    ) -> None:
+        """Forget a value."""
+
+    def close_record(self, time: float, outcome: str) -> None:
+        """There are no records here."""
+
+    def close(self, status: str, reason: str | None = None) -> None:
+        """Nothing to close."""

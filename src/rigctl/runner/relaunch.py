@@ -1,0 +1,104 @@
+"""Going on with a run that was cut off: what must not have changed, and what is done already."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rigctl.dataset import RunWriter
+from rigctl.dataset.history import COMPLETE, History, read_history
+from rigctl.dataset.lock import in_progress
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.procedure import Plan, expand, load_procedure
+from rigctl.rig import Rig, load_rig
+from rigctl.runner.launch import Launch, carry_out, header_of, held, opened
+from rigctl.runner.resume import Resume, record_paths
+from rigctl.runner.session import RunResult
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """A run that can go on: its plan as it was, and how far it came."""
+
+    folder: Path
+    plan: Plan
+    history: History
+    done: Resume
+
+    @property
+    def left(self) -> int:
+        """How many records are not complete."""
+        return sum(path not in self.done.completed for path in record_paths(self.plan.root))
+
+
+def open_interrupted(folder: Path) -> Interrupted:
+    """Read a run that ended early and check that it can go on as it began.
+
+    Raises
+    ------
+    RigctlError
+        it is finished or in progress; its procedure or rig file has changed since; its log is damaged.
+    """
+    if in_progress(folder):
+        raise RigctlError("the run is in progress", value=folder.name, exit_code=ExitCode.FAILED)
+    history = read_history(folder)
+    if history.header.source != "bench":
+        raise RigctlError("the run was imported, not carried out", value=folder.name)
+    if history.status == "finished":
+        raise RigctlError("the run is finished; there is nothing to go on with", value=folder.name)
+    rig = _same_rig(history)
+    plan = _same_plan(history, rig)
+    return Interrupted(folder, plan, history, _done(history))
+
+
+def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
+    """Go on at the first record that is not complete, in the same folder.
+
+    Raises
+    ------
+    RigctlError
+        as `rigctl.runner.launch.launch`.
+    """
+    plan = run_before.plan
+    with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
+        header = replace(header_of(plan, backend, how), id=run_before.history.header.id)
+        writer = RunWriter.reopen(run_before.folder, header)
+        return carry_out(plan, backend, writer, lock, how, run_before.done)
+
+
+def _same_rig(history: History) -> Rig:
+    kept = history.header.rig
+    path = Path(kept.path)
+    rig = load_rig(path)
+    if rig.sha256 != kept.sha256:
+        raise _changed("rig", path)
+    return rig
+
+
+def _same_plan(history: History, rig: Rig) -> Plan:
+    kept = history.header.procedure
+    path = Path(kept.path)
+    procedure = load_procedure(path)
+    if procedure.sha256 != kept.sha256:
+        raise _changed("procedure", path)
+    plan = expand(procedure, rig, dict(history.header.arguments))
+    if plan.digest != history.header.plan_digest:
+        raise _changed("a procedure that it calls, or rigctl itself,", path)
+    return plan
+
+
+def _changed(what: str, path: Path) -> RigctlError:
+    return RigctlError(
+        f"{what} has changed since the run began",
+        where=Location(path),
+        hint="Undo the change ('rigctl runs show' has the text that was used), or begin a new run",
+    )
+
+
+def _done(history: History) -> Resume:
+    completed = frozenset(record.path for record in history.records if record.outcome == COMPLETE)
+    measures = dict(history.measures)
+    for record in history.records:
+        measures |= record.measures
+    values = {name: (found.value, found.unit, found.difference) for name, found in measures.items()}
+    return Resume(completed, values)
