@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
@@ -57,7 +57,9 @@ def _form(written: Any) -> str:
 Sweep: TypeAlias = Annotated[
     Annotated[list[AnyValue], Tag("ValueList")]
     | Annotated[Spaced, Tag("Spaced")]
-    | Annotated[str, Tag("Variable")],
+    | Annotated[
+        str, Tag("Variable"), WithJsonSchema({"type": "string", "pattern": r"^\s*\$[A-Za-z]\w*\s*$"})
+    ],
     Discriminator(_form),
     BeforeValidator(_known_form),
 ]
