@@ -20,7 +20,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -236,14 +236,17 @@ def _remove(folder: Path) -> None:
 
 
 def _prune(root: Path) -> None:
-    """Delete modules that were not used for long, and what killed processes left half built."""
+    """Delete modules that were not used for long, and what killed processes left half built or locked."""
+    day_ago = time.time() - 86_400.0
     try:
-        folders = [path for path in root.iterdir() if path.is_dir()]
-        by_use = sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)
+        by_use = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
+        left_behind = [path for path in by_use if path.name[0] == "." and path.stat().st_mtime < day_ago]
     except OSError:
         return  # another process is tidying up; it will do
-    day_ago = time.time() - 86_400.0
-    for place, folder in enumerate(by_use):
-        abandoned = folder.name.startswith(".") and folder.stat().st_mtime < day_ago
-        if place >= _KEPT or abandoned:
-            shutil.rmtree(folder, ignore_errors=True)
+    modules = [path for path in by_use if path.name[0] != "."]
+    for path in modules[_KEPT:] + left_behind:
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                path.unlink()
