@@ -14,6 +14,7 @@ from typing import Literal as TypingLiteral
 from typing import TypeAlias
 
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.expressions.functions import WITH_WIDTH
 from rigctl.expressions.nodes import (
     Binary,
     Call,
@@ -96,9 +97,9 @@ def fit(typed: Typed, expected: ValueType) -> Typed:
 
 def _literal(node: Literal | Constant) -> Typed:
     if isinstance(node, Constant):
-        return Typed(node, NUMBER)
+        return Typed(node, ValueType(node.dimension))
     unit = node.unit
-    constant = Constant(unit.to_si(node.value))
+    constant = Constant(unit.to_si(node.value), unit.dimension)
     if unit.absolute_temperature:
         return Typed(constant, ValueType(unit.dimension, "point"), node)
     return Typed(constant, ValueType(unit.dimension))
@@ -116,7 +117,7 @@ def _as_difference(typed: Typed) -> Typed:
     if typed.written is None:
         return typed
     literal = typed.written
-    constant = Constant(literal.unit.to_si(literal.value, difference=True))
+    constant = Constant(literal.unit.to_si(literal.value, difference=True), literal.unit.dimension)
     return Typed(constant, ValueType(literal.unit.dimension, "difference"))
 
 
@@ -164,6 +165,8 @@ def _negative(operand: Typed) -> Typed:
 
 
 def _call(function: str, arguments: list[Typed]) -> Typed:
+    if function in WITH_WIDTH:
+        return _smooth(function, arguments)
     if function in ("min", "max"):
         arguments = _alike("compare", arguments)
         return Typed(Call(function, tuple(each.node for each in arguments)), _common(arguments))
@@ -181,6 +184,20 @@ def _call(function: str, arguments: list[Typed]) -> Typed:
         if not argument.type.dimension.dimensionless:
             raise RigctlError(f"cannot take {function} of {argument.type}", expected="a plain number")
     return Typed(Call(function, (argument.node,)), result)
+
+
+def _smooth(function: str, arguments: list[Typed]) -> Typed:
+    """A smooth switch: values of one type, then the width over which the corner is rounded."""
+    *values, width = (_number(argument, f"take {function} of") for argument in arguments)
+    values, width = _alike("compare", values), _as_difference(width)
+    if width.type.dimension != values[0].type.dimension:
+        raise RigctlError(
+            f"the width of {function} is {width.type}", expected=f"{values[0].type}, as what it rounds"
+        )
+    if width.type.temperature == "point":
+        raise RigctlError(f"the width of {function} is a temperature", hint=_KELVIN_HINT)
+    node = Call(function, tuple(each.node for each in (*values, width)))
+    return Typed(node, NUMBER if function.startswith("smooth") else _common(values))
 
 
 def _binary(operator: str, left: Typed, right: Typed) -> Typed:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 from rigctl.errors import unknown_name
-from rigctl.expressions.functions import FUNCTIONS, divide, power
+from rigctl.expressions.functions import ALL_FUNCTIONS, divide, power
 from rigctl.expressions.nodes import (
     Binary,
     Call,
@@ -117,7 +117,7 @@ def _binary(node: Binary, index: Mapping[str, int]) -> Number:
 
 
 def _call(function: str, arguments: list[Number]) -> Number:
-    compute = FUNCTIONS[function].compute
+    compute = ALL_FUNCTIONS[function].compute
     if len(arguments) == 1:
         only = arguments[0]
         return lambda row: compute(only(row))

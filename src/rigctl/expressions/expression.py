@@ -9,6 +9,7 @@ from functools import cached_property
 from rigctl.errors import Location, RigctlError
 from rigctl.expressions.check import Typed, fit, infer
 from rigctl.expressions.compile import compile_tree
+from rigctl.expressions.functions import FUNCTIONS, Function
 from rigctl.expressions.nodes import Constant, Literal, Name, Node, Variable, replace_leaves, walk
 from rigctl.expressions.parser import parse_tree
 from rigctl.expressions.substitute import substitute, substitute_text
@@ -127,11 +128,13 @@ class Expression:
             return node
         if node.unit.absolute_temperature:
             raise ValueError(f"'{self.text}' must be checked before it is evaluated")
-        return Constant(node.unit.to_si(node.value))
+        return Constant(node.unit.to_si(node.value), node.unit.dimension)
 
 
-def parse(text: str, where: Location | None = None) -> Expression:
-    """Read an expression.
+def parse(
+    text: str, where: Location | None = None, *, functions: Mapping[str, Function] = FUNCTIONS
+) -> Expression:
+    """Read an expression; `functions` are those that it may call.
 
     Raises
     ------
@@ -139,4 +142,4 @@ def parse(text: str, where: Location | None = None) -> Expression:
         the text is no expression of the grammar (see `rigctl.expressions.parser`).
     """
     place = where or Location()
-    return Expression(text, parse_tree(text, place), place)
+    return Expression(text, parse_tree(text, place, functions), place)

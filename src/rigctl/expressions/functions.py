@@ -10,14 +10,21 @@ from types import MappingProxyType
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function by its name in the grammar; `single` ones take one value, the others two or more."""
+    """A function by its name in the grammar; it takes `count` values, or with None two or more."""
 
     compute: Callable[..., float]
-    single: bool = True
+    count: int | None = 1
 
     def takes(self, count: int) -> bool:
         """Whether it can be called with so many values."""
-        return count == 1 if self.single else count >= 2
+        return count >= 2 if self.count is None else count == self.count
+
+    @property
+    def wants(self) -> str:
+        """How many values it takes, in words."""
+        return {None: "two values or more", 1: "one value", 2: "a value and a width"}.get(
+            self.count, "two values and a width"
+        )
 
 
 def square_root(x: float) -> float:
@@ -65,13 +72,61 @@ def largest(*values: float) -> float:
     return math.nan if any(value != value for value in values) else max(values)  # noqa: PLR0124
 
 
+def absolute(x: float, width: float) -> float:
+    """√(x² + width²): the smooth magnitude of x."""
+    return math.hypot(x, width)
+
+
+def positive_part(x: float, width: float) -> float:
+    """(x + √(x² + width²))/2: smooth max(x, 0)."""
+    return 0.5 * (x + math.hypot(x, width))
+
+
+def minimum(a: float, b: float, width: float) -> float:
+    """The smooth smaller of two."""
+    return 0.5 * (a + b - math.hypot(a - b, width))
+
+
+def maximum(a: float, b: float, width: float) -> float:
+    """The smooth larger of two."""
+    return 0.5 * (a + b + math.hypot(a - b, width))
+
+
+def smooth_sign(x: float, width: float) -> float:
+    """tanh(x/width): −1 below, 1 above."""
+    return math.tanh(divide(x, width))
+
+
+def smooth_step(x: float, width: float) -> float:
+    """(1 + tanh(x/width))/2: 0 below, 1 above."""
+    return 0.5 * (1.0 + smooth_sign(x, width))
+
+
 FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     {
         "abs": Function(math.fabs),
-        "min": Function(smallest, single=False),
-        "max": Function(largest, single=False),
+        "min": Function(smallest, count=None),
+        "max": Function(largest, count=None),
         "sqrt": Function(square_root),
         "exp": Function(exponential),
         "log": Function(logarithm),
     }
 )
+
+#: what a formula of a model has besides: smooth where those above have corners, each with a width last
+SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
+    {
+        "tanh": Function(math.tanh),
+        "absolute": Function(absolute, count=2),
+        "positive_part": Function(positive_part, count=2),
+        "minimum": Function(minimum, count=3),
+        "maximum": Function(maximum, count=3),
+        "smooth_sign": Function(smooth_sign, count=2),
+        "smooth_step": Function(smooth_step, count=2),
+    }
+)
+
+#: the smooth switches
+WITH_WIDTH = frozenset(SMOOTH_FUNCTIONS) - {"tanh"}
+
+ALL_FUNCTIONS: Mapping[str, Function] = MappingProxyType({**FUNCTIONS, **SMOOTH_FUNCTIONS})

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from rigctl.units import Unit
+from rigctl.units import DIMENSIONLESS, Dimension, Unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +22,10 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A number in SI."""
+    """A number in SI, with its dimension."""
 
     value: float
+    dimension: Dimension = DIMENSIONLESS
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,10 @@ atom        = number [unit] | name | "$" name | function "(" either { "," either
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rigctl.errors import Location, RigctlError, unknown_name
-from rigctl.expressions.functions import FUNCTIONS
+from rigctl.expressions.functions import Function
 from rigctl.expressions.nodes import (
     Binary,
     Call,
@@ -34,19 +36,22 @@ MAX_DEPTH = 30
 _COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 
 
-def parse_tree(text: str, where: Location) -> Node:
-    """The tree of an expression.
+def parse_tree(text: str, where: Location, functions: Mapping[str, Function]) -> Node:
+    """The tree of an expression that may call `functions`.
 
     Raises
     ------
     RigctlError
         the text is no expression of the grammar.
     """
-    return _Parser(text, tokenise(text, where), where).whole()
+    return _Parser(text, tokenise(text, where), where, functions).whole()
 
 
 class _Parser:
-    def __init__(self, text: str, tokens: list[Token], where: Location) -> None:
+    def __init__(
+        self, text: str, tokens: list[Token], where: Location, functions: Mapping[str, Function]
+    ) -> None:
+        self.functions = functions
         self.text = text
         self.tokens = tokens
         self.where = where
@@ -166,9 +171,9 @@ class _Parser:
         raise self.unexpected("a number with its unit, a name or '('")
 
     def call(self, name: str) -> Node:
-        function = FUNCTIONS.get(name)
+        function = self.functions.get(name)
         if function is None:
-            raise unknown_name("function", name, FUNCTIONS, where=self.where)
+            raise unknown_name("function", name, self.functions, where=self.where)
         self.deeper()
         arguments = [self.either()]
         while self.take(","):
@@ -177,8 +182,10 @@ class _Parser:
         if not self.take(")"):
             raise self.unexpected("')'")
         if not function.takes(len(arguments)):
-            wanted = "one value" if function.single else "two values or more"
             raise RigctlError(
-                f"{name} takes {wanted}", value=f"{len(arguments)}", where=self.where, expected=f"{name}(…)"
+                f"{name} takes {function.wants}",
+                value=f"{len(arguments)}",
+                where=self.where,
+                expected=f"{name}(…)",
             )
         return Call(name, tuple(arguments))
