@@ -58,8 +58,10 @@ class RunResult:
     def summary(self) -> str:
         """One line for the terminal."""
         reason = f": {self.reason}" if self.reason else ""
-        name = f"{self.folder.name} " if self.folder is not None else ""
-        return f"{name}{self.status}, {self.records} records{reason}"
+        if self.folder is None:
+            return f"{self.status}{reason}"
+        counted = f"{self.records} record{'' if self.records == 1 else 's'}"
+        return f"{self.folder.name} {self.status}, {counted}{reason}"
 
 
 def run(

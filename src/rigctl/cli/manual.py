@@ -1,0 +1,187 @@
+"""`rigctl off`, `jog` and `monitor`: the bench by hand."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.rig import Rig
+    from rigctl.runner.launch import Launch
+    from rigctl.runner.manual import Reading
+
+RigFile = Annotated[
+    Path | None, typer.Option(help="The rig file; the only one in rigs/ when left out.", show_default=False)
+]
+Backend = Annotated[
+    str | None, typer.Option(help="serial, simulated or emulated; by default the rig file's.")
+]
+Port = Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")]
+Speed = Annotated[str, typer.Option(help="Of a bench that is no real one: 1x, 10x or max.")]
+
+
+def off(
+    rig: RigFile = None,
+    backend: Backend = None,
+    port: Port = None,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Bring every output of the bench to its safe state, now. A run in progress on it is ended.
+
+    Example: rigctl off --rig rigs/hl32-bench.yaml
+    """
+    from rigctl.runner.manual import switch_off
+
+    bench = _open_rig(rig)
+    done = switch_off(bench, _how(bench, backend, port, "1x"))
+    typer.echo(json.dumps({"rig": bench.name, "done": done}) if as_json else done)
+
+
+def jog(
+    actuator: Annotated[str, typer.Argument(help="Its name in the rig file.", show_default=False)],
+    value: Annotated[str, typer.Argument(help="A position's word, or a level with its unit.")],
+    duration: Annotated[
+        str | None, typer.Option("--for", help="How long, e.g. '0.5 s'; until Enter when left out.")
+    ] = None,
+    rig: RigFile = None,
+    backend: Backend = None,
+    port: Port = None,
+    speed: Speed = "1x",
+) -> None:
+    """Move one actuator by hand, within its range and under the interlocks; everything is safe afterwards.
+
+    Example: rigctl jog valve extend --for "0.5 s"
+    """
+    from dataclasses import replace
+
+    from rigctl.cli.running import tell
+    from rigctl.runner.console import Console
+    from rigctl.runner.manual import jog as carry_out
+
+    bench = _open_rig(rig)
+    with Console("operator") as console:
+        how = replace(_how(bench, backend, port, speed), operator=console, controls=(console,))
+        result = carry_out(bench, actuator, value, duration, how, partial(_print_event, bench))
+    tell(result, as_json=False)
+
+
+def monitor(
+    rig: RigFile = None,
+    backend: Backend = None,
+    port: Port = None,
+    rate: Annotated[float | None, typer.Option(min=0.01, help="Hz; the rig file's when left out.")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="Stop after so many samples.")] = None,
+    duration: Annotated[str | None, typer.Option("--for", help="Stop after a time, e.g. '10 s'.")] = None,
+    speed: Speed = "1x",
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document for each sample.")] = False,
+) -> None:
+    """Watch the channels without a run; outputs are safe. Ctrl-C ends it.
+
+    Example: rigctl monitor --count 1 --json
+    """
+    from rigctl.runner.manual import watch
+    from rigctl.units import read_si
+
+    bench = _open_rig(rig)
+    end = read_si(duration, "s") if duration is not None else None
+    readings = watch(bench, _how(bench, backend, port, speed), rate or bench.monitor_rate)
+    first: float | None = None
+    for reading in islice(readings, count):
+        first = reading.sample.time if first is None else first
+        if end is not None and reading.sample.time - first > end:
+            break
+        line = _as_json(bench, reading) if as_json else _as_line(bench, reading)
+        typer.echo(line)
+    readings.close()
+
+
+def _open_rig(path: Path | None) -> Rig:
+    """The rig that is meant.
+
+    Raises
+    ------
+    RigctlError
+        none is named, and there is not exactly one in the project.
+    """
+    from rigctl.cli.plans import find_file
+    from rigctl.project import find_project
+    from rigctl.rig import load_rig
+
+    if path is not None:
+        return load_rig(find_file(path))
+    found = sorted((find_project().root / "rigs").glob("*.yaml"))
+    if len(found) == 1:
+        return load_rig(found[0])
+    raise RigctlError(
+        "which rig?",
+        expected="--rig " + (" or --rig ".join(str(rig) for rig in found) if found else "FILE"),
+    )
+
+
+def _how(rig: Rig, backend: str | None, port: str | None, speed: str) -> Launch:
+    from rigctl.project import find_project
+    from rigctl.runner.launch import Launch, bench_options, clock_for
+    from rigctl.runner.operator import AutomaticOperator
+
+    kind = backend or rig.backend.kind
+    return Launch(
+        runs=find_project().runs,
+        operator=AutomaticOperator(),
+        backend=kind,
+        options=bench_options(kind, rig, port=port),
+        clock=clock_for(speed, kind),
+    )
+
+
+def _as_line(rig: Rig, reading: Reading) -> str:
+    from rigctl.units import show
+
+    sample = reading.sample
+    parts = [f"{sample.time:8.2f} s"]
+    for name, value in zip(rig.layout.channels, sample.values, strict=True):
+        channel = rig.channels[name]
+        text = "missing" if value != value else show(value, channel.unit, difference=channel.difference)  # noqa: PLR0124
+        parts.append(f"{name} {text}")
+    parts += [f"! {alarm.message}" for alarm in reading.alarms if alarm.active]
+    return "  ".join(parts)
+
+
+def _as_json(rig: Rig, reading: Reading) -> str:
+    from rigctl.files.write import to_json
+
+    layout, sample = rig.layout, reading.sample
+    channels = {
+        name: rig.channels[name].display.from_si(value, difference=rig.channels[name].difference)
+        for name, value in zip(layout.channels, sample.values, strict=True)
+    }
+    commands = dict(zip(layout.commands, sample.commands, strict=True))
+    told = {
+        "time": sample.time,
+        "channels": channels,
+        "units": {name: layout.unit(name) for name in channels},
+        "commands": {name: rig.actuators[name].show(value) for name, value in commands.items()},
+        "alarms": [alarm.message for alarm in reading.alarms if alarm.active],
+    }
+    return to_json(told, indent=None)
+
+
+def _print_event(rig: Rig, time: float, kind: str, fields: Mapping[str, Any]) -> None:
+    """What happens while somebody moves the bench by hand."""
+    if kind == "command":
+        text = f"{fields['actuator']} {rig.actuators[fields['actuator']].show(fields['value'])}"
+    elif kind in ("alarm", "fault", "note"):
+        text = str(fields.get("message", ""))
+    else:
+        return
+    sys.stderr.write(f"{time:8.3f} s  {text}\n")

@@ -1,0 +1,124 @@
+"""The bench by hand: everything off, one actuator moved, the channels watched. Nothing is recorded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rigctl.backends.protocol import Sample
+from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
+from rigctl.procedure import Plan, expand, parse_procedure
+from rigctl.rig import Rig
+from rigctl.runner.control import send
+from rigctl.runner.interlocks import Alarm, Interlocks
+from rigctl.runner.launch import Launch, held, opened
+from rigctl.runner.lock import RigLock
+from rigctl.runner.recorder import Unrecorded
+from rigctl.runner.requests import Request
+from rigctl.runner.session import RunResult, run
+from rigctl.runner.signals import Signals
+
+#: s of wall time that Ctrl-C may have to wait
+_RESPONSE = 0.1
+
+OnEvent = Callable[[float, str, Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One sample of a bench that is only watched, and the alarms that it raised or cleared."""
+
+    sample: Sample
+    alarms: Sequence[Alarm]
+
+
+def switch_off(rig: Rig, how: Launch) -> str:
+    """Bring every output to the safe state, now; what was done, in one sentence.
+
+    A run in progress on this bench is asked to end: its own first act is the same.
+
+    Raises
+    ------
+    RigctlError
+        the bench cannot be reached.
+    """
+    owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
+    if owner is not None and owner.run:
+        return f"{Path(owner.run).name}: {send(Path(owner.run), Request.ABORT)}"
+    with held(rig, "'rigctl off'", how), opened(rig, how) as backend:
+        backend.safe()
+    states = ", ".join(
+        f"{name} {rig.actuators[name].show(float(value))}" for name, value in rig.safe_state.items()
+    )
+    return f"outputs are safe: {states}"
+
+
+def jog(
+    rig: Rig, actuator: str, value: str, duration: str | None, how: Launch, on_event: OnEvent
+) -> RunResult:
+    """Command one actuator, for a time or until the operator ends it; every output is safe afterwards.
+
+    Interlocks count as in a run: a limit that is exceeded already refuses, one that trips ends it.
+
+    Raises
+    ------
+    RigctlError
+        no such actuator, a value that it cannot take, or the bench cannot be reached.
+    """
+    plan = _plan_of_jog(rig, actuator, value, duration)
+    with held(rig, f"'rigctl jog {actuator}'", how) as lock, opened(rig, how) as backend:
+        controls = [*how.controls, *([lock] if lock is not None else [])]
+        return run(
+            plan,
+            backend,
+            Unrecorded(on_event),
+            operator=how.operator,
+            controls=controls,
+            observer=how.observer,
+        )
+
+
+def watch(rig: Rig, how: Launch, rate: float) -> Generator[Reading, None, None]:
+    """Samples of a bench at rest, until the caller has enough or somebody interrupts.
+
+    Raises
+    ------
+    RigctlError
+        the bench cannot be reached, or has gone silent.
+    """
+    interlocks = Interlocks(rig)
+    with held(rig, "'rigctl monitor'", how), opened(rig, how) as backend, Signals() as signals:
+        clock = backend.clock
+        backend.start(rate)
+        newest = clock.now()
+        while not signals.count:
+            sample = backend.next_sample(min(_RESPONSE * clock.speed, interlocks.silence_limit(1.0 / rate)))
+            if sample is not None:
+                newest = sample.time
+                row = (sample.time, -1.0, *sample.values, *sample.commands)
+                yield Reading(sample, interlocks.check(row))
+                continue
+            silence = interlocks.check_silence(clock.now(), newest, 1.0 / rate)
+            if silence is not None:
+                raise RigctlError(silence.message, exit_code=ExitCode.FAILED)
+
+
+def _plan_of_jog(rig: Rig, actuator: str, value: str, duration: str | None) -> Plan:
+    """The jog as a procedure, so that it is checked and carried out like every other step."""
+    if actuator not in rig.actuators:
+        raise unknown_name("actuator", actuator, rig.actuators)
+    setting: dict[str, Any] = {"values": {actuator: value}}
+    steps: list[dict[str, Any]] = [{"set": setting}]
+    if duration is not None:
+        setting["for"] = duration
+    elif rig.actuators[actuator].by == "driven":
+        steps.append({"prompt": f"{actuator} is at {value}; Enter brings it back"})
+    text = json.dumps({"procedure": f"jog {actuator}", "steps": steps})  # JSON is YAML
+    try:
+        return expand(parse_procedure(text), rig)
+    except RigctlError as error:
+        error.where = Location()
+        raise
