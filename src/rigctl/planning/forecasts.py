@@ -75,7 +75,10 @@ def _heat(action: Heat, state: State, bench: Bench) -> Forecast:
     drifted = tank.after(reached, action.settle, state.pressure, heating=False)
     if drifted > high and reached >= action.to:
         warning = f"the pump alone heats the oil past {_shown(high, action, bench)} while it settles"
-    end = min(settled, max(action.to, drifted))
+    role = bench.rig.roles.heat
+    own = role.hysteresis if role is not None else None
+    off_above = action.to + (0.5 * action.within if own is None else min(own, action.within))
+    end = min(settled, max(off_above, drifted))
     return Forecast(total, Basis.ESTIMATED, replace(state, temperature=end), reaches, warning)
 
 

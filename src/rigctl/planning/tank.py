@@ -1,7 +1,8 @@
 """How the oil's temperature moves: the heat balance of the tank, solved in closed form.
 
 ``rho·V·cp·dT/dt = P_heater + p_s·Q_pump/η_hm − UA·(T − T_amb)`` is linear while heater and pressure stay as
-they are, so the temperature approaches ``T_amb + P/UA`` exponentially, with ``τ = rho·V·cp/UA``.
+they are, so the temperature approaches ``T_amb + P/UA`` exponentially, with ``τ = rho·V·cp/UA``. The density
+is that at the middle of the way, which over 60 K is within 0.1 % of the exact time.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rigctl.physics.oil import OILS, Oil, find_oil
 from rigctl.rig import Rig
 
 #: what is assumed of a rig that names no oil, or one that is not known: a mineral hydraulic oil
@@ -19,7 +21,8 @@ DEFAULT_OIL = "HL32"
 class Tank:
     """The oil in the tank and what heats and cools it; SI."""
 
-    heat_capacity: float  #: J/K
+    fill: float  #: m³
+    oil: Oil
     heater: float  #: W while on
     pump_displacement: float  #: m³/s: heat per pressure, Q_pump/η_hm
     loss: float  #: W/K
@@ -36,31 +39,33 @@ class Tank:
             return self.ambient + power / self.loss
         return math.inf if power > 0.0 else self.ambient
 
+    def heat_capacity(self, temperature: float) -> float:
+        """Of the oil, in J/K, at `temperature` in K."""
+        return self.oil.density(temperature) * self.fill * self.oil.heat_capacity
+
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:
         """The temperature (K) `seconds` later."""
+        capacity = self.heat_capacity(temperature)
         if self.loss <= 0.0:
-            return temperature + self.power(pressure, heating) * seconds / self.heat_capacity
+            return temperature + self.power(pressure, heating) * seconds / capacity
         limit = self.limit(pressure, heating)
-        return limit + (temperature - limit) * math.exp(-seconds * self.loss / self.heat_capacity)
+        return limit + (temperature - limit) * math.exp(-seconds * self.loss / capacity)
 
     def time_to(self, target: float, temperature: float, pressure: float, heating: bool) -> float:
         """Seconds until `target` (K) is reached; infinite when it never is."""
         if temperature == target:
             return 0.0
+        capacity = self.heat_capacity(0.5 * (temperature + target))
         if self.loss <= 0.0:
-            rate = self.power(pressure, heating) / self.heat_capacity
+            rate = self.power(pressure, heating) / capacity
             return (target - temperature) / rate if rate * (target - temperature) > 0.0 else math.inf
         limit = self.limit(pressure, heating)
         ratio = (limit - temperature) / (limit - target) if limit != target else math.inf
-        return self.heat_capacity / self.loss * math.log(ratio) if 1.0 < ratio < math.inf else math.inf
+        return capacity / self.loss * math.log(ratio) if 1.0 < ratio < math.inf else math.inf
 
 
 def tank_of(rig: Rig) -> Tank | None:
-    """The tank that a rig file describes; None when it has no `tank_fill`, or nothing that heats.
-
-    The oil's density is taken at 40 °C: over 20…80 °C it is within 3 % of that.
-    """
-    from rigctl.physics.oil import OILS, find_oil
+    """The tank that a rig file describes; None when it has no `tank_fill`, or nothing that heats."""
 
     fill = rig.geometry.get("tank_fill")
     role = rig.roles.heat
@@ -70,7 +75,8 @@ def tank_of(rig: Rig) -> Tank | None:
     constants = rig.constants
     oil = find_oil(rig.oil if rig.oil is not None and rig.oil in OILS else DEFAULT_OIL)
     return Tank(
-        heat_capacity=oil.density(313.15) * fill * oil.heat_capacity,
+        fill=float(fill),
+        oil=oil,
         heater=heater,
         pump_displacement=constants.get("pump_flow", 0.0) / constants.get("hydromechanical_efficiency", 1.0),
         loss=constants.get("tank_conductance", 0.0),

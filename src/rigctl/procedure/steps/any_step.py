@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, Discriminator, Tag
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.refusal import refusal
-from rigctl.procedure.steps.base import Block, Cleanup, Step
+from rigctl.procedure.steps.base import Step
 from rigctl.procedure.steps.calls import CallStep
 from rigctl.procedure.steps.choices import IfStep, RepeatStep, WhileStep
 from rigctl.procedure.steps.motion import ExtendStep, RetractStep
@@ -110,8 +110,6 @@ AnyStep: TypeAlias = Annotated[
 ]
 
 _RECURSIVE: tuple[type[BaseModel], ...] = (
-    Cleanup,
-    Block,
     RecordStep,
     ForStep,
     RepeatStep,
