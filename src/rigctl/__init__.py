@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rigctl.dataset import open_run as open_run
+    from rigctl.runner.simulation import simulate as simulate
 
 #: public names, and the module each comes from; imported when first used, so that 'import rigctl' is light
-_PUBLIC = {"open_run": "rigctl.dataset"}
+_PUBLIC = {"open_run": "rigctl.dataset", "simulate": "rigctl.runner.simulation"}
 
-__all__ = ["open_run"]
+__all__ = ["open_run", "simulate"]
 
 
 def __getattr__(name: str) -> Any:

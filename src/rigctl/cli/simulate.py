@@ -49,27 +49,21 @@ def simulate(
     from rigctl.cli.plans import find_file, open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.project import find_project
-    from rigctl.runner.launch import Launch, clock_for, launch
-    from rigctl.runner.operator import AutomaticOperator
+    from rigctl.runner.launch import launch
+    from rigctl.runner.simulation import simulation_launch
 
     plan = open_plan(procedure, rig, arg or ())
-    chosen = {
-        "plant": str(find_file(Path(plant))) if plant is not None else None,
-        "effects": tuple(effect) if effect else None,
-        "noise": noise,
-        "seed": seed,
-        "faults": tuple(fault) if fault else None,
-    }
-    how = Launch(
-        runs=find_project().runs,
-        operator=AutomaticOperator(),
-        backend="simulated",
-        options={name: value for name, value in chosen.items() if value is not None},
-        clock=clock_for(speed, "simulated"),
-        person=person_in_charge(None),
+    how = simulation_launch(
+        plan,
+        find_project().runs,
+        plant=find_file(Path(plant)) if plant is not None else None,
+        effects=effect or (),
+        noise=noise,
+        seed=seed,
+        speed=speed,
+        faults=fault or (),
         arguments=read_assignments(arg or ()),
-        seed=plan.rig.simulation.seed if seed is None else seed,
-        exclusive=False,
+        person=person_in_charge(None),
     )
     with attended(how, plan.rig, {}) as ready:
         result = launch(plan, ready)

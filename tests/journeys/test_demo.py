@@ -1,0 +1,49 @@
+"""The first thing a new user types, from an empty folder to a page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import rigctl
+from rigctl.cli.main import app
+
+#: mm at 20 degC and 20, 30, 40, 50 bar, from an independent calculation; longer by so much when warm
+PUBLISHED = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}
+GROWTH = {20.0: 1.0, 60.0: 1.014, 80.0: 1.022}
+
+
+def test_demo_ends_with_a_page_of_the_published_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["demo", "first", "--json"])
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    page = Path(told["page"]).read_text(encoding="utf-8")
+    assert page.count("<html") == 1
+    assert len(page) < 6e6
+
+    run = rigctl.open_run(told["run"], Path("first/runs"))
+    records = run.records
+    assert len(records) == 28
+    assert set(records["outcome"]) == {"complete"}
+    for _, record in records.iterrows():
+        if record["oil"] in GROWTH:
+            expected = PUBLISHED[record["supply"]] * GROWTH[record["oil"]]
+            assert record["stroke"] == pytest.approx(expected, abs=1.0)
+
+
+def test_demo_again_makes_another_run_and_overwrites_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    first, second = (
+        json.loads(CliRunner().invoke(app, ["demo", "d", "--json", "--seed", "5"]).stdout) for _ in range(2)
+    )
+    assert first["run"] != second["run"]
+    samples = [Path("d/runs", told["run"], "samples.parquet").read_bytes() for told in (first, second)]
+    assert samples[0] == samples[1], "one seed gives one set of samples, byte for byte"
