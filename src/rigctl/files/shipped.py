@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import rigctl
+import rigctl.errors as ground
 
 
 def shipped(*parts: str) -> Path:
@@ -12,7 +12,7 @@ def shipped(*parts: str) -> Path:
 
     In an installed package they lie in ``rigctl/shipped``, in a checkout in the repository itself.
     """
-    package = Path(rigctl.__file__).parent
+    package = Path(ground.__file__).parent
     installed = package / "shipped"
     root = installed if installed.is_dir() else package.parents[1]
     return root.joinpath(*parts)
