@@ -36,7 +36,8 @@ def finalise(folder: Path) -> dict[str, Any]:
     _end_interrupted(history, facts)
     said = read_annotations(folder)
     write_table(folder / tables.RECORDS, tables.records_table(history.records, excluded_records(said)))
-    write_table(folder / tables.EVENTS, tables.events_table(history.events))
+    by_time = history.header.source != "import"
+    write_table(folder / tables.EVENTS, tables.events_table(history.events, by_time=by_time))
     files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
     info = {**_summary(history, facts), "annotations": as_data(said), "files": files}
     run_json.write_info(folder, info)

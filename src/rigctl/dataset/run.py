@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rigctl.dataset import journal, run_json, samples, tables
+from rigctl.dataset import journal, run_json, samples
 from rigctl.dataset.catalogue import find_run
 from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
@@ -30,12 +30,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Switch:
-    """An actuator was switched to an SI value; `uncertainty` is the half-width of its time, in s."""
+    """An actuator was switched to an SI value.
+
+    `uncertainty` is the half-width of its time, in s; `record` the one that was open when it was logged, −1
+    for none.
+    """
 
     time: float
     actuator: str
     value: float
     uncertainty: float
+    record: int = -1
 
 
 @dataclass(frozen=True)
@@ -116,28 +121,37 @@ class Run:
         """
         return _frame(self._read(tuple(columns) if columns is not None else self.layout.columns, record))
 
+    def table(self, name: str, record: int | None = None) -> pa.Table:
+        """A table as it is stored: ``samples`` (of one record, if given), ``records`` or ``events``.
+
+        Each field's metadata says its unit.
+        """
+        if name == "samples":
+            return self._read(self.layout.columns, record)
+        with open_parquet(self.folder / f"{name}.parquet") as file:
+            return file.read()
+
     @cached_property
     def records(self) -> pd.DataFrame:
         """One row per record, sweep values and measures in the units of ``attrs["units"]``."""
-        with open_parquet(self.folder / tables.RECORDS) as file:
-            return _frame(file.read())
+        return _frame(self.table("records"))
 
     @cached_property
     def events(self) -> pd.DataFrame:
         """One row per event, in the order of time; ``data`` is JSON."""
-        with open_parquet(self.folder / tables.EVENTS) as file:
-            return _frame(file.read())
+        return _frame(self.table("events"))
 
     @cached_property
     def switches(self) -> tuple[Switch, ...]:
         """Every switch of an actuator with its exact time, in the order of time."""
         commands = self.events[self.events["kind"] == "command"]
         found = []
-        for time, data in zip(commands["time"], commands["data"], strict=True):
+        columns = (commands["time"], commands["record"], commands["data"])
+        for time, record, data in zip(*columns, strict=True):
             facts = json.loads(data)
             if "actuator" in facts and facts.get("value") is not None:
-                uncertainty = float(facts.get("uncertainty") or 0.0)
-                found.append(Switch(float(time), facts["actuator"], float(facts["value"]), uncertainty))
+                value, uncertainty = float(facts["value"]), float(facts.get("uncertainty") or 0.0)
+                found.append(Switch(float(time), facts["actuator"], value, uncertainty, int(record)))
         return tuple(found)
 
     @cached_property
@@ -166,11 +180,8 @@ class Run:
             there is no such record.
         """
         table = self._read(self.layout.columns, index)
-        with open_parquet(self.folder / tables.RECORDS) as file:
-            rows = file.read()
+        rows = self.table("records")
         row = {key: values[index] for key, values in rows.to_pydict().items()}
-        start, end = row["start"], row["end"]
-        switches = tuple(switch for switch in self.switches if start <= switch.time <= end)
         facts = {key: row[key] for key in ("name", "path", "rate", "start", "end", "outcome", "excluded")}
         return Record(
             index=index,
@@ -178,10 +189,16 @@ class Run:
             time=self._si(table, "time"),
             channels=_fixed({name: self._si(table, name) for name in self.layout.channels}),
             commands=_fixed({name: self._si(table, name) for name in self.layout.commands}),
-            switches=switches,
+            switches=self._switches_of(index, row["start"], row["end"]),
             sweep=_fixed(_values_si(rows.schema, row, "sweep")),
             measures=_fixed(_values_si(rows.schema, row, "measure")),
         )
+
+    def _switches_of(self, record: int, start: float, end: float) -> tuple[Switch, ...]:
+        """The end of a pulse may be logged after its record; the times of an import may begin again."""
+        if self.header.source == "import":
+            return tuple(switch for switch in self.switches if switch.record == record)
+        return tuple(switch for switch in self.switches if start <= switch.time <= end)
 
     def _read(self, columns: Sequence[str], record: int | None) -> pa.Table:
         for name in columns:

@@ -114,11 +114,15 @@ def _shown(si: float, variable: Variable) -> float:
     return float(f"{value:.15g}") if math.isfinite(value) else value
 
 
-def events_table(events: Sequence[EventEntry]) -> pa.Table:
-    """One row per line of the log, in the order of time; `data` is JSON."""
+def events_table(events: Sequence[EventEntry], *, by_time: bool = True) -> pa.Table:
+    """One row per line of the log; `data` is JSON.
+
+    Sorted by time, or in the order of the log: imported data may begin again at zero in each record.
+    """
     import pyarrow as pa
 
-    ordered = sorted(events, key=lambda entry: entry.time)  # stable: what happened together keeps its order
+    # stable: what happened together keeps its order
+    ordered = sorted(events, key=lambda entry: entry.time) if by_time else events
     schema = pa.schema(
         [
             pa.field("time", pa.float64(), metadata={"unit": "s"}),

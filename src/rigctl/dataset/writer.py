@@ -296,6 +296,17 @@ class RunWriter:
             self._lock.release()
         return self.folder
 
+    def discard(self) -> None:
+        """Give up a run that has just been made, folder and all: for data that comes in whole or not at all.
+
+        Never raises; does nothing once the run is closed well.
+        """
+        self._closed = True
+        self._journal.close()
+        self._log.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self._lock.release()
+
     def _flush_due(self) -> None:
         if self._failure is None:
             self.flush()

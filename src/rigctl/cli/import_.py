@@ -1,0 +1,64 @@
+"""`rigctl import`: data that was measured elsewhere becomes a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+#: so many bad rows are told one by one
+_TOLD = 20
+
+
+def import_(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="CSV or Parquet.", show_default=False)],
+    *,
+    rig: Annotated[Path, typer.Option(help="The rig file of the bench it was measured on.")],
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="THEIRS=OURS",
+            help="What a column is, where its name differs; repeatable. THEIRS=- leaves it out.",
+        ),
+    ] = None,
+    keep_good: Annotated[
+        bool, typer.Option("--keep-good", help="Leave bad rows out instead of refusing the file.")
+    ] = False,
+    name: Annotated[str | None, typer.Option(help="Name of the records; the file's by default.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Bring in a file of samples as a run, and print the run's id.
+
+    The heading names each column with its unit: time [s], record, valve [1], oil_temperature [degC],
+    supply_pressure [bar], pressure_setpoint [bar], position [mm], and what else the rig has. A table without
+    time holds observations, one in each row. All of the file is imported or nothing.
+
+    Example: rigctl import strokes.csv --rig rigs/hl32-bench.yaml
+
+    Example: rigctl import log.csv --rig rigs/hl32-bench.yaml --columns "Druck=supply_pressure [bar]"
+    """
+    from rigctl.cli.plans import find_file
+    from rigctl.dataset.importing import import_file
+    from rigctl.files.write import to_json
+    from rigctl.project import find_project
+    from rigctl.rig import load_rig
+
+    done = import_file(
+        file,
+        load_rig(find_file(rig)),
+        find_project().runs,
+        columns=columns or (),
+        keep_good=keep_good,
+        name=name,
+    )
+    for fault in done.left_out[:_TOLD]:
+        typer.echo(f"left out: {fault.error(file)}", err=True)
+    if len(done.left_out) > _TOLD:
+        typer.echo(f"left out: {len(done.left_out) - _TOLD} more rows, see the run's events", err=True)
+    if as_json:
+        counts = {"records": done.records, "rows": done.rows, "left_out": len(done.left_out)}
+        typer.echo(to_json({"run": done.run, "path": str(done.path), **counts}))
+    else:
+        typer.echo(done.run)
+        typer.echo(f"{done.records} records, {done.rows} rows in {done.path}", err=True)

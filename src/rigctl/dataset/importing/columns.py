@@ -1,0 +1,220 @@
+"""What a file's columns are on the bench: time, record, channels and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
+
+from rigctl.dataset.importing.table import Heading
+from rigctl.errors import RigctlError, nearest_name, unknown_name
+from rigctl.rig.layout import Layout
+from rigctl.rig.setting import POSITIONS
+from rigctl.units import Unit, describe, parse_unit
+
+if TYPE_CHECKING:
+    from rigctl.rig import Rig
+
+Kind = Literal["time", "record", "channel", "command", "other"]
+
+#: names that mean the same on every bench, and the unit of their dimension; used where the rig has none
+_COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
+    "valve": ("command", "1"),
+    "heater": ("command", "1"),
+    "pressure_setpoint": ("command", "Pa"),
+    "oil_temperature": ("channel", "K"),
+    "ambient_temperature": ("channel", "K"),
+    "supply_pressure": ("channel", "Pa"),
+    "pressure_a": ("channel", "Pa"),
+    "pressure_b": ("channel", "Pa"),
+    "position": ("channel", "m"),
+}
+#: as the name of ours: the column is left out
+LEAVE_OUT: Final = "-"
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """One column of the file and what it is on the bench.
+
+    Parameters
+    ----------
+    place: of the column in the file, from 0.
+    unit: the unit it is written in; None for the number of a record.
+    shown: the unit it is kept in.
+    positions: the only values that it may have, for a switch or a valve.
+    difference: it is an interval of temperatures.
+    """
+
+    name: str
+    kind: Kind
+    place: int
+    heading: Heading
+    unit: Unit | None = None
+    shown: str = "1"
+    positions: frozenset[float] | None = None
+    difference: bool = False
+
+
+def read_mapping(texts: Iterable[str]) -> dict[str, str]:
+    """Read ``theirs=ours`` pairs, several in one text divided by commas.
+
+    Raises
+    ------
+    RigctlError
+        there is no equals sign, or one of theirs is named twice.
+    """
+    mapping: dict[str, str] = {}
+    for pair in (part for text in texts for part in text.split(",") if part.strip()):
+        theirs, equals, ours = (part.strip() for part in pair.partition("="))
+        if not (theirs and equals and ours):
+            raise RigctlError(
+                "--columns: not a pair",
+                value=pair,
+                expected="theirs=ours, e.g. 'Druck=supply_pressure [bar]'",
+            )
+        if theirs in mapping:
+            raise RigctlError("--columns: the column is named twice", value=theirs)
+        mapping[theirs] = ours
+    return mapping
+
+
+def assign(headings: Sequence[Heading], rig: Rig, mapping: Mapping[str, str]) -> list[Assigned]:
+    """Say what each column is; one that is mapped to ``-`` is left out.
+
+    A table with ``time`` holds samples, and every name must be known. One without holds observations, and
+    names of its own are welcome.
+
+    Raises
+    ------
+    RigctlError
+        a name is unknown or used twice, or a unit is missing or has another dimension.
+    """
+    renamed = [_rename(heading, mapping) for heading in headings]
+    for theirs in mapping:
+        if theirs not in {heading.name for heading in headings}:
+            raise unknown_name("column", theirs, (heading.name for heading in headings))
+    samples = any(heading.name == "time" for heading in renamed)
+    found: dict[str, Assigned] = {}
+    for place, heading in enumerate(renamed):
+        if heading.name == LEAVE_OUT:
+            continue
+        column = _assign(place, heading, rig, samples=samples)
+        if column.name in found:
+            raise RigctlError("the column is there twice", value=heading.name, where=heading.where)
+        found[column.name] = column
+    return list(found.values())
+
+
+def _rename(heading: Heading, mapping: Mapping[str, str]) -> Heading:
+    """The heading under our name, with our unit where one is given."""
+    ours = mapping.get(heading.name)
+    if ours is None:
+        return heading
+    name, bracket, unit = ours.partition("[")
+    given = unit.partition("]")[0].strip() if bracket else heading.unit
+    return Heading(name.strip(), given, heading.where)
+
+
+def _assign(place: int, heading: Heading, rig: Rig, *, samples: bool) -> Assigned:
+    name = heading.name
+    if name == "time":
+        return Assigned(name, "time", place, heading, _unit(heading, "s"), "s")
+    if name == "record":
+        return Assigned(name, "record", place, heading)
+    name = _on_rig(name, rig)
+    if name in rig.channels:
+        channel = rig.channels[name]
+        unit = _unit(heading, channel.unit)
+        return Assigned(name, "channel", place, heading, unit, channel.unit, difference=channel.difference)
+    if name in rig.actuators:
+        actuator = rig.actuators[name]
+        unit = _unit(heading, actuator.display_unit)
+        words = POSITIONS.get(actuator.kind)
+        positions = frozenset(words.values()) if words else None
+        return Assigned(name, "command", place, heading, unit, actuator.display_unit, positions)
+    if name in _COMMON:
+        kind, dimension = _COMMON[name]
+        unit = _unit(heading, dimension)
+        positions = frozenset((-1.0, 0.0, 1.0)) if name == "valve" else None
+        return Assigned(name, kind, place, heading, unit, unit.text or "1", positions)
+    if samples:
+        raise _unknown(heading, rig)
+    if heading.unit is None:
+        raise _unit_missing(heading, "1")
+    return Assigned(name, "other", place, heading, parse_unit(heading.unit), heading.unit or "1")
+
+
+def _on_rig(name: str, rig: Rig) -> str:
+    """The rig's own name for what a name means on every bench."""
+    if name in rig.channels or name in rig.actuators:
+        return name
+    roles = rig.roles
+    if name == "pressure_setpoint" and roles.set_pressure is not None:
+        return roles.set_pressure.actuator
+    if name == "heater" and roles.heat is not None:
+        return roles.heat.actuator
+    moves = {role.actuator for role in (roles.extend, roles.retract) if role is not None}
+    if name == "valve" and len(moves) == 1:
+        return moves.pop()
+    return name
+
+
+def _unit(heading: Heading, expected: str) -> Unit:
+    """The unit of the heading, which must have the dimension of `expected`; plain numbers need none."""
+    wanted = parse_unit(expected)
+    if heading.unit is None and not wanted.dimension.dimensionless:
+        raise _unit_missing(heading, expected)
+    try:
+        unit = parse_unit(heading.unit or "1")
+    except RigctlError as problem:
+        raise problem.at(heading.where) from None
+    if unit.dimension != wanted.dimension:
+        raise RigctlError(
+            f"{heading.name}: wrong dimension",
+            value=heading.unit,
+            expected=describe(expected),
+            where=heading.where,
+        )
+    return unit
+
+
+def _unit_missing(heading: Heading, unit: str) -> RigctlError:
+    return RigctlError(
+        f"{heading.name}: the unit is missing",
+        value=heading.name,
+        expected=f"'{heading.name} [{unit}]'",
+        hint=f"Write it into the heading, or give it: --columns '{heading.name}={heading.name} [{unit}]'",
+        where=heading.where,
+    )
+
+
+def _unknown(heading: Heading, rig: Rig) -> RigctlError:
+    names = {"time", "record", *rig.channels, *rig.actuators, *_COMMON}
+    near = nearest_name(heading.name, names)
+    return RigctlError(
+        "unknown column",
+        value=heading.name,
+        expected=None if near else f"one of {', '.join(sorted(names))}",
+        nearest=near,
+        hint=f"Map it, --columns '{heading.name}={near or 'position'}', or leave it out, "
+        f"--columns '{heading.name}={LEAVE_OUT}'",
+        where=heading.where,
+    )
+
+
+def layout_of(assigned: Sequence[Assigned], rig: Rig) -> Layout:
+    """The columns that the file has, the rig's own in the rig's order."""
+    order = [*rig.channels, *rig.actuators]
+
+    def of(kind: str) -> list[Assigned]:
+        found = [column for column in assigned if column.kind == kind]
+        return sorted(found, key=lambda c: order.index(c.name) if c.name in order else len(order))
+
+    channels, commands = of("channel"), of("command")
+    return Layout(
+        channels=tuple(column.name for column in channels),
+        commands=tuple(column.name for column in commands),
+        units=("s", "1", *(column.shown for column in (*channels, *commands))),
+        differences=frozenset(column.name for column in channels if column.difference),
+    )

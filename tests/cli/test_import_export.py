@@ -1,0 +1,55 @@
+"""`rigctl import` and `rigctl export` at the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.main import app
+from rigctl.errors import RigctlError
+
+TEXT = "time [s],record,position [mm]\n0,0,1\n1,0,2\n0,1,3\n"
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "strokes.csv"
+    path.write_text(TEXT, encoding="utf-8")
+    return path
+
+
+def test_there_and_back(file: Path) -> None:
+    arguments = ["import", str(file), "--rig", "rigs/hl32-bench.yaml"]
+    result = CliRunner().invoke(app, [*arguments, "--json"], catch_exceptions=False)
+    document = json.loads(result.stdout)
+    assert (document["records"], document["rows"], document["left_out"]) == (2, 3, 0)
+    assert Path(document["path"]).name == document["run"]
+    result = CliRunner().invoke(app, ["export", document["run"], "--json"], catch_exceptions=False)
+    assert json.loads(result.stdout)["rows"] == 3
+    assert Path(f"{document['run']}.csv").read_text(encoding="utf-8") == TEXT
+
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.stdout.strip().endswith("strokes")
+    result = CliRunner().invoke(app, ["export", "latest", "-o", "a.parquet"], catch_exceptions=False)
+    assert "a.parquet: 3 rows" in result.stdout
+
+
+def test_bad_rows_are_told_on_stderr(file: Path) -> None:
+    file.write_text(TEXT + "x,1,4\n" * 30, encoding="utf-8")
+    arguments = ["import", str(file), "--rig", "rigs/hl32-bench.yaml", "--json"]
+    with pytest.raises(RigctlError, match="not a number"):
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    result = CliRunner().invoke(app, [*arguments, "--keep-good"], catch_exceptions=False)
+    assert json.loads(result.stdout)["left_out"] == 30
+    assert "strokes.csv:5:1: time: not a number" in result.stderr
+    assert "10 more rows" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["import", "export"])
+def test_the_help_shows_an_example(command: str) -> None:
+    result = CliRunner().invoke(app, [command, "--help"], catch_exceptions=False)
+    assert f"Example: rigctl {command}" in result.stdout

@@ -1,0 +1,299 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigctl.dataset import Run, Switch, open_run, verify
+from rigctl.dataset.importing import Imported, import_file
+from rigctl.errors import RigctlError, SeveralErrors
+from rigctl.rig import Rig, load_rig
+
+RIG = Path(__file__).parents[3] / "rigs" / "hl32-bench.yaml"
+STROKES = """\
+time [s],record,valve [1],oil_temperature [degC],supply_pressure [bar],pressure_setpoint [bar],position [mm]
+0.00,0,0,39.9,30.1,30,0
+0.01,0,1,40.0,30.0,30,
+0.02,0,1,40.1,29.9,30,1.5
+0.03,0,0,40.0,29.8,30,2.5
+0.00,1,1,40.6,40.1,40,0
+0.01,1,1,40.6,40.1,40,1
+0.02,1,-1,40.6,40.1,40,2
+"""
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return load_rig(RIG)
+
+
+class Importer:
+    """Imports texts as files into one runs folder."""
+
+    def __init__(self, folder: Path, rig: Rig) -> None:
+        self.folder, self.rig = folder, rig
+        self.runs = folder / "runs"
+
+    def bring_in(self, text: str | bytes, **how: object) -> Imported:
+        file = self.folder / "strokes.csv"
+        file.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+        return import_file(file, self.rig, self.runs, **how)  # type: ignore[arg-type]
+
+    def run(self, text: str | bytes, **how: object) -> Run:
+        return open_run(self.bring_in(text, **how).path)
+
+    def refusal(self, text: str | bytes, **how: object) -> RigctlError:
+        with pytest.raises(RigctlError) as caught:
+            self.bring_in(text, **how)
+        assert not self.runs.exists() or not list(self.runs.iterdir())
+        return caught.value
+
+
+@pytest.fixture
+def importer(tmp_path: Path, rig: Rig) -> Importer:
+    return Importer(tmp_path, rig)
+
+
+def test_a_file_of_strokes_becomes_a_run(importer: Importer) -> None:
+    done = importer.bring_in(STROKES)
+    assert (done.records, done.rows, done.left_out) == (2, 7, ())
+    assert verify(done.path).condition.value == "whole"
+    run = open_run(done.run, importer.runs)
+    assert run.layout.channels == ("oil_temperature", "supply_pressure", "position")
+    assert run.layout.commands == ("valve", "relief_valve")
+    assert run.info["source"] == "import"
+    assert run.info["backend"]["file"] == "strokes.csv"
+    assert run.usable == (0, 1)
+    record = run.record(0)
+    assert record.time.tolist() == [0.0, 0.01, 0.02, 0.03]
+    assert record.channels["supply_pressure"] == pytest.approx([30.1e5, 30e5, 29.9e5, 29.8e5])
+    assert record.channels["oil_temperature"][0] == pytest.approx(313.05)
+    assert np.isnan(record.channels["position"]).tolist() == [False, True, False, False]
+    assert record.commands["relief_valve"] == pytest.approx([30e5] * 4)
+    assert record.rate == 100.0
+
+
+def test_switch_times_are_known_to_within_a_sample_and_belong_to_their_record(importer: Importer) -> None:
+    run = importer.run(STROKES)
+    first, second = run.record(0).switches, run.record(1).switches
+    assert [(s.actuator, s.value) for s in first] == [("valve", 1.0), ("valve", 0.0)]
+    assert [s.time for s in first] == pytest.approx([0.005, 0.025])
+    assert [s.uncertainty for s in first] == pytest.approx([0.005, 0.005])
+    assert second == (Switch(pytest.approx(0.015), "valve", -1.0, pytest.approx(0.005), 1),)
+
+
+def test_the_condition_is_the_setpoint_and_the_median_temperature(importer: Importer) -> None:
+    run = importer.run(STROKES)
+    assert run.records["relief_valve"].tolist() == [30.0, 40.0]
+    # 40.0 and 40.6 are within a kelvin: one condition
+    assert run.records["oil_temperature"].tolist() == pytest.approx([40.3, 40.3])
+
+
+def test_rows_between_records_are_kept(importer: Importer) -> None:
+    run = importer.run("time [s],record,position [mm]\n0,-1,0\n1,,0\n2,4,1\n3,4,2\n4,-1,2\n5,9,3\n")
+    assert run.signals("record").tolist() == [-1, -1, 0, 0, -1, 1]
+    assert run.records["path"].tolist() == ["record 4", "record 9"]
+
+
+def test_without_a_record_column_it_is_one_record(importer: Importer) -> None:
+    run = importer.run("time [s],position [mm]\n0,0\n1,5\n")
+    assert run.records["record"].tolist() == [0]
+    assert run.signals("position", 0).tolist() == [0.0, 0.005]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time [s];position [mm]\n0,0;1,5\n0,1;2,5\n",
+        "time [s]\tposition [mm]\n0.0\t1.5\n0.1\t2.5\n",
+        "\ufefftime [s],position [mm]\r\n0.0,1.5\r\n0.1,2.5\r\n",
+        "# made by a logger\n\n# on a Monday\ntime [s],position [mm]\n0.0, 1.5\n\n0.1, +2.5\n",
+        'time [s],"position [mm]"\n"0.0","1.5"\n0.1,2.5',
+        "time [ms],position [cm]\n0,.15\n1e2,0.25\n",
+        "time [s],position [mm],supply_pressure [bar]\n0,1.5,NA\n.1,2.5,\n",
+    ],
+)
+def test_the_ways_of_writing_it(importer: Importer, text: str) -> None:
+    run = importer.run(text)
+    assert run.signals("time") == pytest.approx([0.0, 0.1])
+    assert run.signals("position") == pytest.approx([0.0015, 0.0025])
+
+
+def test_other_names_are_mapped_with_their_units(importer: Importer) -> None:
+    text = "t,Druck,Weg [cm],comment\n0,30,1,7\n1,31,2,8\n"
+    run = importer.run(text, columns=["t=time [s], Druck=supply_pressure [bar]", "Weg=position", "comment=-"])
+    assert run.signals("supply_pressure") == pytest.approx([30e5, 31e5])
+    assert run.signals("position") == pytest.approx([0.01, 0.02])
+    assert run.layout.channels == ("supply_pressure", "position")
+
+
+def test_names_that_mean_the_same_on_every_bench_are_kept_where_the_rig_has_none(importer: Importer) -> None:
+    run = importer.run("time [s],pressure_a [bar],ambient_temperature [degC]\n0,10,20\n1,11,21\n")
+    assert run.layout.channels == ("pressure_a", "ambient_temperature")
+    assert run.signals("ambient_temperature") == pytest.approx([293.15, 294.15])
+
+
+@pytest.mark.parametrize(
+    ("heading", "what", "column"),
+    [
+        ("time [s],positon [mm]", "unknown column", 10),
+        ("time [s],position", "position: the unit is missing", 10),
+        ("time [s],position [bar]", "position: wrong dimension", 10),
+        ("time [s],position [mn]", "unknown unit", 10),
+        ("time [s],position [mm],position [mm]", "the column is there twice", 24),
+        ("time [s],", "column 2 has no name", 10),
+        ("time [mm],position [mm]", "time: wrong dimension", 1),
+    ],
+)
+def test_a_heading_that_is_wrong_is_told_with_its_place(
+    importer: Importer, heading: str, what: str, column: int
+) -> None:
+    cells = ",".join("1" * (heading.count(",") + 1))
+    problem = importer.refusal(f"{heading}\n{cells}\n")
+    assert problem.what == what
+    assert (problem.where.line, problem.where.column) == (1, column)
+
+
+def test_a_misspelt_column_is_told_with_the_nearest_and_with_what_to_type(importer: Importer) -> None:
+    problem = importer.refusal("time [s],positon [mm]\n0,1\n")
+    assert problem.nearest == "position"
+    assert "--columns 'positon=position'" in str(problem.hint)
+
+
+@pytest.mark.parametrize(
+    ("columns", "what"),
+    [
+        (["Druck"], "--columns: not a pair"),
+        (["=position"], "--columns: not a pair"),
+        (["time=time,time=position"], "--columns: the column is named twice"),
+        (["positoin=position"], "unknown column"),
+    ],
+)
+def test_a_mapping_that_is_wrong_is_told(importer: Importer, columns: list[str], what: str) -> None:
+    problem = importer.refusal("time [s],position [mm]\n0,1\n", columns=columns)
+    assert problem.what == what
+
+
+BAD = """\
+time [s],record,valve [1],position [mm]
+0.00,0,0,1
+0.01,0,x,1
+0.02,0,0
+0.03,0,2,1
+0.02,0,0,1
+0.05,0.5,0,1
+,0,0,1
+0.06,0,0,1e999
+0.00,1,0,1
+0.07,0,0,1
+"""
+
+
+def test_bad_rows_are_named_by_line_and_nothing_is_imported(importer: Importer) -> None:
+    problem = importer.refusal(BAD)
+    assert isinstance(problem, SeveralErrors)
+    told = {
+        error.where.line: (error.what, error.value)
+        for error in problem.errors
+        if error.where.line is not None
+    }
+    assert told == {
+        3: ("valve: not a number", "x"),
+        4: ("wrong number of cells", "3 cells"),
+        5: ("valve: no such position", "2"),
+        6: ("time: it does not go on inside a record", "0.02 s"),
+        7: ("record: not a whole number", "0.5"),
+        8: ("time: the value is missing", None),
+        9: ("position: not a number", "1e999"),
+        11: ("record: it has ended before", "0"),
+    }
+    assert problem.errors[0].where.column == 8
+    assert "8 bad rows" in problem.errors[-1].what
+    assert "--keep-good" in str(problem.errors[-1].hint)
+
+
+def test_keep_good_leaves_them_out_and_says_so_in_the_run(importer: Importer) -> None:
+    done = importer.bring_in(BAD, keep_good=True)
+    assert (done.records, done.rows, len(done.left_out)) == (2, 2, 8)
+    run = open_run(done.path)
+    gaps = run.events[run.events["kind"] == "gap"]["message"].tolist()
+    assert len(gaps) == 8
+    assert gaps[0].startswith("strokes.csv:3:8: valve: not a number")
+
+
+def test_many_bad_rows_are_counted(importer: Importer) -> None:
+    problem = importer.refusal("time [s],position [mm]\n" + "x,1\n" * 100)
+    assert isinstance(problem, SeveralErrors)
+    assert len(problem.errors) == 21
+    assert problem.errors[-1].what == "nothing was imported: 100 bad rows, 80 of them not listed"
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "the file has no heading"),
+        ("# nothing\n\n", "the file has no heading"),
+        ("time [s],position [mm]\n", "there is nothing to import"),
+        (b"time [s],position [mm]\n0,\xff\n", "the file is not UTF-8 text"),
+    ],
+)
+def test_a_file_without_numbers_is_told(importer: Importer, text: str | bytes, what: str) -> None:
+    assert importer.refusal(text).what == what
+
+
+def test_a_file_that_is_not_there_and_one_of_another_kind(importer: Importer, tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="cannot read the file"):
+        import_file(tmp_path / "none.csv", importer.rig, importer.runs)
+    with pytest.raises(RigctlError, match="unknown kind of file"):
+        import_file(tmp_path / "log.xlsx", importer.rig, importer.runs)
+
+
+def test_observations_are_a_table_without_time(importer: Importer) -> None:
+    text = "oil_temperature [degC],pressure_setpoint [bar],stroke [mm]\n20,30,97\n60,30,91.2\n80,30,\n"
+    done = importer.bring_in(text)
+    assert (done.records, done.rows) == (3, 3)
+    run = open_run(done.path)
+    assert run.records["oil_temperature"].tolist() == [20.0, 60.0, 80.0]
+    assert run.records["relief_valve"].tolist() == [30.0, 30.0, 30.0]
+    assert run.records["stroke"].fillna(-1.0).tolist() == [97.0, 91.2, -1.0]
+    assert run.records.attrs["units"]["stroke"] == "mm"
+    assert run.record(1).sweep == pytest.approx({"oil_temperature": 333.15, "relief_valve": 30e5})
+    assert run.record(1).measures == pytest.approx({"stroke": 0.0912})
+    assert run.record(2).measures == {}
+
+
+def test_a_disk_that_fails_while_it_is_written_leaves_no_run(
+    importer: Importer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rigctl.dataset import finalise as finalise_module
+
+    def fail(*_: object) -> None:
+        raise RigctlError("cannot write the file: No space left on device")
+
+    monkeypatch.setattr(finalise_module, "write_table", fail)
+    assert "No space left" in importer.refusal(STROKES).what
+
+
+@given(
+    rows=st.lists(
+        st.tuples(st.floats(0.001, 10.0), st.none() | st.floats(-1e3, 1e3), st.sampled_from([-1, 0, 1])),
+        min_size=1,
+        max_size=20,
+    )
+)
+@settings(max_examples=25, deadline=None)
+def test_what_is_in_the_file_is_in_the_run(
+    tmp_path_factory: pytest.TempPathFactory, rig: Rig, rows: list[tuple[float, float | None, int]]
+) -> None:
+    time, lines = 0.0, ["time [s],position [m],valve"]
+    expected = []
+    for step, position, valve in rows:
+        time += step
+        lines.append(f"{time!r},{'' if position is None else repr(position)},{valve}")
+        expected.append((time, np.nan if position is None else position, valve))
+    run = Importer(tmp_path_factory.mktemp("import"), rig).run("\n".join(lines))
+    found = np.column_stack([run.signals(name) for name in ("time", "position", "valve")])
+    assert found == pytest.approx(np.array(expected), rel=1e-12, abs=1e-12, nan_ok=True)

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dataset.strokes import sample
+from rigctl.dataset import Run, RunWriter, open_run
+from rigctl.dataset.exporting import export_run
+from rigctl.dataset.importing import import_file
+from rigctl.errors import RigctlError
+from rigctl.rig import load_rig
+
+RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
+
+
+@pytest.fixture
+def run(make_run: Callable[..., Path]) -> Run:
+    return open_run(make_run(records=2, rows=3))
+
+
+def test_a_heading_names_the_units(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    assert export_run(run, path) == 8
+    lines = path.read_bytes().decode("utf-8").split("\n")
+    assert lines[0] == (
+        "time [s],record,oil_temperature [degC],supply_pressure [bar],position [mm],heater [1],valve [1]"
+    )
+    assert lines[1].startswith("0,-1,40,30,100,1,0")
+    assert len(lines) == 10
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
+def test_what_is_handed_out_can_be_brought_in_again(run: Run, tmp_path: Path, name: str) -> None:
+    export_run(run, tmp_path / name)
+    done = import_file(tmp_path / name, load_rig(RIG), tmp_path / "other")
+    again = open_run(done.path)
+    assert (done.records, done.rows) == (2, 8)
+    for column in run.layout.columns:
+        assert again.signals(column) == pytest.approx(run.signals(column), rel=1e-14, abs=1e-15)
+    assert np.array_equal(again.record(1).time, run.record(1).time)
+
+
+def test_some_records_alone(run: Run, tmp_path: Path) -> None:
+    assert export_run(run, tmp_path / "out.csv", records=[1]) == 3
+    with pytest.raises(RigctlError, match="no such record"):
+        export_run(run, tmp_path / "none.csv", records=[7])
+    assert not (tmp_path / "none.csv").exists()
+
+
+def test_missing_values_are_empty_cells(writer: RunWriter, tmp_path: Path) -> None:
+    writer.append(sample(0.0, position=float("nan")))
+    export_run(open_run(writer.close("finished")), tmp_path / "out.csv")
+    assert (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()[1] == "0,-1,40,30,,1,0"
+
+
+@pytest.mark.parametrize(("table", "rows"), [("records", 2), ("events", 10)])
+def test_the_other_tables(run: Run, tmp_path: Path, table: str, rows: int) -> None:
+    assert export_run(run, tmp_path / "out.csv", table=table) == rows
+    heading = (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert ("oil [degC]" in heading) == (table == "records")
+
+
+def test_a_file_that_is_there_is_kept(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_text("precious", encoding="utf-8")
+    with pytest.raises(RigctlError, match="there already") as caught:
+        export_run(run, path)
+    assert "--overwrite" in str(caught.value.hint)
+    assert path.read_text(encoding="utf-8") == "precious"
+    assert export_run(run, path, overwrite=True) == 8
+
+
+def test_what_does_not_exist_is_told(run: Run, tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="unknown kind of file"):
+        export_run(run, tmp_path / "out.xlsx")
+    with pytest.raises(RigctlError) as caught:
+        export_run(run, tmp_path / "out.csv", table="record")
+    assert caught.value.nearest == "records"
+    with pytest.raises(RigctlError, match="cannot write"):
+        export_run(run, tmp_path / "no" / "out.csv")
