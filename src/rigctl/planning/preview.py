@@ -93,13 +93,7 @@ class Preview:
     @property
     def sweeps(self) -> tuple[SweepSize, ...]:
         """Every `for` of the plan, in its order."""
-        return tuple(
-            SweepSize(
-                node.path, tuple(node.children[0].bindings) if node.children else (), len(node.children)
-            )
-            for node in self.walk()
-            if node.kind == GroupKind.FOR.value
-        )
+        return tuple(_sweep_size(node) for node in self.walk() if node.kind == GroupKind.FOR.value)
 
     def durations(self) -> dict[str, float]:
         """Expected seconds of each single step by its path; a step in a loop once."""
@@ -109,6 +103,11 @@ class Preview:
         """Every node in order of execution."""
         for root in self.roots:
             yield from root.walk(counted=counted)
+
+
+def _sweep_size(node: PreviewNode) -> SweepSize:
+    points = [child for child in node.children if child.kind == GroupKind.ITERATION.value]
+    return SweepSize(node.path, tuple(points[0].bindings) if points else (), len(points))
 
 
 def preview(plan: Plan) -> Preview:

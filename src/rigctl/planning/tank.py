@@ -45,7 +45,13 @@ class Tank:
 
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:
         """The temperature (K) `seconds` later."""
-        capacity = self.heat_capacity(temperature)
+        rough = self._after(temperature, seconds, pressure, heating, self.heat_capacity(temperature))
+        middle = self.heat_capacity(0.5 * (temperature + rough))
+        return self._after(temperature, seconds, pressure, heating, middle)
+
+    def _after(
+        self, temperature: float, seconds: float, pressure: float, heating: bool, capacity: float
+    ) -> float:
         if self.loss <= 0.0:
             return temperature + self.power(pressure, heating) * seconds / capacity
         limit = self.limit(pressure, heating)

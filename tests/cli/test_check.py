@@ -1,0 +1,91 @@
+"""`rigctl check` and `rigctl schema` as they are called."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from rigctl.cli.main import main
+
+ROOT = Path(__file__).parents[2]
+CAMPAIGN = str(ROOT / "procedures" / "campaign.yaml")
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """The exit code of `rigctl` with these arguments."""
+    monkeypatch.setattr(sys, "argv", ["rigctl", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    code = ended.value.code
+    return code if isinstance(code, int) else 0
+
+
+def test_check_prints_the_plan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "check", CAMPAIGN) == 0
+    out = capsys.readouterr().out
+    assert "28 records, 10500 samples, about" in out
+    assert "6 more: oil=30 degC … oil=80 degC" in out
+
+
+def test_check_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("--arg", "repeats=1", "-a", "temperatures=20 degC, 60 degC", "--json")
+    assert call(monkeypatch, "check", CAMPAIGN, *arguments) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["records"] == 10
+    assert document["arguments"]["temperatures"] == "20 degC, 60 degC"
+
+
+def test_check_on_another_rig(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = str(ROOT / "rigs" / "hl32-bench-instrumented.yaml")
+    assert call(monkeypatch, "check", CAMPAIGN, "--rig", rig, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["rig_path"] == rig
+
+
+def test_shipped_procedures_are_found_by_their_short_path(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "check", "procedures/quick-check.yaml", "--all") == 0
+    assert "2 records" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "piece"),
+    [
+        (["nowhere.yaml"], "there is no such file"),
+        ([CAMPAIGN, "--arg", "repeats"], "--arg: no assignment, got 'repeats'; expected name=value"),
+        ([CAMPAIGN, "--arg", "repeat=1"], "did you mean 'repeats'?"),
+        ([CAMPAIGN, "--arg", "pressures=60 bar"], "at most 50 bar"),
+        ([CAMPAIGN, "--rig", CAMPAIGN], "unknown field"),
+    ],
+)
+def test_mistakes_are_one_message_and_exit_code_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], piece: str
+) -> None:
+    assert call(monkeypatch, "check", *arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert piece in captured.err
+    assert "Traceback" not in captured.err
+
+
+@pytest.mark.parametrize("kind", ["procedure", "rig", "model"])
+def test_schemas(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str) -> None:
+    assert call(monkeypatch, "schema", kind) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema["title"] == f"rigctl {kind}"
+    assert schema["$schema"].startswith("https://json-schema.org/")
+
+
+def test_a_schema_goes_to_a_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    target = tmp_path / "rig.schema.json"
+    assert call(monkeypatch, "schema", "rig", "-o", str(target)) == 0
+    assert capsys.readouterr().out == ""
+    assert json.loads(target.read_text(encoding="utf-8"))["title"] == "rigctl rig"
+    assert call(monkeypatch, "schema", "procedur") == 2
+    assert "did you mean 'procedure'?" in capsys.readouterr().err

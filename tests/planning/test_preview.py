@@ -1,0 +1,198 @@
+"""What a preview expects: durations, records, sweeps, limits, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from rigctl.planning import Basis, Preview, preview
+from rigctl.procedure import expand, load_procedure
+from rigctl.rig import Rig, load_rig, parse_rig
+
+ROOT = Path(__file__).parents[2]
+See = Callable[..., Preview]
+
+
+def shipped(name: str, **arguments: str) -> Preview:
+    procedure = load_procedure(ROOT / "procedures" / f"{name}.yaml")
+    return preview(expand(procedure, load_rig(procedure.rig_path), arguments))
+
+
+def test_the_campaign() -> None:
+    seen = shipped("campaign")
+    assert (seen.records, seen.samples) == (28, 28 * 375)
+    assert seen.basis is Basis.ESTIMATED
+    assert not seen.open_ended
+    assert 40 * 60 < seen.seconds < 60 * 60
+    assert seen.warnings == ()
+    assert seen.sweeps[0].points == 7
+    assert [sweep.points for sweep in seen.sweeps if sweep.variables == ("supply",)] == [4] * 7
+    heats = [node for node in seen.walk() if node.path.endswith("/heat")]
+    assert all(heat.seconds < later.seconds for heat, later in pairwise(heats))
+
+
+def test_the_quick_check_takes_less_than_a_minute() -> None:
+    assert shipped("quick-check").seconds < 60.0
+
+
+def test_timed_steps_are_added_up(previewed: See) -> None:
+    seen = previewed("""
+        steps:
+          - wait: 2 s
+          - record: {name: r, rate: 50 Hz}
+            do:
+              - extend: 1 s
+              - hold: {for: 3 s, channel: position, within: 5 mm}
+          - set: {values: {heater: on}, for: 4 s}
+        finally: [wait: 5 s]
+        on_failure: [wait: 1000 s]
+        """)
+    assert (seen.seconds, seen.basis) == (15.0, Basis.TIMED)
+    assert (seen.records, seen.samples) == (1, 200)
+    assert seen.durations() == {
+        "1/wait": 2.0, "2/record/1/extend": 1.0, "2/record/2/hold": 3.0, "3/set": 4.0, "finally/1/wait": 5.0
+    }  # fmt: skip
+
+
+def test_loops_count_every_round(previewed: See) -> None:
+    seen = previewed("""
+        steps:
+          - repeat: 3
+            do:
+              - record: {name: r, rate: 10 Hz}
+                do: [wait: 2 s]
+          - repeat: 0
+            do: [wait: 100 s]
+        """)
+    assert (seen.seconds, seen.records, seen.samples) == (6.0, 3, 60)
+    assert seen.durations()["1/repeat/1/record/1/wait"] == 2.0
+
+
+def test_a_later_round_starts_from_where_the_first_ended(previewed: See) -> None:
+    seen = previewed("steps:\n  - repeat: 5\n    do: [heat: 30 degC]")
+    first = seen.durations()["1/repeat/1/heat"]
+    assert first > 400.0
+    assert seen.seconds < first + 5 * 65.0
+
+
+def test_loops_in_loops_take_no_longer_to_look_at(previewed: See) -> None:
+    lines = ["steps:"]
+    for depth in range(35):
+        pad = "  " * (2 * depth + 1)
+        lines += [f"{pad}- repeat: {2 if depth < 18 else 1}", f"{pad}  do:"]
+    lines.append("  " * 71 + "- wait: 1 s")
+    assert previewed("\n".join(lines)).seconds == 2.0**18
+
+
+def test_conditions_leave_the_end_open(previewed: See) -> None:
+    seen = previewed("""
+        steps:
+          - while: oil_temperature < 40 degC
+            do: [wait: 1 s]
+          - wait: {until: oil_temperature > 30 degC, timeout: 7 s}
+        """)
+    assert seen.open_ended
+    assert seen.basis is Basis.AT_MOST
+    assert seen.seconds == 8.0
+
+
+def test_a_branch_counts_its_longer_side(previewed: See) -> None:
+    seen = previewed("""
+        steps:
+          - if: oil_temperature < 40 degC
+            do: [wait: 1 s]
+            else:
+              - record: {name: r, rate: 1 Hz}
+                do: [wait: 9 s]
+        """)
+    assert (seen.seconds, seen.records) == (9.0, 1)
+
+
+def test_people_take_their_time_on_a_real_bench(previewed: See, serial_rig: Rig) -> None:
+    text = "steps:\n  - set_pressure: {to: 30 bar, settle: 2 s}\n  - prompt: Close the door."
+    assert previewed(text).seconds == 2.0
+    seen = previewed(text, on=serial_rig)
+    assert (seen.seconds, seen.basis) == (32.0, Basis.GUESSED)
+
+
+def test_moves_from_the_flow_through_the_throttle(previewed: See) -> None:
+    """At 30 bar the rod moves about 95 mm in 1.05 s; back at the same flow it takes 3/4 of the time."""
+    seen = previewed("""
+        steps:
+          - set_pressure: 30 bar
+          - extend: {for: 1.05 s}
+          - retract: {until: position < 1 mm}
+          - extend: {to: 100 mm}
+        """)
+    durations = seen.durations()
+    assert durations["3/retract"] == pytest.approx(0.75 * 1.05 + 0.1, rel=0.02)
+    assert 1.0 < durations["4/extend"] < 1.4
+    (travel,) = [use for use in seen.limits if use.name == "over_travel"]
+    assert travel.closest == pytest.approx(0.1, abs=0.01)
+    assert travel.state == "clear"
+
+
+def test_a_bench_without_dimensions_counts_with_timeouts(previewed: See, rig: Rig) -> None:
+    text = (ROOT / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
+    bare = parse_rig(text.replace("  bore: 50 mm\n", "").replace("  tank_fill: 80 l", "  # tank_fill"))
+    seen = previewed(
+        """
+        steps:
+          - retract: {until: position < 1 mm, timeout: 7 s}
+          - heat: {to: 30 degC, timeout: 1 h}
+        """,
+        on=bare,
+    )
+    assert (seen.seconds, seen.basis) == (3607.0, Basis.AT_MOST)
+
+
+def test_limits_touched_and_approached(previewed: See) -> None:
+    seen = previewed("steps:\n  - heat: {to: 84 degC, within: 2 K}\n  - set_pressure: 55 bar")
+    states = {use.name: use.state for use in seen.limits}
+    assert states["oil_hot"] == "touched"
+    assert states["oil_too_hot"] == "approached"
+    assert states["over_pressure"] == "approached"
+    assert states["oil_cold"] == "clear"
+    assert states["over_travel"] == "unknown"
+    assert "moves_too_fast" not in states
+
+
+@pytest.mark.parametrize(
+    ("text", "piece"),
+    [
+        ("- heat: {to: 10 degC}", "the oil cools no further than"),
+        ("- heat: {to: 40 degC, timeout: 5 min}", "but fails after 5 min"),
+        (
+            "- set_pressure: 50 bar\n  - heat: {to: 20 degC, settle: 10 min}",
+            "the pump alone heats the oil past",
+        ),
+    ],
+)
+def test_what_will_most_likely_not_work(previewed: See, text: str, piece: str) -> None:
+    ((where, message),) = previewed(f"steps:\n  {text}\n").warnings
+    assert piece in message
+    assert where.line is not None
+
+
+def test_a_heater_that_is_too_weak(previewed: See) -> None:
+    text = (ROOT / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
+    weak = parse_rig(text.replace("power: 2000 W", "power: 20 W"))
+    ((_, message),) = previewed("steps:\n  - heat: 80 degC\n", on=weak).warnings
+    assert "with the heater on, the oil gets no hotter than" in message
+
+
+def test_cleanup_blocks_stand_in_the_tree_without_counting(previewed: See) -> None:
+    seen = previewed("""
+        steps:
+          - do: [wait: 1 s]
+            on_failure:
+              - record: {name: r}
+                do: [wait: 50 s]
+            finally: [wait: 2 s]
+        """)
+    assert (seen.seconds, seen.records) == (3.0, 0)
+    (failure,) = [node for node in seen.walk() if node.path == "1/do/on_failure"]
+    assert (failure.counted, failure.seconds) == (False, 50.0)

@@ -1,0 +1,74 @@
+"""The heat balance: limits, times, and agreement with a numerical solution."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.physics.oil import HL32
+from rigctl.planning.tank import Tank, tank_of
+from rigctl.rig import load_rig, parse_rig
+
+RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
+TANK = Tank(
+    fill=0.08, oil=HL32, heater=2000.0, pump_displacement=14e-3 / 60.0 / 0.9, loss=12.0, ambient=295.15
+)
+
+
+def test_the_shipped_rig() -> None:
+    tank = tank_of(load_rig(RIG))
+    assert tank is not None
+    assert tank.heat_capacity(288.15) == pytest.approx(870.0 * 0.08 * 1900.0)
+    assert tank.power(20e5, heating=False) == pytest.approx(466.7 / 0.9, rel=1e-3)
+    assert tank.power(50e5, heating=True) == pytest.approx(2000.0 + 1166.7 / 0.9, rel=1e-3)
+
+
+def test_published_rates_of_heating() -> None:
+    """The heaters give 0.9 K/min; at 50 bar the pump adds 0.5, before its efficiency."""
+    adiabatic = Tank(0.08, HL32, 2000.0, 14e-3 / 60.0, 0.0, 295.15)
+    minute = adiabatic.after(293.15, 60.0, 0.0, heating=True) - 293.15
+    assert minute == pytest.approx(0.9, abs=0.03)
+    pump = adiabatic.after(293.15, 60.0, 50e5, heating=False) - 293.15
+    assert pump == pytest.approx(0.5, abs=0.04)
+
+
+@given(st.floats(283.0, 350.0), st.floats(283.0, 350.0), st.floats(0.0, 60e5), st.booleans())
+def test_time_and_temperature_undo_each_other(
+    start: float, target: float, pressure: float, heating: bool
+) -> None:
+    seconds = TANK.time_to(target, start, pressure, heating)
+    limit = TANK.limit(pressure, heating)
+    if math.isinf(seconds):
+        assert target == limit or (target - start) * (limit - target) <= 0.0
+    else:
+        assert seconds >= 0.0
+        assert TANK.after(start, seconds, pressure, heating) == pytest.approx(target, abs=0.05)
+
+
+def test_an_hour_of_heating_against_small_steps() -> None:
+    temperature, step = 293.15, 1.0
+    for _ in range(3600):
+        power = TANK.power(30e5, heating=True) - TANK.loss * (temperature - TANK.ambient)
+        temperature += power * step / TANK.heat_capacity(temperature)
+    assert TANK.time_to(temperature, 293.15, 30e5, heating=True) == pytest.approx(3600.0, rel=2e-3)
+
+
+def test_what_is_never_reached() -> None:
+    assert TANK.time_to(400.0, 350.0, 0.0, heating=False) == math.inf
+    assert TANK.time_to(290.0, 300.0, 0.0, heating=False) == math.inf
+    assert TANK.time_to(300.0, 300.0, 0.0, heating=False) == 0.0
+    without_loss = Tank(0.08, HL32, 2000.0, 0.0, 0.0, 295.15)
+    assert without_loss.time_to(290.0, 300.0, 0.0, heating=True) == math.inf
+    assert without_loss.limit(0.0, heating=True) == math.inf
+    assert without_loss.limit(0.0, heating=False) == 295.15
+
+
+@pytest.mark.parametrize("line", ["  tank_fill: 80 l", "    power: 2000 W", "  heat: {actuator: heater"])
+def test_a_rig_that_does_not_tell(line: str) -> None:
+    lines = RIG.read_text(encoding="utf-8").splitlines()
+    without = parse_rig("\n".join(text for text in lines if not text.startswith(line)))
+    assert tank_of(without) is None
