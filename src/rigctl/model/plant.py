@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -58,6 +58,7 @@ def plant_stepper(
     initial: Mapping[str, float] | None = None,
     commands: Mapping[str, float] | None = None,
     own: Iterable[Effect] = (),
+    progress: Callable[[str], None] | None = None,
 ) -> Stepper:
     """The bench that `rig` describes, with hidden effects, at time 0.
 
@@ -69,6 +70,7 @@ def plant_stepper(
     commands: of the actuators at the start, SI; 0 for those left out, and a relief valve at the supply
         pressure of the start.
     own: a user's effects, which may then be named in `effects`.
+    progress: told when something takes long.
 
     Raises
     ------
@@ -89,9 +91,8 @@ def plant_stepper(
     if role is not None and role.channel in start:
         given[role.actuator] = start[role.channel]
     inputs = input_values(plant_inputs(rig).sources, given | dict(commands or {}))
-    return Stepper(
-        compile_system(system), [start[name] for name in system.state_names], system.nominal, inputs
-    )
+    compiled = compile_system(system, progress=progress)
+    return Stepper(compiled, [start[name] for name in system.state_names], system.nominal, inputs)
 
 
 def initial_state(

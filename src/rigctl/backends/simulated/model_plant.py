@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rigctl.backends.simulated.initial import initial_values
-from rigctl.backends.simulated.truth import resting_state
-from rigctl.engine.compile import compile_system
-from rigctl.engine.stepper import Stepper
-from rigctl.model import Model, input_sources
+from rigctl.backends.simulated.initial import initial_commands, initial_values
+from rigctl.model import Model, plant_inputs, plant_stepper
 from rigctl.rig import Rig
 
 
@@ -28,24 +25,23 @@ class ModelPlant:
 
     def __init__(self, rig: Rig, model: Model, progress: Callable[[str], None] | None = None) -> None:
         self.channels: tuple[str, ...] = rig.layout.channels
-        self._commands = dict.fromkeys(rig.actuators, 0.0)
-        surroundings = {
-            "ambient_temperature": rig.simulation.ambient_temperature,
-            "pump": float(rig.simulation.pump),
-        }
-        self._sources = input_sources(model.family, rig, surroundings)
-        compiled = compile_system(model.system(), progress=progress)
-        system = compiled.system
-        initial, resting = initial_values(rig), resting_state(model)
-        self._stepper = Stepper(
-            compiled,
-            [initial.get(name, resting[name]) for name in system.state_names],
-            system.nominal,
-            [source.of(self._commands) for source in self._sources],
+        self._commands = initial_commands(rig)
+        self._inputs = plant_inputs(rig)
+        initial = initial_values(rig)
+        self._stepper = plant_stepper(
+            rig,
+            {
+                effect: {name: value.si for name, value in parameters.items()}
+                for effect, parameters in model.effects.items()
+            },
+            {parameter.name: model.values[parameter.name] for parameter in model.family.parameters},
+            initial={s.name: initial[s.name] for s in model.family.states if s.name in initial},
+            commands=self._commands,
+            progress=progress,
         )
-        given = {source.channel: source.value for source in self._sources if source.channel is not None}
+        given = {source.channel: source.value for source in self._inputs.sources if source.channel}
         self._values = [given.get(name, initial[name]) for name in self.channels]
-        outputs = system.output_names
+        outputs = self._stepper.compiled.system.output_names
         self._places = [
             (self.channels.index(name), outputs.index(name)) for name in outputs if name in self.channels
         ]
@@ -57,9 +53,8 @@ class ModelPlant:
     def switch(self, actuator: str, value: float) -> None:
         """Put an actuator to an SI value."""
         self._commands[actuator] = value
-        for source in self._sources:
-            if any(name == actuator for name, _ in source.actuators):
-                self._stepper.switch_input(source.input, source.of(self._commands))
+        for name, level in self._inputs.switched(actuator, self._commands).items():
+            self._stepper.switch_input(name, level)
 
     def read(self) -> Sequence[float]:
         """The true SI values."""

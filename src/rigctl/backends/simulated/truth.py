@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rigctl.effects.declaration import qualified
 from rigctl.effects.option import parse_effect_option
-from rigctl.effects.registry import find_effect
 from rigctl.errors import RigctlError
 from rigctl.model import Model, family_of, load_model
 from rigctl.physics.families import find_family
@@ -51,12 +49,3 @@ def describe(model: Model) -> str:
         for name, values in model.effects.items()
     ]
     return f"{origin} with {', '.join(effects)}" if effects else origin
-
-
-def resting_state(model: Model) -> dict[str, float]:
-    """The SI value of every state of the model before anything has happened."""
-    states = {state.name: state.start for state in model.family.states}
-    for name in model.effects:
-        effect = find_effect(name, model.family.name)
-        states |= {qualified(name, state.name): state.start for state in effect.states}
-    return states
