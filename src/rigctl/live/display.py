@@ -1,0 +1,57 @@
+"""Which display suits the stream it writes to."""
+
+from __future__ import annotations
+
+import os
+import sys
+from types import TracebackType
+from typing import Protocol, Self, TextIO
+
+from rigctl.procedure.plan import Plan
+from rigctl.runner.view import View
+
+
+class Display(Protocol):
+    """An observer of a run: called with every view, in a ``with`` block that lasts as long as the run."""
+
+    interactive: bool  #: True when it shows questions and answers by itself
+
+    def __enter__(self) -> Self:
+        """Begin to show."""
+        ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Show the last view and give the terminal back."""
+        ...
+
+    def __call__(self, view: View) -> None:
+        """Take a view; returns at once, whatever the terminal does."""
+        ...
+
+
+def view(plan: Plan, stream: TextIO | None = None, *, hint: str = "") -> Display:
+    """The display of a run: redrawn on a terminal, one line per event elsewhere.
+
+    Parameters
+    ----------
+    stream: where it is shown; stderr, so that stdout is left to results.
+    hint: which keys do what, shown below.
+    """
+    target = sys.stderr if stream is None else stream
+    if redrawable(target):
+        from rigctl.live.terminal import TerminalDisplay
+
+        return TerminalDisplay(plan, target, hint=hint)
+    from rigctl.live.plain import PlainDisplay
+
+    return PlainDisplay(plan, target)
+
+
+def redrawable(stream: TextIO) -> bool:
+    """True for a terminal whose cursor can be moved."""
+    try:
+        return stream.isatty() and os.environ.get("TERM", "") != "dumb"
+    except ValueError:  # closed
+        return False

@@ -1,0 +1,86 @@
+"""A run as lines: for a log, a pipe, or a terminal that cannot redraw."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from types import TracebackType
+from typing import Self, TextIO
+
+from rigctl.live.steps import PlanPlaces
+from rigctl.planning.outline import clock_time, printable
+from rigctl.procedure.plan import Plan
+from rigctl.runner.view import Happening, View
+
+_STEP = 0.1  # of the progress, between two lines
+
+
+class PlainDisplay:
+    """One line for each change of state, each record, each alarm, and each tenth of the way."""
+
+    interactive = False
+
+    def __init__(self, plan: Plan, stream: TextIO) -> None:
+        self._places = PlanPlaces(plan)
+        self._stream = stream
+        self._state = ""
+        self._record = -1
+        self._tenths = 0
+        self._told: tuple[Happening, ...] = ()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        pass
+
+    def __call__(self, view: View) -> None:
+        """Write what is new in this view."""
+        self._tell_happenings(view)
+        if view.state != self._state:
+            self._state = view.state
+            self._write(view.time, view.state + (f": {view.message}" if view.message else ""))
+        if view.record not in (-1, self._record):
+            self._tell_record(view)
+        self._record = view.record
+        tenths = int(view.progress / _STEP + 1e-9)
+        if tenths > self._tenths and view.state == "running":
+            self._tenths = tenths
+            left = f", about {clock_time(view.time_left)} left" if view.time_left is not None else ""
+            self._write(view.time, f"{view.progress:.0%} done{left}")
+
+    def _tell_record(self, view: View) -> None:
+        node = self._places.record(view.path)
+        name = f" {node.name}" if node is not None else ""
+        sweep = ", ".join(f"{key}={value}" for key, value in bindings(self._places, view.path).items())
+        number = (
+            f"{view.records_done + 1} of {view.records_total}" if view.records_total else str(view.record)
+        )
+        self._write(view.time, f"record {number}:{name}" + (f" at {sweep}" if sweep else ""))
+
+    def _tell_happenings(self, view: View) -> None:
+        """Alarms, faults, notes; changes of state have their own lines."""
+        for happening in view.happenings:
+            if happening.kind != "state" and not any(happening is told for told in self._told):
+                self._write(happening.time, f"{happening.kind}: {happening.message}")
+        self._told = view.happenings
+
+    def _write(self, time: float, text: str) -> None:
+        with suppress(OSError, ValueError):  # a closed pipe ends the lines, not the run
+            self._stream.write(f"{stamp(time)}  {printable(text)}\n")
+            self._stream.flush()
+
+
+def stamp(seconds: float) -> str:
+    """A time as ``1:02:03``."""
+    whole = int(seconds)
+    return f"{whole // 3600}:{whole % 3600 // 60:02d}:{whole % 60:02d}"
+
+
+def bindings(places: PlanPlaces, path: str) -> dict[str, str]:
+    """The sweep values and arguments in force at a step, as a person reads them."""
+    found: dict[str, str] = {}
+    for node in places.chain(path):
+        found.update(getattr(node, "bindings", {}))
+    return found

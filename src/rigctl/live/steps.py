@@ -1,0 +1,148 @@
+"""Where a run is in its plan: the step in progress, what surrounds it, and which record it belongs to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+
+from rigctl.procedure.plan import (
+    Branch,
+    Group,
+    GroupKind,
+    Loop,
+    Node,
+    Plan,
+    RecordNode,
+    children,
+    cleanup_blocks,
+)
+
+_ROUND = re.compile(r"#(\d+)")
+
+
+class Stage(Enum):
+    """Whether a step has been carried out."""
+
+    DONE = "done"  #: it lies before the step in progress
+    CURRENT = "current"  #: it, or something in it, is in progress
+    AHEAD = "ahead"  #: its turn comes later
+
+
+@dataclass(frozen=True)
+class StepLine:
+    """One line of the tree: what a person reads, how deep it is indented, and whether it is done."""
+
+    depth: int
+    label: str
+    stage: Stage
+    note: str = ""  #: e.g. ``3 of 7``
+
+
+class PlanPlaces:
+    """Finds steps of a plan by their paths."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._above: dict[str, tuple[Node, Node | None]] = {}
+        for root in (plan.root, plan.on_failure, plan.on_abort, plan.finally_):
+            if root is not None:
+                self._add(root, None)
+
+    def _add(self, root: Node, above: Node | None) -> None:
+        waiting: list[tuple[Node, Node | None]] = [(root, above)]
+        while waiting:
+            node, parent = waiting.pop()
+            self._above.setdefault(node.path, (node, parent))
+            waiting.extend((child, node) for child in children(node))
+            if isinstance(node, Branch) and node.otherwise is not None:
+                waiting.append((node.otherwise, node))
+            if isinstance(node, Group):
+                waiting.extend((block, node) for block in cleanup_blocks(node))
+
+    def chain(self, path: str) -> list[Node]:
+        """From the root down to the step with this path, rounds of loops left out; empty when unknown."""
+        found: list[Node] = []
+        node, above = self._above.get(_ROUND.sub("", path), (None, None))
+        while node is not None:
+            found.append(node)
+            node, above = self._above[above.path] if above is not None else (None, None)
+        return found[::-1]
+
+    def record(self, path: str) -> RecordNode | None:
+        """The record that the step belongs to."""
+        return next((node for node in self.chain(path) if isinstance(node, RecordNode)), None)
+
+
+def outline(places: PlanPlaces, path: str, most: int) -> list[StepLine]:
+    """The tree around the step in progress, in about `most` lines.
+
+    Sweeps show the point in progress and its number; of the steps beside the current one those that fit are
+    shown, nearest first.
+    """
+    chain = places.chain(path)
+    if not chain:
+        return []
+    rounds = _rounds(path)
+    levels = [level for level in _levels(chain) if level[0]]
+    room = max(most - len(levels), 0)
+    beside = _share([len(siblings) - 1 for siblings, _ in levels], room)
+    before: list[StepLine] = []
+    after: list[StepLine] = []
+    for depth, ((siblings, current), count) in enumerate(zip(levels, beside, strict=True)):
+        place = siblings.index(current)
+        first, last = _window(place, len(siblings), count)
+        before += [StepLine(depth, node.label, Stage.DONE) for node in siblings[first:place]]
+        before.append(StepLine(depth, current.label, Stage.CURRENT, _note(current, chain, rounds)))
+        after = [StepLine(depth, node.label, Stage.AHEAD) for node in siblings[place + 1 : last]] + after
+    return before + after
+
+
+def _levels(chain: Sequence[Node]) -> Iterator[tuple[list[Node], Node]]:
+    """From the root down: the steps at one level, and which of them leads to the current one.
+
+    A block that only holds together what is in it has no line of its own, nor has a point of a sweep beside
+    the others.
+    """
+    for above, node in pairwise(chain):
+        if isinstance(node, Group) and node.kind is GroupKind.DO and isinstance(above, RecordNode | Loop):
+            continue
+        if isinstance(above, Group) and above.kind is GroupKind.FOR:
+            yield [node], node
+        else:
+            siblings = list(children(above))
+            yield (siblings if node in siblings else [node]), node
+
+
+def _note(node: Node, chain: Sequence[Node], rounds: dict[str, int]) -> str:
+    """How far a sweep or a loop is."""
+    if isinstance(node, Loop):
+        number = rounds.get(node.path)
+        of = f" of {node.count}" if node.count is not None else ""
+        return f"round {number}{of}" if number else ""
+    if isinstance(node, Group) and node.kind is GroupKind.ITERATION:
+        place = next(index for index, other in enumerate(chain) if other is node)
+        points = children(chain[place - 1]) if place else (node,)
+        return f"{points.index(node) + 1} of {len(points)}"
+    return ""
+
+
+def _rounds(path: str) -> dict[str, int]:
+    """The round of every loop on the path, by the loop's own path."""
+    return {_ROUND.sub("", path[: match.start()]): int(match.group(1)) for match in _ROUND.finditer(path)}
+
+
+def _share(wanted: Sequence[int], room: int) -> list[int]:
+    """Give the lines there are to the levels, the innermost first."""
+    given = []
+    for count in reversed(wanted):
+        given.append(min(count, room))
+        room -= given[-1]
+    return given[::-1]
+
+
+def _window(place: int, count: int, beside: int) -> tuple[int, int]:
+    """First and last (exclusive) of the `beside` neighbours of `place`, a third of them before it."""
+    before = min(place, max(beside // 3, beside - (count - 1 - place)))
+    return place - before, min(place + 1 + beside - before, count)

@@ -1,0 +1,149 @@
+"""A run on a terminal, redrawn by a thread of its own, so that a slow terminal never slows the run."""
+
+from __future__ import annotations
+
+from time import monotonic
+from types import TracebackType
+from typing import TYPE_CHECKING, Self, TextIO
+
+from rigctl.live.plain import stamp
+from rigctl.live.readings import Readings, readings_table
+from rigctl.live.steps import PlanPlaces, Stage, StepLine, outline
+from rigctl.planning.outline import clock_time, printable
+from rigctl.procedure.plan import Plan
+from rigctl.runner.view import View
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.text import Text
+
+#: redrawings per second of wall time; drawing takes some 10 ms, which the run shares
+_RATE = 4.0
+_HAPPENINGS = 5
+_STATES = {
+    "running": "bold green",
+    "paused": "bold yellow",
+    "safe": "bold yellow",
+    "failed": "bold red",
+    "aborted": "bold yellow",
+    "finished": "bold green",
+}
+_KINDS = {"alarm": "red", "fault": "red", "gap": "yellow"}
+_MARKS = {Stage.DONE: ("✓", "+", "dim"), Stage.CURRENT: ("▶", ">", "bold"), Stage.AHEAD: ("·", ".", "dim")}
+
+
+class TerminalDisplay:
+    """State and progress, steps, channels, what happened last, and the open question."""
+
+    interactive = True
+
+    def __init__(self, plan: Plan, stream: TextIO, *, hint: str = "") -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        self._plan = plan
+        self._places = PlanPlaces(plan)
+        self._readings = Readings(plan.rig)
+        self._hint = hint
+        self._view: View | None = None
+        self._taken = 0.0
+        self._console = Console(file=stream, highlight=False)
+        self._unicode = self._console.encoding.lower().startswith("utf")
+        self._live = Live(
+            get_renderable=self.render,
+            console=self._console,
+            refresh_per_second=_RATE,
+            redirect_stdout=False,  # results, not for this terminal alone
+        )
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.stop()
+
+    def __call__(self, view: View) -> None:
+        """Keep the view for the next drawing."""
+        self._view = view
+        now = monotonic()
+        if now - self._taken >= 1.0 / _RATE:
+            self._taken = now
+            alarms = {alarm.channel: alarm.action for alarm in view.alarms}
+            self._readings.update(view.values, view.commands, dict(alarms))
+
+    def render(self) -> RenderableType:
+        """What the terminal shows now."""
+        from rich.console import Group
+        from rich.text import Text
+
+        view = self._view
+        if view is None:
+            return Text("")
+        parts: list[RenderableType] = [self._heading(view), self._progress(view), Text("")]
+        below = self._below(view)
+        table = readings_table(self._readings, unicode=self._unicode)
+        taken = len(parts) + table.row_count + len(below) + 3
+        parts += [self._step(line) for line in outline(self._places, view.path, self._console.height - taken)]
+        parts += [Text(""), table, *below]
+        return Group(*parts)
+
+    def _heading(self, view: View) -> RenderableType:
+        from rich.text import Text
+
+        line = Text(no_wrap=True, overflow="ellipsis")
+        line.append(printable(self._plan.name), "bold")
+        line.append(f" on {printable(self._plan.rig.name)}  ", "dim")
+        line.append(view.state, _STATES.get(view.state, "bold"))
+        line.append(f"  {stamp(view.time)}")
+        if view.message:
+            line.append(f"  {printable(view.message)}", "yellow")
+        return line
+
+    def _progress(self, view: View) -> RenderableType:
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+        from rich.text import Text
+
+        row = Table.grid(padding=(0, 2))
+        record = f"record {min(view.records_done + (view.record >= 0), view.records_total)}"
+        cells: list[RenderableType] = [
+            ProgressBar(total=1.0, completed=view.progress, width=max(min(self._console.width // 3, 40), 8)),
+            Text(f"{view.progress:4.0%}"),
+            Text(f"{record} of {view.records_total}" if view.records_total else ""),
+            Text(f"about {clock_time(view.time_left)} left" if view.time_left is not None else "", "dim"),
+        ]
+        row.add_row(*cells)
+        return row
+
+    def _step(self, line: StepLine) -> RenderableType:
+        from rich.text import Text
+
+        sign, plain, style = _MARKS[line.stage]
+        text = Text(
+            f"{'  ' * line.depth}{sign if self._unicode else plain} {printable(line.label)}",
+            style=style,
+            no_wrap=True,
+            overflow="ellipsis",
+        )
+        if line.note:
+            text.append(f"  {line.note}", "cyan")
+        return text
+
+    def _below(self, view: View) -> list[Text]:
+        """What happened last, the question, the keys."""
+        from rich.text import Text
+
+        lines = [Text("")]
+        for happening in view.happenings[-_HAPPENINGS:]:
+            line = Text(no_wrap=True, overflow="ellipsis")
+            line.append(f"{stamp(happening.time)}  ", "dim")
+            line.append(f"{happening.kind}: {printable(happening.message)}", _KINDS.get(happening.kind, ""))
+            lines.append(line)
+        if view.question:
+            lines += [Text(""), Text(printable(view.question), style="bold cyan")]
+        if self._hint:
+            lines.append(Text(self._hint, style="dim"))
+        return lines
