@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 
@@ -13,8 +13,13 @@ from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.run_data import RecordData, RunData
 from rigctl.report.signals import plain_name, quantity_name, sweep_label
-from rigctl.report.stroke import find_motion, stroke
+from rigctl.report.stroke import REST, find_motion, stroke
 from rigctl.units import convert, parse_unit
+
+STROKE_ORIGIN = (
+    f"From the position: its mean {REST:g} to {2 * REST:g} s after the valve has closed, less its mean over "
+    f"the {REST:g} s before it opens."
+)
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,7 @@ class Response:
     x_name: str
     x_unit: str
     series: tuple[Series, ...]
+    origin: str = ""  #: how the values come about, where the procedure does not say it
 
     @property
     def x_title(self) -> str:
@@ -93,9 +99,10 @@ def responses(runs: Sequence[RunData]) -> list[Response]:
         x_name = _choose_x([record for _, record in usable])
         if x_name is None:
             continue
-        for quantity, (unit, value) in _quantities(usable).items():
-            label = f"{quantity} of {name}" if len(names) > 1 and quantity != name else quantity
-            response = _response(label, unit, x_name, usable, value, len(runs) > 1)
+        for quantity in _quantities(usable):
+            plain = len(names) == 1 or quantity.name == name
+            label = quantity.name if plain else f"{quantity.name} of {name}"
+            response = _response(label, quantity, x_name, usable, by_run=len(runs) > 1)
             if response is not None:
                 found.append(response)
     return found
@@ -140,9 +147,19 @@ def _choose_x(records: Sequence[RecordData]) -> str | None:
 _Value = Callable[[RunData, RecordData], float | None]
 
 
-def _quantities(pairs: Sequence[tuple[RunData, RecordData]]) -> Mapping[str, tuple[str, _Value]]:
-    """What can be shown for these records: name to unit and value."""
-    found: dict[str, tuple[str, _Value]] = {}
+@dataclass(frozen=True)
+class _Quantity:
+    """Something that every record may have a value of, in `unit`; `origin` as in `Response`."""
+
+    name: str
+    unit: str
+    value: _Value
+    origin: str = ""
+
+
+def _quantities(pairs: Sequence[tuple[RunData, RecordData]]) -> list[_Quantity]:
+    """What can be shown for these records; the stroke comes first."""
+    found: dict[str, _Quantity] = {}
     motions = {run.id: find_motion(run) for run, _ in pairs}
     known = [motion for motion in motions.values() if motion is not None]
     if known:
@@ -151,12 +168,13 @@ def _quantities(pairs: Sequence[tuple[RunData, RecordData]]) -> Mapping[str, tup
             motion = motions[run.id]
             return None if motion is None else stroke(run, record, motion)
 
-        found["stroke"] = (known[0].position.unit, stroke_of)
+        found["stroke"] = _Quantity("stroke", known[0].position.unit, stroke_of, STROKE_ORIGIN)
     for _, record in pairs:
         for measured in record.measures:
             if measured.name not in found:
-                found[measured.name] = (measured.unit, _measure_named(measured.name, measured.unit))
-    return found
+                value = _measure_named(measured.name, measured.unit)
+                found[measured.name] = _Quantity(measured.name, measured.unit, value)
+    return list(found.values())
 
 
 def _measure_named(name: str, unit: str) -> _Value:
@@ -178,16 +196,16 @@ def _same_unit(value: float, unit: str, wanted: str) -> float | None:
 
 def _response(
     name: str,
-    unit: str,
+    quantity: _Quantity,
     x_name: str,
     pairs: Sequence[tuple[RunData, RecordData]],
-    value: _Value,
+    *,
     by_run: bool,
 ) -> Response | None:
     cells: dict[tuple[str, tuple[float, ...]], dict[float, list[float]]] = {}
     x_unit = ""
     for run, record in pairs:
-        result = value(run, record)
+        result = quantity.value(run, record)
         if result is None or x_name not in record.sweep:
             continue
         swept, swept_unit = record.sweep[x_name]
@@ -205,4 +223,4 @@ def _response(
         Series(label, tuple(Point(x, tuple(values)) for x, values in sorted(points.items())))
         for (label, order), points in sorted(cells.items(), key=lambda item: (item[0][1], item[0][0]))
     )
-    return Response(name, unit, x_name, x_unit, series)
+    return Response(name, quantity.unit, x_name, x_unit, series, quantity.origin)

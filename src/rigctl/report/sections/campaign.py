@@ -32,6 +32,7 @@ def build(runs: Sequence[RunData]) -> Section | None:
             {
                 "title": plot.caption,
                 "sentence": sentence(response),
+                "origin": response.origin,
                 "slot": plot_slot(plot),
                 "head": f"{response.x_title} [{symbol(response.x_unit) or '1'}]",
                 "unit": symbol(response.unit),
