@@ -105,6 +105,35 @@ def test_a_record_that_is_closed_is_on_disk(writer: RunWriter, monkeypatch: pyte
     writer.close("finished")
 
 
+def test_the_disk_itself_is_waited_for_between_records_and_at_their_end(
+    writer: RunWriter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = writer_module.monotonic()
+    synced = []
+    monkeypatch.setattr(writer._journal, "sync", lambda: synced.append(now))
+
+    def at(seconds: float) -> None:
+        nonlocal now
+        now += seconds
+        monkeypatch.setattr(writer_module, "monotonic", lambda: now)
+
+    at(9.0)
+    writer.append(sample(9.0))
+    assert len(synced) == 0
+    at(1.0)
+    writer.append(sample(10.0))
+    assert len(synced) == 1
+    writer.open_record(10.0, "stroke", {}, "1", 100.0)
+    at(20.0)
+    writer.append(sample(30.0, 0))
+    assert len(synced) == 1
+    writer.close_record(30.0, "complete")
+    assert len(synced) == 2
+    measure_strokes(writer)
+    assert len(synced) == 2
+    writer.close("finished")
+
+
 def test_records_carry_sweep_values_and_measures_in_their_units(writer: RunWriter) -> None:
     measure_strokes(writer, records=2)
     run = open_run(writer.close("finished"))

@@ -134,7 +134,11 @@ class Run:
     @cached_property
     def records(self) -> pd.DataFrame:
         """One row per record, sweep values and measures in the units of ``attrs["units"]``."""
-        return _frame(self.table("records"))
+        return _frame(self._record_rows)
+
+    @cached_property
+    def _record_rows(self) -> pa.Table:
+        return self.table("records")
 
     @cached_property
     def events(self) -> pd.DataFrame:
@@ -180,8 +184,8 @@ class Run:
             there is no such record.
         """
         table = self._read(self.layout.columns, index)
-        rows = self.table("records")
-        row = {key: values[index] for key, values in rows.to_pydict().items()}
+        rows = self._record_rows
+        row = rows.slice(index, 1).to_pylist()[0]
         facts = {key: row[key] for key in ("name", "path", "rate", "start", "end", "outcome", "excluded")}
         return Record(
             index=index,

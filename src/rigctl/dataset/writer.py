@@ -2,7 +2,8 @@
 
 Two append-only files are the truth while a run goes on: the journal of its samples and the log of
 everything else. Both are handed to the operating system at least twice a second, and to the disk at the end
-of a record. `close` makes the run's tables from them; `rigctl.dataset.verification` does when nobody could.
+of a record and every ten seconds between records. `close` makes the run's tables from them;
+`rigctl.dataset.verification` does when nobody could.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ if TYPE_CHECKING:
 FLUSH_AFTER: Final = 0.5
 #: how much of blocks may wait in memory
 _FLUSH_BYTES: Final = 1 << 21
-#: how often at most a record's end waits for the disk itself, s of wall time
+#: how often at most a record's end waits for the disk itself, and how often between records, s of wall time
 _SYNC_AFTER: Final = 1.0
+_SYNC_BETWEEN: Final = 10.0
 
 
 class RunWriter:
@@ -309,7 +311,8 @@ class RunWriter:
 
     def _flush_due(self) -> None:
         if self._failure is None:
-            self.flush()
+            idle = self._record < 0  # a wait for the disk would delay the samples of a record
+            self.flush(sync=idle and monotonic() >= self._synced + _SYNC_BETWEEN)
 
     def _fail(self, path: Path, problem: OSError) -> RigctlError:
         self._failure = RigctlError(
