@@ -14,6 +14,7 @@ from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
 _BLOCK = 1024  # rows turned into tuples at once
+_PATIENCE = 0.5  # of the rig's stale_after: the end is told before it looks like a silent bench
 
 
 class Player:
@@ -74,7 +75,8 @@ class Player:
         Raises
         ------
         BackendLost
-            the recording has ended.
+            the recording has ended, a while ago: what was being waited for when it was recorded may still
+            come to its end.
         """
         recording = self._opened()
         deadline = self.clock.now() + timeout
@@ -83,6 +85,9 @@ class Player:
             return None
         if not self._rows:
             self._rows = self._next_rows(recording)
+        if not self._rows:
+            self._outlast(self._origin + float(recording.times[-1]), deadline)
+            return None
         when = self._origin + self._rows[-1][0]
         if when > deadline:
             self.clock.sleep_until(deadline)
@@ -132,11 +137,16 @@ class Player:
     def _next_rows(self, recording: Recording) -> list[tuple[float, list[float], list[float]]]:
         part = slice(self._index, self._index + _BLOCK)
         times = recording.times[part].tolist()
-        if not times:
-            raise BackendLost(
-                f"the recording ended after {recording.times[-1]:g} s",
-                hint="Play it with the procedure that it was recorded with",
-            )
         self._index += len(times)
         rows = zip(times, recording.values[part].tolist(), recording.commands[part].tolist(), strict=True)
         return list(rows)[::-1]
+
+    def _outlast(self, last: float, deadline: float) -> None:
+        """Wait without a sample for half the time after which silence is a fault."""
+        given_up = last + _PATIENCE * self._rig.stale_after
+        self.clock.sleep_until(min(deadline, given_up))
+        if deadline >= given_up:
+            raise BackendLost(
+                f"the recording ended at {last:g} s",
+                hint="Play it with the procedure that it was recorded with",
+            )
