@@ -1,0 +1,62 @@
+"""rigctl from a wheel, in an empty folder, with no checkout in sight."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment of a process that sees the wheel's rigctl instead of the checkout's."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder)]
+    subprocess.run([*build, str(REPOSITORY)], check=True, capture_output=True)
+    (wheel,) = folder.glob("rigctl-*.whl")
+    place = folder / "site"
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place)]
+    subprocess.run([*install, str(wheel)], check=True, capture_output=True)
+    return {**os.environ, "PYTHONPATH": str(place), "EXPECTED": str(place)}
+
+
+def rigctl(arguments: list[str], folder: Path, environment: dict[str, str]) -> str:
+    """Run the installed command; returns its stdout."""
+    done = subprocess.run(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=folder, env=environment, capture_output=True, text=True, encoding="utf-8", check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_first_job_works_from_an_installed_wheel(installed: dict[str, str], tmp_path: Path) -> None:
+    code = "import os, rigctl, pathlib; print(rigctl.__file__.startswith(os.environ['EXPECTED']))"
+    seen = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=installed, capture_output=True, text=True, check=True
+    )
+    assert seen.stdout.strip() == "True", "the checkout was imported instead of the wheel"
+
+    made = json.loads(rigctl(["init", "bench", "--json"], tmp_path, installed))
+    assert len(made["files"]) > 8
+    bench = tmp_path / "bench"
+    rigctl(["check", "procedures/campaign.yaml", "--json"], bench, installed)
+    run = json.loads(rigctl(["simulate", "procedures/quick-check.yaml", "--json"], bench, installed))
+    assert run["records"] == 2
+    rigctl(["runs", "verify", run["run"]], bench, installed)
+    rigctl(["report", "latest", "-o", "page.html"], bench, installed)
+    assert "Plotly" in (bench / "page.html").read_text(encoding="utf-8")
+    oil = json.loads(rigctl(["oil", "--json"], tmp_path, installed))
+    assert oil
+
+
+def test_a_shipped_procedure_runs_without_a_project(installed: dict[str, str], tmp_path: Path) -> None:
+    shown = rigctl(["check", "procedures/quick-check.yaml"], tmp_path, installed)
+    assert "2 records" in shown
+    assert list(tmp_path.iterdir()) == []
