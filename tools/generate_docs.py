@@ -16,9 +16,11 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 def pages() -> Iterator[tuple[Path, str]]:
     """Every generated page with its text."""
+    from rigctl.procedure.steps_page import steps_page
     from rigctl.runner.states_page import run_states_page
 
     yield DOCS / "reference" / "commands.md", commands_page()
+    yield DOCS / "reference" / "procedure-steps.md", steps_page()
     yield DOCS / "reference" / "run-states.md", run_states_page()
 
 

@@ -23,6 +23,7 @@ class Step(Part):
     """One entry of a list of steps: a mapping whose first key, the verb, says what it is."""
 
     verb: ClassVar[str]
+    example: ClassVar[str]  #: for the reference; a test expands it on the shipped rig
 
     @abstractmethod
     def build(self, context: Context) -> Node:

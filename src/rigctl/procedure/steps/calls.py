@@ -30,6 +30,7 @@ class CallStep(Step, Cleanup):
     """Carry out another procedure's steps, with its own cleanup; its rig is the caller's."""
 
     verb: ClassVar[str] = "call"
+    example: ClassVar[str] = "- call: {procedure: procedures/stroke.yaml, with: {supply: 40 bar}}\n"
     call: Annotated[CallFields, Short("procedure")]
 
     def build(self, context: Context) -> Node:

@@ -20,6 +20,9 @@ class IfStep(Block):
     """Choose by the newest sample, earlier measures and operators' answers."""
 
     verb: ClassVar[str] = "if"
+    example: ClassVar[str] = (
+        "- if: oil_temperature > 60 degC and heater == 0\n  do: [wait: 10 min]\n  else: [wait: 1 min]\n"
+    )
     if_: Condition = Field(alias="if", description="e.g. oil_temperature > 40 degC")
     else_: list[AnyStep] | None = Field(default=None, alias="else", description="steps when it does not hold")
 
@@ -41,6 +44,7 @@ class WhileStep(Block):
     """Repeat as long as a condition holds; it is looked at before each round."""
 
     verb: ClassVar[str] = "while"
+    example: ClassVar[str] = "- while: oil_temperature < 25 degC\n  at_most: 100\n  do:\n    - wait: 10 s\n"
     while_: Condition = Field(alias="while", description="e.g. oil_temperature < 40 degC")
     at_most: Count = Field(
         default=COUNT.read("1000"), description="rounds, after which the step fails if it still holds"
@@ -65,6 +69,7 @@ class RepeatStep(Block):
     """Do the same a number of times; 0 leaves it out."""
 
     verb: ClassVar[str] = "repeat"
+    example: ClassVar[str] = "- repeat: 3\n  do:\n    - extend: 0.5 s\n    - retract: 0.5 s\n"
     repeat: Count = Field(description="how often")
 
     def build(self, context: Context) -> Node:

@@ -115,6 +115,11 @@ class ExtendStep(_MoveStep):
     """Move the rod out."""
 
     verb: ClassVar[str] = "extend"
+    example: ClassVar[str] = (
+        "- extend: 1.05 s                                   # by time\n"
+        "- extend: {until: position > 80 mm, timeout: 5 s}  # until a condition holds\n"
+        "- extend: {to: 100 mm, within: 1 mm}               # to a position, in closed loop\n"
+    )
     direction: ClassVar[Literal[1, -1]] = 1
     extend: Annotated[MoveFields, Short("for")]
 
@@ -123,5 +128,6 @@ class RetractStep(_MoveStep):
     """Move the rod in."""
 
     verb: ClassVar[str] = "retract"
+    example: ClassVar[str] = "- retract: {until: position < 1 mm, timeout: 10 s}\n"
     direction: ClassVar[Literal[1, -1]] = -1
     retract: Annotated[MoveFields, Short("for")]

@@ -44,6 +44,10 @@ class PromptStep(Step):
     """Ask the operator; the run waits for the answer."""
 
     verb: ClassVar[str] = "prompt"
+    example: ClassVar[str] = (
+        "- prompt: Close the door.\n"
+        "- prompt: {question: How long did it take?, name: run_time, unit: s, low: 10 s, high: 1 h}\n"
+    )
     prompt: Annotated[PromptFields, Short("question")]
 
     def build(self, context: Context) -> Leaf:

@@ -47,6 +47,9 @@ class SetStep(Step):
     """Command one or more actuators: ``set: {heater: on}``."""
 
     verb: ClassVar[str] = "set"
+    example: ClassVar[str] = (
+        "- set: {heater: on, valve: neutral}\n- set: {values: {valve: extend}, for: 500 ms}\n"
+    )
     set: Annotated[
         SetFields,
         BeforeValidator(_lengthen, json_schema_input_type=SetFields | dict[str, Command]),

@@ -33,6 +33,14 @@ class RecordStep(Block):
     """Record what the steps inside do: one record, the unit of fitting and of hold-out."""
 
     verb: ClassVar[str] = "record"
+    example: ClassVar[str] = (
+        "- record: {name: stroke, rate: 100 Hz, channels: all}\n"
+        "  do:\n"
+        "    - wait: 0.2 s\n"
+        "    - extend: 1.05 s\n"
+        "  finally:\n"
+        "    - retract: {until: position < 1 mm}\n"
+    )
     record: RecordFields
 
     def build(self, context: Context) -> Node:
@@ -101,6 +109,9 @@ class MeasureStep(Step):
     """Take a value from the samples so far."""
 
     verb: ClassVar[str] = "measure"
+    example: ClassVar[str] = (
+        "- measure: {name: zero, value: mean(position), unit: mm, last: 2 s, low: -1 mm, high: 1 mm}\n"
+    )
     measure: MeasureFields
 
     def build(self, context: Context) -> Leaf:

@@ -44,6 +44,7 @@ class HeatStep(Step):
     """Heat the oil, or wait until it has cooled."""
 
     verb: ClassVar[str] = "heat"
+    example: ClassVar[str] = "- heat: {to: 40 degC, within: 0.5 K, settle: 60 s, timeout: 2 h}\n"
     heat: Annotated[HeatFields, Short("to")]
 
     def build(self, context: Context) -> Leaf:
@@ -84,6 +85,7 @@ class SetPressureStep(Step):
     """Set the supply pressure; where the valve is turned by hand, the operator is asked to."""
 
     verb: ClassVar[str] = "set_pressure"
+    example: ClassVar[str] = "- set_pressure: {to: 30 bar, within: 0.5 bar, settle: 2 s, timeout: 60 s}\n"
     set_pressure: Annotated[SetPressureFields, Short("to")]
 
     def build(self, context: Context) -> Leaf:

@@ -72,6 +72,19 @@ class ForStep(Block):
     """
 
     verb: ClassVar[str] = "for"
+    example: ClassVar[str] = (
+        "- for: {oil: [20 degC, 30 degC, 40 degC]}                  # a list\n"
+        "  do: [heat: $oil]\n"
+        "- for: {supply: {from: 20 bar, to: 50 bar, step: 10 bar}}  # a range; or count: 4\n"
+        "  shuffle: 7\n"
+        "  repeat: 2\n"
+        "  do: [set_pressure: $supply]\n"
+        "- for: {open: [0.5 s, 1 s], rest: [1 s, 2 s]}             # paired\n"
+        "  zip: true\n"
+        "  do:\n"
+        "    - extend: $open\n"
+        "    - wait: $rest\n"
+    )
     for_: dict[Name, Sweep] = Field(alias="for", min_length=1, description="variable: its values")
     zip: bool = Field(
         default=False, description="pair the values of several variables instead of nesting them"

@@ -13,6 +13,9 @@ class DoStep(Block):
     """Carry out steps in order; `finally` and its like say what follows however that ends."""
 
     verb: ClassVar[str] = "do"
+    example: ClassVar[str] = (
+        "- do:\n    - set: {heater: on}\n    - wait: 5 min\n  finally:\n    - set: {heater: off}\n"
+    )
 
     def build(self, context: Context) -> Group:
         """A `Group` with its cleanup."""

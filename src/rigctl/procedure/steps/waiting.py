@@ -40,6 +40,7 @@ class WaitStep(Step):
     """Let time pass; recording and interlocks go on."""
 
     verb: ClassVar[str] = "wait"
+    example: ClassVar[str] = "- wait: 0.2 s\n- wait: {until: oil_temperature < 40 degC, timeout: 3 h}\n"
     wait: Annotated[WaitFields, Short("for")]
 
     def build(self, context: Context) -> Leaf:
@@ -68,6 +69,7 @@ class HoldStep(Step):
     """Wait, and see that a channel stays within a tolerance meanwhile."""
 
     verb: ClassVar[str] = "hold"
+    example: ClassVar[str] = "- hold: {for: 1 min, channel: supply_pressure, at: 30 bar, within: 0.5 bar}\n"
     hold: HoldFields
 
     def build(self, context: Context) -> Leaf:
