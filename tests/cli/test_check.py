@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,16 @@ def test_mistakes_are_one_message_and_exit_code_2(
     assert captured.out == ""
     assert piece in captured.err
     assert "Traceback" not in captured.err
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1252"])
+def test_a_terminal_with_few_characters(monkeypatch: pytest.MonkeyPatch, encoding: str) -> None:
+    written = BytesIO()
+    stream = TextIOWrapper(written, encoding=encoding)
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert call(monkeypatch, "check", CAMPAIGN) == 0
+    stream.flush()
+    assert b"28 records" in written.getvalue()
 
 
 @pytest.mark.parametrize("kind", ["procedure", "rig", "model"])

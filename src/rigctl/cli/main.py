@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -78,6 +79,10 @@ def rigctl(
 
 def main() -> None:
     """Run the command line; a user's mistake is one message on stderr, never a traceback."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            # a terminal that has no '±' shows a '?' instead of a traceback
+            stream.reconfigure(errors="replace")
     try:
         app()
     except RigctlError as error:
