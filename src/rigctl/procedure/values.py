@@ -13,7 +13,7 @@ from pydantic_core import CoreSchema
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.expressions import Expression, parse, type_of_unit
 from rigctl.files.quantity import quantity_text, reader_schema
-from rigctl.units import Quantity, Unit, describe, parse_quantity, parse_unit
+from rigctl.units import Quantity, describe, parse_quantity, parse_unit
 
 #: what ``$name`` stands for: a quantity, or a list of them that a sweep runs through
 Variable: TypeAlias = Quantity | tuple[Quantity, ...]
@@ -201,11 +201,6 @@ def _in_dimension(quantity: Quantity, unit: str, difference: bool, text: str) ->
 def with_value(quantity: Quantity, value: float) -> Quantity:
     """A quantity of the same unit; rounded to 12 digits, so that 0.1 + 0.2 reads 0.3."""
     return Quantity(float(f"{value:.12g}"), quantity.unit)
-
-
-def in_unit(si: float, unit: Unit) -> Quantity:
-    """An SI value as a quantity in `unit`."""
-    return Quantity(unit.from_si(si), unit)
 
 
 DURATION = Kind("s", more_than=0.0)
