@@ -32,11 +32,13 @@ def open_keys(stream: TextIO | None = None) -> Keys:
         terminal = source is not None and source.isatty()
     except ValueError:  # closed
         terminal = False
-    if terminal and os.name == "nt":
+    if not terminal:
+        return _Lines(source)
+    if os.name == "nt":
         return _WindowsKeys()
-    if terminal and _in_foreground(source.fileno()):
+    if _in_foreground(source.fileno()):
         return _PosixKeys(source.fileno())
-    return _Lines(source)
+    return _Lines(None)
 
 
 def _in_foreground(descriptor: int) -> bool:

@@ -24,6 +24,7 @@ from rigctl.dataset import (
 from rigctl.errors import RigctlError
 from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig
+from rigctl.runner.drive import RESPONSE
 from rigctl.runner.lock import RigLock
 from rigctl.runner.operator import Operator
 from rigctl.runner.requests import Control
@@ -53,6 +54,7 @@ class Launch:
     exclusive: whether nobody else may command this bench meanwhile; a private simulation needs no lock.
     dry: arm and read, move nothing.
     lock_folder: where locks lie; the user's state folder by default.
+    response: s of wall time between two looks at requests.
     """
 
     runs: Path
@@ -68,6 +70,7 @@ class Launch:
     exclusive: bool = True
     dry: bool = False
     lock_folder: Path | None = None
+    response: float = RESPONSE
 
 
 def clock_for(speed: str, backend: str) -> Clock:
@@ -157,6 +160,7 @@ def carry_out(
         observer=how.observer,
         dry=how.dry,
         resume_from=resume_from,
+        response=how.response,
     )
 
 

@@ -49,6 +49,8 @@ def remaining(nodes: Sequence[Node], done: Callable[[str], bool]) -> list[Node]:
     if not any(any(states) for states in records):
         return list(nodes)
     first = next((i for i, states in enumerate(records) if states and not all(states)), len(nodes))
+    if first < len(nodes) and any(records[first]):  # its own first steps are past too
+        return [*_lasting(nodes[:first]), *nodes[first:]]
     return [*setup_before(nodes, first), *nodes[first:]]
 
 
@@ -61,16 +63,21 @@ def setup_before(nodes: Sequence[Node], index: int) -> list[Node]:
     past = [i for i, node in enumerate(nodes[:index]) if record_paths(node)]
     since = past[-1] + 1 if past else 0
     direct = list(nodes[since:index])
+    return [*_lasting(nodes[:since], direct), *direct]
+
+
+def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
+    """The last step that sets each actuator for good, as far as no step of `later` does."""
     settled: set[str] = set()
-    for node in direct:
+    for node in later:
         settled |= _sets(node)
-    earlier: list[Node] = []
-    for node in reversed(nodes[:since]):
+    kept: list[Node] = []
+    for node in reversed(nodes):
         wanted = _sets(node) - settled
         if wanted:
-            earlier.insert(0, node)
+            kept.insert(0, node)
             settled |= wanted
-    return [*earlier, *direct]
+    return kept
 
 
 def _sets(node: Node) -> frozenset[str]:

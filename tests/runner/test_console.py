@@ -1,0 +1,144 @@
+"""The person at the terminal: answers and keys, from a pseudo-terminal where there are any."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import time
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.runner.console import Console
+from rigctl.runner.keys import _PosixKeys, open_keys
+from rigctl.runner.operator import AutomaticOperator, Question, ScriptedOperator, read_answer
+from rigctl.runner.requests import Request
+
+TIME = Question("Flow time?", name="flow_time", unit="s", low=1.0, high=600.0)
+
+
+class Typed:
+    """Keys from a list."""
+
+    interactive = True
+
+    def __init__(self, *typed: str) -> None:
+        self.waiting = list(typed)
+        self.closed = False
+
+    def read(self) -> str:
+        return self.waiting.pop(0) if self.waiting else ""
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_keys_are_requests_while_nothing_is_asked() -> None:
+    console = Console("me", write=None, keys=Typed("px", "C", "a"))
+    assert [[order.request for order in console.poll()] for _ in range(4)] == [
+        [Request.PAUSE],
+        [Request.CONTINUE],
+        [Request.ABORT],
+        [],
+    ]
+
+
+def test_what_is_typed_while_a_question_is_open_is_the_answer() -> None:
+    shown: list[str] = []
+    console = Console("me", write=shown.append, keys=Typed("", "4", "2x\x7f.", "5 s", "\n", "p"))
+    assert [console.ask(TIME) for _ in range(3)] == [None] * 3
+    assert console.typed == "42."
+    assert console.ask(TIME) is None
+    answer = console.ask(TIME)
+    assert answer is not None
+    assert (answer.value, answer.text) == (42.5, "42.5 s")
+    assert shown[0] == "Flow time? [s, 1 s to 600 s] "
+    assert [order.request for order in console.poll()] == [Request.PAUSE]
+
+
+def test_an_answer_that_does_not_fit_is_asked_for_again() -> None:
+    shown: list[str] = []
+    console = Console("me", write=shown.append, keys=Typed("5 bar\n", "9999\n", "50\n"))
+    assert console.ask(TIME) is None
+    assert "wrong dimension" in console.typed
+    assert console.ask(TIME) is None
+    answer = console.ask(TIME)
+    assert answer is not None
+    assert answer.value == 50.0
+    assert sum("out of range" in text for text in shown) == 1
+
+
+def test_a_notice_is_shown_once_and_keys_stay_requests() -> None:
+    shown: list[str] = []
+    console = Console("me", write=shown.append, keys=Typed("a"))
+    notice = Question("Turn the relief valve", notice=True)
+    assert console.ask(notice) is None
+    assert console.ask(notice) is None
+    assert shown == ["Turn the relief valve\n"]
+    assert [order.request for order in console.poll()] == [Request.ABORT]
+    console.withdraw(notice)
+
+
+def test_a_file_of_answers_is_read_ahead_and_keeps_its_order() -> None:
+    keys = open_keys(io.StringIO("12\n13 s\n"))
+    console = Console("me", write=None, keys=keys)
+    time.sleep(0.05)
+    assert console.poll() == []
+    other = Question("Again?", name="again", unit="s")
+    values = []
+    for question in (TIME, other):
+        answer = console.ask(question)
+        assert answer is not None
+        values.append(answer.value)
+    assert values == [12.0, 13.0]
+
+
+def test_bare_numbers_are_in_the_questions_unit() -> None:
+    question = Question("Oil?", name="oil", unit="degC", low=273.15, high=373.15)
+    assert read_answer(question, "40").value == pytest.approx(313.15)
+    assert read_answer(question, "313.15 K").value == pytest.approx(313.15)
+    with pytest.raises(RigctlError, match="not a quantity"):
+        read_answer(question, "warm")
+
+
+def test_a_simulated_operator_needs_to_know_what_to_answer() -> None:
+    operator = AutomaticOperator()
+    answer = operator.ask(TIME)
+    assert answer is not None
+    assert answer.value == pytest.approx(300.5)
+    with pytest.raises(RigctlError, match="does not know"):
+        operator.ask(Question("Name?", name="n", unit="s"))
+
+
+def test_answers_given_beforehand() -> None:
+    operator = ScriptedOperator({"flow_time": "40 s"})
+    answer = operator.ask(TIME)
+    assert answer is not None
+    assert answer.value == 40.0
+    with pytest.raises(RigctlError, match="no answer was given beforehand"):
+        operator.ask(Question("Again?", name="again", unit="s"))
+
+
+if sys.platform != "win32":
+
+    def test_a_terminal_is_left_as_it_was() -> None:
+        import pty
+        import termios
+
+        leader, follower = pty.openpty()
+        with os.fdopen(follower, "r") as terminal:
+            before = termios.tcgetattr(terminal.fileno())
+            assert not open_keys(terminal).interactive  # not ours: reading it would stop the program
+            keys = _PosixKeys(terminal.fileno())
+            assert termios.tcgetattr(terminal.fileno()) != before
+            os.write(leader, "pä".encode())
+            typed = ""
+            deadline = time.monotonic() + 5.0
+            while len(typed) < 2 and time.monotonic() < deadline:
+                typed += keys.read()
+            assert typed == "pä"
+            keys.close()
+            keys.close()
+            assert termios.tcgetattr(terminal.fileno()) == before
+        os.close(leader)

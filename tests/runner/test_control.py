@@ -1,0 +1,89 @@
+"""Requests and heartbeat through files, as another terminal sees them."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.runner.control import CONTROL_NAME, ControlFile, send
+from rigctl.runner.requests import Request
+from rigctl.runner.view import View
+
+
+@pytest.fixture
+def control(tmp_path: Path) -> ControlFile:
+    file = ControlFile(tmp_path)
+    file.publish(View("a-run", "running", 1.0))
+    return file
+
+
+def serve(control: ControlFile, answer: str, stop: threading.Event) -> None:
+    while not stop.is_set():
+        for order in control.poll():
+            control.acknowledge(order, f"{order.request.value}: {answer}")
+        control.publish(View("a-run", "running", 1.0))
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def run(control: ControlFile) -> Iterator[None]:
+    stop = threading.Event()
+    thread = threading.Thread(target=serve, args=(control, "done", stop))
+    thread.start()
+    yield
+    stop.set()
+    thread.join()
+
+
+@pytest.mark.usefixtures("run")
+def test_a_request_waits_for_its_own_acknowledgement(tmp_path: Path) -> None:
+    assert send(tmp_path, Request.PAUSE) == "pause: done"
+    assert send(tmp_path, Request.CONTINUE) == "continue: done"
+
+
+def test_a_run_that_does_not_answer_is_named(control: ControlFile, tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="has not answered"):
+        send(tmp_path, Request.ABORT, timeout=0.2)
+
+
+def test_there_has_to_be_a_run(tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="no run is in progress"):
+        send(tmp_path, Request.ABORT)
+    ended = ControlFile(tmp_path)
+    ended.publish(View("a-run", "finished", 1.0))
+    with pytest.raises(RigctlError, match="no run is in progress"):
+        send(tmp_path, Request.ABORT)
+
+
+def test_lines_that_are_no_requests_are_passed_over(tmp_path: Path) -> None:
+    (tmp_path / CONTROL_NAME).write_text('{"request": "abort"}\n', encoding="utf-8")
+    control = ControlFile(tmp_path)
+    assert control.poll() == ()  # of an earlier session
+    with (tmp_path / CONTROL_NAME).open("a", encoding="utf-8") as file:
+        file.write('nonsense\n[]\n{"request": "explode"}\n\x00\n{"request": "pause", "id": 7}\n{"request"')
+    control._next_poll = 0.0
+    assert [(order.request, order.id) for order in control.poll()] == [(Request.PAUSE, "7")]
+    with (tmp_path / CONTROL_NAME).open("a", encoding="utf-8") as file:
+        file.write(': "continue"}\n')
+    control._next_poll = 0.0
+    assert [order.request for order in control.poll()] == [Request.CONTINUE]
+
+
+def test_the_heartbeat_says_what_the_run_is_doing(control: ControlFile, tmp_path: Path) -> None:
+    control.publish(View("a-run", "paused", 2.5, path="3/heat", label="heat to 40 degC", question="Ready?"))
+    state = json.loads((tmp_path / "state.json").read_text(encoding="utf-8"))
+    assert (state["state"], state["path"], state["question"]) == ("paused", "3/heat", "Ready?")
+    assert state["pid"] > 0
+
+
+def test_a_folder_that_is_gone_does_not_disturb_the_run(tmp_path: Path) -> None:
+    control = ControlFile(tmp_path / "gone")
+    control.publish(View("a-run", "running", 0.0))
+    assert control.poll() == ()
+    control.close()

@@ -1,0 +1,120 @@
+"""One program at a time commands a bench; a dead one's lock is taken over."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.runner import lock as locks
+from rigctl.runner.lock import RigLock, read_owner
+from rigctl.runner.requests import Request
+from rigctl.runner.view import View
+
+NAME = "HL32 bench"
+
+
+def owner_file(folder: Path) -> Path:
+    return folder / "hl32-bench.json"
+
+
+def pretend(folder: Path, **changes: object) -> None:
+    """Change what the owner's file says."""
+    path = owner_file(folder)
+    fields = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**fields, **changes}), encoding="utf-8")
+
+
+def test_a_second_one_is_refused_and_told_who_has_the_bench(tmp_path: Path) -> None:
+    with RigLock(NAME, "a run of 'campaign'", tmp_path):
+        with pytest.raises(RigctlError, match="'HL32 bench' is in use by a run of 'campaign'") as refused:
+            RigLock(NAME, "another", tmp_path).__enter__()
+        assert refused.value.exit_code is ExitCode.FAILED
+        assert str(os.getpid()) in str(refused.value)
+        with RigLock("another bench", "a run", tmp_path):
+            pass
+    with RigLock(NAME, "another", tmp_path):
+        pass
+    assert not owner_file(tmp_path).exists()
+
+
+def test_a_killed_owner_is_taken_over_at_once(tmp_path: Path) -> None:
+    code = (
+        "import os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from rigctl.runner.lock import RigLock\n"
+        f"RigLock({NAME!r}, 'a run', Path({str(tmp_path)!r})).__enter__()\n"
+        "print('held', flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    assert child.stdin is not None
+    assert child.stdout.readline() == "held\n"
+    with pytest.raises(RigctlError, match="in use"):
+        RigLock(NAME, "me", tmp_path).__enter__()
+    child.kill()
+    child.wait()
+    child.stdin.close()
+    child.stdout.close()
+    with RigLock(NAME, "me", tmp_path) as mine:
+        owner = mine.owner()
+        assert owner is not None
+        assert owner.pid == os.getpid()
+
+
+def test_an_owner_without_heartbeat_is_taken_over_and_finds_out(tmp_path: Path) -> None:
+    with RigLock(NAME, "asleep", tmp_path) as sleeper:
+        sleeper.publish(View("", "running", 0.0))
+        pretend(tmp_path, beat=time.monotonic() - locks.OLD - 1.0)
+        with RigLock(NAME, "awake", tmp_path):
+            sleeper._next_beat = 0.0
+            sleeper.publish(View("", "running", 0.0))
+            (order,) = sleeper.poll()
+            assert order.request is Request.ABORT
+            assert "taken the bench over" in order.source
+            owner = read_owner(owner_file(tmp_path))
+            assert owner is not None
+            assert owner.purpose == "awake"
+    assert not owner_file(tmp_path).exists()
+
+
+def test_the_calendar_clock_does_not_decide_on_this_computer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with RigLock(NAME, "a run", tmp_path):
+        monkeypatch.setattr(locks.time, "time", lambda: 4e9)
+        with pytest.raises(RigctlError, match="in use"):
+            RigLock(NAME, "me", tmp_path).__enter__()
+
+
+def test_an_owner_on_another_computer_counts_by_its_heartbeat(tmp_path: Path) -> None:
+    with RigLock(NAME, "elsewhere", tmp_path):
+        pretend(tmp_path, host="another", pid=1)
+        with pytest.raises(RigctlError, match="on another"):
+            RigLock(NAME, "me", tmp_path).__enter__()
+        pretend(tmp_path, host="another", date=time.time() - locks.OLD - 1.0)
+        with RigLock(NAME, "me", tmp_path):
+            pass
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"token": 1}', "\x00\xff"])
+def test_a_damaged_lock_file_locks_nobody_out(tmp_path: Path, content: str) -> None:
+    owner_file(tmp_path).write_text(content, encoding="utf-8")
+    with RigLock(NAME, "me", tmp_path):
+        pass
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("", encoding="utf-8")
+    with pytest.raises(RigctlError, match="cannot lock the bench"):
+        RigLock(NAME, "me", blocked / "locks").__enter__()
