@@ -45,6 +45,6 @@ def resume(
         seed=header.seed,
         exclusive=kind != "simulated",
     )
-    with attended(how, before.plan.rig, {}) as ready:
+    with attended(how, before.plan, {}) as ready:
         result = relaunch(before, ready)
     tell(result, as_json=as_json)

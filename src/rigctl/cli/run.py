@@ -68,6 +68,6 @@ def run(
         seed=seed,
         dry=dry,
     )
-    with attended(how, plan.rig, read_assignments(answer or (), "--answer")) as ready:
+    with attended(how, plan, read_assignments(answer or (), "--answer")) as ready:
         result = launch(plan, ready)
     tell(result, as_json=as_json)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from rigctl.rig import Rig
+    from rigctl.procedure.plan import Plan
     from rigctl.runner.launch import Launch
     from rigctl.runner.session import RunResult
 
@@ -21,18 +21,24 @@ _UNATTENDED = ("simulated", "replay", "emulated")
 
 
 @contextmanager
-def attended(how: Launch, rig: Rig, answers: Mapping[str, str]) -> Iterator[Launch]:
+def attended(how: Launch, plan: Plan, answers: Mapping[str, str]) -> Iterator[Launch]:
     """The launch with its operator, the keys of the terminal, and a display on stderr."""
-    from rigctl.runner.console import Console
+    from rigctl.live import view
+    from rigctl.runner.console import HELP, Console
     from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
 
-    kind = how.backend or rig.backend.kind
+    kind = how.backend or plan.rig.backend.kind
     by_hand = kind not in _UNATTENDED and not answers
-    if not by_hand and not _typing_possible():
+    keys = _typing_possible()
+    display = view(plan, hint=HELP if keys else "")
+    how = replace(how, observer=display)
+    if not by_hand and not keys:
         unattended = ScriptedOperator(answers) if answers else AutomaticOperator()
-        yield replace(how, operator=unattended)
+        with display:
+            yield replace(how, operator=unattended)
         return
-    with Console(how.person) as console:
+    # a display that redraws itself shows questions and what is typed
+    with Console(how.person, None) if display.interactive else Console(how.person) as console, display:
         operator: Operator = console
         if not by_hand:
             operator = ScriptedOperator(answers) if answers else AutomaticOperator()

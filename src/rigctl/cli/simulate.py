@@ -65,6 +65,6 @@ def simulate(
         arguments=read_assignments(arg or ()),
         person=person_in_charge(None),
     )
-    with attended(how, plan.rig, {}) as ready:
+    with attended(how, plan, {}) as ready:
         result = launch(plan, ready)
     tell(result, as_json=as_json)

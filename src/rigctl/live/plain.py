@@ -22,7 +22,6 @@ class PlainDisplay:
     def __init__(self, plan: Plan, stream: TextIO) -> None:
         self._places = PlanPlaces(plan)
         self._stream = stream
-        self._state = ""
         self._record = -1
         self._tenths = 0
         self._told: tuple[Happening, ...] = ()
@@ -38,9 +37,6 @@ class PlainDisplay:
     def __call__(self, view: View) -> None:
         """Write what is new in this view."""
         self._tell_happenings(view)
-        if view.state != self._state:
-            self._state = view.state
-            self._write(view.time, view.state + (f": {view.message}" if view.message else ""))
         if view.record not in (-1, self._record):
             self._tell_record(view)
         self._record = view.record
@@ -60,9 +56,13 @@ class PlainDisplay:
         self._write(view.time, f"record {number}:{name}" + (f" at {sweep}" if sweep else ""))
 
     def _tell_happenings(self, view: View) -> None:
-        """Alarms, faults, notes; changes of state have their own lines."""
+        """Changes of state, alarms, faults, notes, each once."""
         for happening in view.happenings:
-            if happening.kind != "state" and not any(happening is told for told in self._told):
+            if any(happening is told for told in self._told):
+                continue
+            if happening.kind == "state":
+                self._write(happening.time, happening.message + _reason(view, happening.message))
+            else:
                 self._write(happening.time, f"{happening.kind}: {happening.message}")
         self._told = view.happenings
 
@@ -70,6 +70,11 @@ class PlainDisplay:
         with suppress(OSError, ValueError):  # a closed pipe ends the lines, not the run
             self._stream.write(f"{stamp(time)}  {printable(text)}\n")
             self._stream.flush()
+
+
+def _reason(view: View, state: str) -> str:
+    """Why the run came into a state that it should not have come into."""
+    return f": {view.message}" if view.message and state in ("failed", "aborted") else ""
 
 
 def stamp(seconds: float) -> str:

@@ -88,7 +88,9 @@ def shown(value: float, channel: Channel) -> str:
         return "no value"
     unit = parse_unit(channel.unit)
     number = unit.from_si(value, difference=channel.difference)
-    return f"{number:.{places(channel)}f} {channel.unit}".removesuffix(" 1")
+    text = f"{number:.{places(channel)}f}"
+    text = text if float(text) else text.removeprefix("-")  # minus nothing is nothing
+    return f"{text} {channel.unit}".removesuffix(" 1")
 
 
 def places(channel: Channel) -> int:

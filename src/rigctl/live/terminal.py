@@ -82,7 +82,10 @@ class TerminalDisplay:
         view = self._view
         if view is None:
             return Text("")
-        parts: list[RenderableType] = [self._heading(view), self._progress(view), Text("")]
+        parts: list[RenderableType] = [self._heading(view), self._progress(view)]
+        if view.question:  # near the top, where no low terminal cuts it off
+            parts += [Text(""), Text(printable(view.question), style="bold cyan")]
+        parts.append(Text(""))
         below = self._below(view)
         table = readings_table(self._readings, unicode=self._unicode)
         taken = len(parts) + table.row_count + len(below) + 3
@@ -108,11 +111,10 @@ class TerminalDisplay:
         from rich.text import Text
 
         row = Table.grid(padding=(0, 2))
-        record = f"record {min(view.records_done + (view.record >= 0), view.records_total)}"
         cells: list[RenderableType] = [
             ProgressBar(total=1.0, completed=view.progress, width=max(min(self._console.width // 3, 40), 8)),
             Text(f"{view.progress:4.0%}"),
-            Text(f"{record} of {view.records_total}" if view.records_total else ""),
+            Text(_records(view)),
             Text(f"about {clock_time(view.time_left)} left" if view.time_left is not None else "", "dim"),
         ]
         row.add_row(*cells)
@@ -133,17 +135,25 @@ class TerminalDisplay:
         return text
 
     def _below(self, view: View) -> list[Text]:
-        """What happened last, the question, the keys."""
+        """What happened last, and the keys."""
         from rich.text import Text
 
         lines = [Text("")]
         for happening in view.happenings[-_HAPPENINGS:]:
             line = Text(no_wrap=True, overflow="ellipsis")
             line.append(f"{stamp(happening.time)}  ", "dim")
-            line.append(f"{happening.kind}: {printable(happening.message)}", _KINDS.get(happening.kind, ""))
+            kind = "" if happening.kind == "state" else f"{happening.kind}: "
+            line.append(f"{kind}{printable(happening.message)}", _KINDS.get(happening.kind, ""))
             lines.append(line)
-        if view.question:
-            lines += [Text(""), Text(printable(view.question), style="bold cyan")]
         if self._hint:
-            lines.append(Text(self._hint, style="dim"))
+            lines += [Text(""), Text(self._hint, style="dim")]
         return lines
+
+
+def _records(view: View) -> str:
+    """Which record is open, or how many there are."""
+    if not view.records_total:
+        return ""
+    if view.record >= 0:
+        return f"record {view.records_done + 1} of {view.records_total}"
+    return f"{view.records_done} of {view.records_total} records"
