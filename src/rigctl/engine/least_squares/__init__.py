@@ -1,0 +1,34 @@
+"""Least squares over many records: shared parameters, and some that belong to one record each.
+
+Independent of how residuals are computed: `least_squares` is handed a function that returns, for every
+record, its residuals and their derivatives.
+"""
+
+from rigctl.engine.least_squares.block import Block, Evaluate, Refused
+from rigctl.engine.least_squares.identifiability import Combination, null_columns
+from rigctl.engine.least_squares.loss import Cauchy, Huber, Loss, SoftL1, Squares
+from rigctl.engine.least_squares.multi_start import multi_start
+from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
+from rigctl.engine.least_squares.solve import Options, least_squares
+from rigctl.engine.least_squares.unknown import Prior, Unknown
+
+__all__ = [
+    "Block",
+    "Cauchy",
+    "Combination",
+    "Evaluate",
+    "Huber",
+    "Iteration",
+    "LeastSquaresResult",
+    "Loss",
+    "Options",
+    "Outcome",
+    "Prior",
+    "Refused",
+    "SoftL1",
+    "Squares",
+    "Unknown",
+    "least_squares",
+    "multi_start",
+    "null_columns",
+]

@@ -1,0 +1,65 @@
+"""What one record contributes to a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.errors import RigctlError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Block:
+    """The residuals of one record, in units of their standard deviation, and their derivatives.
+
+    Attributes
+    ----------
+    residual: (n).
+    shared: (n, p) by the shared parameters; None where derivatives were not asked for.
+    local: (n, m) by the record's own parameters; None likewise.
+    """
+
+    residual: Floats
+    shared: Floats | None = None
+    local: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The model has no value for these parameters: the step that led here is taken back."""
+
+    reason: str
+
+
+#: ``evaluate(shared, local, derivatives)``: the shared values (p), the records' own values (m each), and
+#: whether derivatives are wanted; returns one block for each record, in the same order at every call
+Evaluate: TypeAlias = Callable[[Floats, Sequence[Floats], bool], Sequence[Block] | Refused]
+
+
+def check_blocks(blocks: Sequence[Block], shared: int, local: Sequence[int]) -> None:
+    """Require that derivatives are there, with as many columns as there are parameters, all of it finite.
+
+    Raises
+    ------
+    RigctlError
+        they are not; names the record by its number.
+    """
+    if len(blocks) != len(local):
+        raise RigctlError(f"the fit returned {len(blocks)} records", expected=str(len(local)))
+    for number, (block, own) in enumerate(zip(blocks, local, strict=True), start=1):
+        n = block.residual.size
+        for kind, found, columns in (("shared", block.shared, shared), ("own", block.local, own)):
+            if columns and (found is None or found.shape != (n, columns)):
+                shape = None if found is None else found.shape
+                raise RigctlError(
+                    f"record {number}: derivatives by the {kind} parameters have the shape {shape}",
+                    expected=str((n, columns)),
+                )
+            if found is not None and not np.isfinite(found).all():
+                raise RigctlError(f"record {number}: a derivative by the {kind} parameters is not finite")

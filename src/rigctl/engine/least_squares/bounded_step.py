@@ -1,0 +1,86 @@
+"""A Gauss-Newton step that stays inside a box.
+
+Cutting a free step off at the bounds lets a fit creep along them and stall: the other parameters keep the
+values that went with the part cut off. Here a parameter that would leave the box is held at its edge and the
+others are solved for again; one that would rather come back inside is let go.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares.arrow import Arrow, Factors, Vector, eliminate
+
+Floats = NDArray[np.float64]
+
+_ROUNDS = 25
+
+
+@dataclass(frozen=True)
+class BoundedStep:
+    """A step, which parameters were held (1 free, 0 held), and the factors it was solved with."""
+
+    step: Vector
+    free: Vector
+    factors: Factors
+
+
+def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, upper: Vector) -> BoundedStep:
+    """The step with the smallest sum of squares between `lower` <= 0 and `upper` >= 0.
+
+    Parameters
+    ----------
+    arrow: the linearised records.
+    weight, target: one more equation ``weight·step = target`` for each parameter: damping and priors.
+    """
+    low, high = lower.flat(), upper.flat()
+    free, fixed = np.ones(low.size), np.zeros(low.size)
+    released = np.zeros(low.size, dtype=bool)
+    for _ in range(_ROUNDS):
+        factors = eliminate(arrow, weight, target, lower.like(free), lower.like(fixed))
+        step = _complete(factors.solve(), free, fixed, lower)
+        outside = (free > 0.0) & ((step < low) | (step > high))
+        if outside.any():
+            free[outside] = 0.0
+            fixed[outside] = np.clip(step, low, high)[outside]
+            continue
+        # a held parameter whose pull points inside is let go, once
+        pull = _pull(arrow, weight, target, lower.like(step))
+        inwards = ((fixed >= high) & (pull < 0.0)) | ((fixed <= low) & (pull > 0.0))
+        back = (free == 0.0) & inwards & ~released & (low < high)
+        if not back.any():
+            break
+        released |= back
+        free[back], fixed[back] = 1.0, 0.0
+    step = np.clip(step, low, high)
+    return BoundedStep(lower.like(step), lower.like(free), factors)
+
+
+def _complete(solved: Vector, free: Floats, fixed: Floats, like: Vector) -> Floats:
+    """The solved steps of the free parameters and the given ones of the others, in one array."""
+    step = fixed.copy()
+    mask = like.like(free)
+    pieces = like.like(step)
+    for values, chosen, found in zip(
+        (pieces.shared, *pieces.local),
+        (mask.shared, *mask.local),
+        (solved.shared, *solved.local),
+        strict=True,
+    ):
+        values[chosen > 0.0] = found
+    return pieces.flat()
+
+
+def _pull(arrow: Arrow, weight: Vector, target: Vector, step: Vector) -> Floats:
+    """Where each parameter wants to go from `step`: minus the gradient of the sum of squares there."""
+    shared = weight.shared * (target.shared - weight.shared * step.shared)
+    own = []
+    for k, (triangle, m) in enumerate(zip(arrow.triangles, arrow.local, strict=True)):
+        left = triangle[:, -1] - triangle[:, :m] @ step.local[k] - triangle[:, m:-1] @ step.shared
+        shared = shared + triangle[:, m:-1].T @ left
+        given = weight.local[k] * (target.local[k] - weight.local[k] * step.local[k])
+        own.append(given + triangle[:, :m].T @ left)
+    return np.concatenate([shared, *own])

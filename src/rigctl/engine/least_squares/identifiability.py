@@ -1,0 +1,83 @@
+"""Which parameters, and which combinations of them, the data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares.block import Block
+
+Floats = NDArray[np.float64]
+
+#: a combination with a singular value below this share of the largest one is not determined by the data
+WEAK = 1e-4
+_MENTIONED = 0.1
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction in which all parameters can change together and hardly alter the residuals.
+
+    Attributes
+    ----------
+    singular_value: of the columns scaled to unit length, as a share of the largest one: 0 for a direction
+        without any effect, 1 for parameters that have nothing to do with each other.
+    parts: share of each parameter in it, largest first; a change of a parameter counts in units of what it
+        does to the residuals by itself.
+    """
+
+    singular_value: float
+    parts: tuple[tuple[str, float], ...]
+
+    def __str__(self) -> str:
+        terms = " ".join(f"{share:+.2f}·{name}" for name, share in self.parts)
+        return f"{terms} (singular value {self.singular_value:.1e})"
+
+
+def null_columns(blocks: Sequence[Block], names: Sequence[str]) -> tuple[str, ...]:
+    """The shared parameters that do not act on any residual: an effect that needs another one, say."""
+    squares = np.zeros(len(names))
+    for block in blocks:
+        if block.shared is not None:
+            squares += np.square(block.shared).sum(axis=0)
+    return tuple(name for name, square in zip(names, squares, strict=True) if not square > 0.0)
+
+
+def weak_combinations(
+    matrix: Floats, norms: Floats, names: Sequence[str]
+) -> tuple[Floats, tuple[Combination, ...]]:
+    """Singular values of the shared parameters' columns, and the combinations that are too weak.
+
+    Parameters
+    ----------
+    matrix: (rows, p) with the records' own parameters projected out.
+    norms: (p) lengths of the columns before that, to which they are scaled.
+
+    G. H. Golub, C. F. Van Loan, Matrix Computations, 5.5.7 (subset selection by SVD).
+    """
+    if not len(names):
+        return np.empty(0), ()
+    sizes = np.where(norms > 0.0, norms, 1.0)
+    _, values, directions = np.linalg.svd(matrix / sizes, full_matrices=False)
+    padded = np.zeros(len(names))
+    padded[: values.size] = values
+    largest = padded.max() or 1.0
+    weak = []
+    for place in range(values.size):
+        share = values[place] / largest
+        if share < WEAK:
+            weak.append(Combination(float(share), _parts(directions[place], names)))
+    return padded / largest, tuple(weak)
+
+
+def _parts(direction: Floats, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
+    order = np.argsort(-np.abs(direction))
+    sign = np.sign(direction[order[0]]) or 1.0
+    return tuple(
+        (names[place], float(sign * direction[place]))
+        for place in order
+        if abs(direction[place]) > _MENTIONED
+    )

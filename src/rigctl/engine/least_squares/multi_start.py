@@ -1,0 +1,97 @@
+"""Fits from several places, for costs with more than one minimum."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares.block import Evaluate
+from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult
+from rigctl.engine.least_squares.solve import Options, least_squares
+from rigctl.engine.least_squares.unknown import Unknown
+from rigctl.errors import RigctlError
+
+_SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class MultiStartResult:
+    """The best of several fits, and what all of them came to.
+
+    Attributes
+    ----------
+    best: the fit with the lowest cost.
+    costs: of each start, in the order they were tried; infinite where the model had no value there.
+    agreeing: how many starts reached the best cost, within a share of 1e-6.
+    """
+
+    best: LeastSquaresResult
+    costs: tuple[float, ...]
+    agreeing: int
+
+    def summary(self) -> str:
+        """The best fit, and how many starts agree with it."""
+        return f"{self.agreeing} of {len(self.costs)} starts reached the best cost. {self.best.summary()}"
+
+
+def multi_start(
+    evaluate: Evaluate,
+    unknowns: Sequence[Unknown],
+    local: Sequence[Sequence[Unknown]],
+    *,
+    count: int = 8,
+    seed: int = 0,
+    options: Options | None = None,
+    progress: Callable[[Iteration], None] | None = None,
+) -> MultiStartResult:
+    """Fit from the given start and from `count` - 1 others, spread as a Latin hypercube.
+
+    A shared parameter with two finite bounds is started anywhere between them, another one within its size
+    of its start; the records' own parameters keep their starts.
+
+    Raises
+    ------
+    RigctlError
+        as `least_squares`, when no start can be fitted.
+    """
+    results: list[LeastSquaresResult] = []
+    costs: list[float] = []
+    refused: RigctlError | None = None
+    for start in _spread(unknowns, count, seed):
+        moved = [replace(unknown, start=value) for unknown, value in zip(unknowns, start, strict=True)]
+        try:
+            result = least_squares(evaluate, moved, local, options=options, progress=progress)
+        except RigctlError as problem:
+            refused = refused or problem
+            costs.append(math.inf)
+        else:
+            results.append(result)
+            costs.append(result.cost)
+    if not results:
+        raise refused or RigctlError("a fit needs at least one start", value=str(count))
+    best = min(results, key=lambda result: result.cost)
+    near = best.cost + _SAME * abs(best.cost)
+    return MultiStartResult(best, tuple(costs), sum(cost <= near for cost in costs))
+
+
+def _spread(unknowns: Sequence[Unknown], count: int, seed: int) -> list[list[float]]:
+    """The starts: the given one first, then one in each layer of every parameter's range."""
+    random = np.random.default_rng(seed)
+    first = [unknown.start for unknown in unknowns]
+    layers = max(0, count - 1)
+    shares: NDArray[np.float64] = np.empty((layers, len(unknowns)))
+    for column in range(len(unknowns)):
+        shares[:, column] = (random.permutation(layers) + random.uniform(size=layers)) / max(1, layers)
+    low, high = np.array([_range(unknown) for unknown in unknowns]).reshape(-1, 2).T
+    return [first, *(low + shares * (high - low)).tolist()][: max(count, 0)]
+
+
+def _range(unknown: Unknown) -> tuple[float, float]:
+    if math.isfinite(unknown.lower) and math.isfinite(unknown.upper):
+        return unknown.lower, unknown.upper
+    low = max(unknown.lower, unknown.start - unknown.size)
+    return low, min(unknown.upper, unknown.start + unknown.size)

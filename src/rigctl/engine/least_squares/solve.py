@@ -1,0 +1,293 @@
+"""Levenberg-Marquardt for many records, with bounds, priors and robust losses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares.arrow import Vector, reduce_blocks
+from rigctl.engine.least_squares.block import Block, Evaluate, Refused, check_blocks
+from rigctl.engine.least_squares.bounded_step import BoundedStep, bounded_step
+from rigctl.engine.least_squares.identifiability import null_columns
+from rigctl.engine.least_squares.loss import Loss, Squares, cost_of
+from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
+from rigctl.engine.least_squares.uncertainty import conclude
+from rigctl.engine.least_squares.unknown import Unknown, prior_rows, starts
+from rigctl.errors import ExitCode, RigctlError
+
+Floats = NDArray[np.float64]
+
+_SQUARES = Squares()
+_FIRST_DAMPING = 1e-2
+_STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a longer step
+_LEAST_DAMPING, _MOST_DAMPING = 1e-14, 1e12
+
+
+@dataclass(frozen=True)
+class Options:
+    """When a fit is done.
+
+    Attributes
+    ----------
+    loss: how much a residual counts.
+    cost: stop when the next step would lower the cost by less than this share of it.
+    step: stop when it would move every parameter by less than this share of its size.
+    gradient: stop when the cosine between residuals and every column is below this.
+    iterations: never more than these.
+    largest_step: the change of a parameter in one iteration, in units of its size.
+    """
+
+    loss: Loss = _SQUARES
+    cost: float = 1e-9
+    step: float = 1e-8
+    gradient: float = 1e-10
+    iterations: int = 100
+    largest_step: float = 0.5
+
+
+def least_squares(
+    evaluate: Evaluate,
+    unknowns: Sequence[Unknown],
+    local: Sequence[Sequence[Unknown]],
+    *,
+    options: Options | None = None,
+    progress: Callable[[Iteration], None] | None = None,
+) -> LeastSquaresResult:
+    """Minimise ``sum of loss(residuals)/2 + sum of ((value - mean)/std)²/2`` over all parameters.
+
+    Levenberg's damping of a Gauss-Newton step with Marquardt's scaling by the columns' lengths and Nielsen's
+    updates; the records' own parameters are eliminated record by record, so that the cost is linear in the
+    number of records; a parameter at a bound is held there while it would leave (see `bounded_step`).
+
+    Parameters
+    ----------
+    evaluate: residuals and derivatives of every record; see `block.Evaluate`.
+    unknowns: the shared parameters.
+    local: the parameters of each record alone, () where it has none.
+    progress: told of every iteration.
+
+    Raises
+    ------
+    RigctlError
+        the model has no value at the start, a parameter without prior does not act on any residual there, or
+        the blocks do not fit the parameters.
+
+    Sources: K. Madsen, H. B. Nielsen, O. Tingleff, Methods for non-linear least squares problems (2004),
+    section 3.2; J. J. Moré, The Levenberg-Marquardt algorithm (1978).
+    """
+    search = _Search(evaluate, unknowns, local, options or Options(), progress)
+    return search.run()
+
+
+class _Search:
+    """One run: the present point, its linearisation, and the damping."""
+
+    def __init__(
+        self,
+        evaluate: Evaluate,
+        unknowns: Sequence[Unknown],
+        local: Sequence[Sequence[Unknown]],
+        options: Options,
+        progress: Callable[[Iteration], None] | None,
+    ) -> None:
+        self.evaluate, self.options, self.progress = evaluate, options, progress
+        self.unknowns, self.local = tuple(unknowns), tuple(tuple(own) for own in local)
+        self.all = [*self.unknowns, *(unknown for own in self.local for unknown in own)]
+        self.point = Vector(starts(self.unknowns), tuple(starts(own) for own in self.local))
+        self.lower = np.array([unknown.lower for unknown in self.all])
+        self.upper = np.array([unknown.upper for unknown in self.all])
+        self.size = np.array([unknown.size for unknown in self.all])
+        self.damping, self.growth = _FIRST_DAMPING, 2.0
+        self.evaluations = self.iterations = 0
+        self.column_size = np.zeros(len(self.all))
+
+    def run(self) -> LeastSquaresResult:
+        """Iterate to an end and conclude."""
+        blocks = self._blocks(self.point, derivatives=True)
+        if isinstance(blocks, Refused):
+            raise RigctlError(
+                f"the model has no value at the start of the fit: {blocks.reason}", exit_code=ExitCode.FAILED
+            )
+        self._linearise(blocks)
+        self.cost = self._cost(blocks, self.point)
+        self._refuse_null_columns(blocks)
+        outcome, message = Outcome.ITERATIONS, "The allowed iterations were used up"
+        eager = True
+        while self.iterations < self.options.iterations:
+            self.iterations += 1
+            found = self._step()
+            ended = self._at_end(found)
+            if ended is not None:
+                outcome, message = ended
+                break
+            eager, stalled = self._try(found, eager)
+            if stalled is not None:
+                outcome, message = stalled
+                break
+        return conclude(
+            self.arrow,
+            self.unknowns,
+            self.local,
+            self.point,
+            cost=self.cost,
+            residual_count=self.residual_count,
+            outcome=outcome,
+            message=message,
+            iterations=self.iterations,
+            evaluations=self.evaluations,
+        )
+
+    def _blocks(self, point: Vector, *, derivatives: bool) -> Sequence[Block] | Refused:
+        self.evaluations += 1
+        blocks = self.evaluate(point.shared, point.local, derivatives)
+        if isinstance(blocks, Refused):
+            return blocks
+        if any(not np.isfinite(block.residual).all() for block in blocks):
+            return Refused("a residual is not a finite number")
+        if derivatives:
+            check_blocks(blocks, len(self.unknowns), [len(own) for own in self.local])
+        return blocks
+
+    def _linearise(self, blocks: Sequence[Block]) -> None:
+        own = [len(unknowns) for unknowns in self.local]
+        self.arrow = reduce_blocks(blocks, self.options.loss, len(self.unknowns), own)
+        self.residual_count = sum(block.residual.size for block in blocks)
+        norms = self.arrow.norms().flat()
+        self.column_size = np.maximum(self.column_size, norms)
+
+    def _cost(self, blocks: Sequence[Block], point: Vector) -> float:
+        prior, _ = prior_rows(self.all, point.flat())
+        data = sum(cost_of(self.options.loss, block.residual) for block in blocks)
+        return data + 0.5 * float(prior @ prior)
+
+    def _refuse_null_columns(self, blocks: Sequence[Block]) -> None:
+        names = [unknown.name for unknown in self.unknowns]
+        without_prior = {unknown.name for unknown in self.unknowns if unknown.prior is None}
+        null = [name for name in null_columns(blocks, names) if name in without_prior]
+        norms = self.arrow.norms()
+        for own, lengths in zip(self.local, norms.local, strict=True):
+            null += [u.name for u, length in zip(own, lengths, strict=True) if not length and not u.prior]
+        if null:
+            raise RigctlError(
+                "a parameter of the fit does not act on any residual",
+                value=", ".join(dict.fromkeys(null)),
+                hint="Fix it, give it a prior, or start away from where it has no effect",
+                exit_code=ExitCode.FAILED,
+            )
+
+    def _scale(self) -> Floats:
+        """Marquardt's scaling: the longest each column has been, or its prior's weight."""
+        _, weight = prior_rows(self.all, self.point.flat())
+        scale = np.maximum(self.column_size, weight)
+        return np.where(scale > 0.0, scale, 1.0 / self.size)
+
+    def _step(self) -> BoundedStep:
+        """The damped step inside the bounds, in the parameters' own units."""
+        scale = self._scale()
+        flat = self.point.flat()
+        reach = self.options.largest_step * np.maximum(self.size, np.abs(flat))
+        lower = np.maximum(self.lower - flat, -reach) * scale
+        upper = np.minimum(self.upper - flat, reach) * scale
+        residual, weight = prior_rows(self.all, flat)
+        weight = weight / scale
+        total = np.sqrt(weight**2 + self.damping)
+        like = self.point.like
+        found = bounded_step(
+            self.arrow.scaled(like(scale)),
+            like(total),
+            like(-weight * residual / total),
+            like(lower),
+            like(upper),
+        )
+        step = like(found.step.flat() / scale)
+        return BoundedStep(step, found.free, found.factors)
+
+    def _expected(self, step: Vector) -> float:
+        """The fall of the cost that the linear model expects."""
+        residual, weight = prior_rows(self.all, self.point.flat())
+        moved = weight * step.flat()
+        return -(self.arrow.change(step) + float(moved @ (residual + 0.5 * moved)))
+
+    def _at_end(self, found: BoundedStep) -> tuple[Outcome, str] | None:
+        step = found.step.flat()
+        residual, weight = prior_rows(self.all, self.point.flat())
+        gradient = self.arrow.gradient().flat() + weight * residual
+        pushing = found.free.flat() > 0.0
+        length = np.sqrt(2.0 * self.cost) or 1.0
+        cosine = np.abs(gradient[pushing] / (self._scale()[pushing] * length)).max(initial=0.0)
+        if cosine <= self.options.gradient:
+            return Outcome.GRADIENT, "The residuals cannot be made smaller"
+        moved = np.abs(step) / np.maximum(self.size, np.abs(self.point.flat()))
+        if moved.max(initial=0.0) <= self.options.step:
+            return Outcome.STEP, "No parameter moves any more"
+        if self.damping < 1.0 and 0.0 <= self._expected(found.step) <= self.options.cost * self.cost:
+            return Outcome.COST, "The cost does not fall any more"
+        return None
+
+    def _try(self, found: BoundedStep, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
+        """Evaluate at the step's end and move there, or further on, if it is better.
+
+        With `eager`, derivatives come with the first evaluation: most steps are good, and then one call
+        does the work of two. Returns whether the next one should be eager, and the end if this is it.
+        """
+        trial = self._ahead(found.step, 1.0)
+        expected = self._expected(found.step)
+        blocks = self._blocks(trial, derivatives=eager)
+        cost = np.inf if isinstance(blocks, Refused) else self._cost(blocks, trial)
+        gain = (self.cost - cost) / expected if expected > 0.0 else -1.0
+        accepted = gain > 1e-4
+        complete = eager
+        if gain > _STRETCHED:
+            trial, cost, complete = self._stretch(found.step, trial, cost, eager)
+        self._report(found, blocks, accepted, cost if accepted else self.cost)
+        if accepted and not complete:
+            blocks = self._blocks(trial, derivatives=True)
+            accepted = not isinstance(blocks, Refused)
+        if accepted and not isinstance(blocks, Refused):
+            self.point, self.cost = trial, float(cost)
+            self._linearise(blocks)
+            self.damping = max(_LEAST_DAMPING, self.damping * max(1 / 3, 1.0 - (2.0 * gain - 1.0) ** 3))
+            self.growth = 2.0
+            return 0.25 < gain <= _STRETCHED, None
+        if 0.0 <= expected <= 1e-6 * self.cost and self.damping < 1.0:
+            return False, (Outcome.COST, "The cost falls no further than the model is exact")
+        self.damping, self.growth = self.damping * self.growth, self.growth * 2.0
+        if self.damping > _MOST_DAMPING:
+            return False, (Outcome.STALLED, "No step lowers the cost")
+        return False, None
+
+    def _ahead(self, step: Vector, factor: float) -> Vector:
+        flat = self.point.flat() + factor * step.flat()
+        return self.point.like(np.clip(flat, self.lower, self.upper))
+
+    def _stretch(
+        self, step: Vector, trial: Vector, cost: float, complete: bool
+    ) -> tuple[Vector, float, bool]:
+        """Go on in the same direction while the cost falls further.
+
+        Where the cost falls faster than the linear model expects, as it does while two steep edges approach
+        each other in time, the Gauss-Newton step is far too short. Returns (point, cost, whether the
+        derivatives there are known).
+        """
+        for factor in (2.0, 4.0, 8.0):
+            further = self._ahead(step, factor)
+            blocks = self._blocks(further, derivatives=False)
+            if isinstance(blocks, Refused):
+                break
+            found = self._cost(blocks, further)
+            if not found < cost:
+                break
+            trial, cost, complete = further, found, False
+        return trial, cost, complete
+
+    def _report(
+        self, found: BoundedStep, blocks: Sequence[Block] | Refused, accepted: bool, cost: float
+    ) -> None:
+        if self.progress is not None:
+            moved = np.abs(found.step.flat()) / np.maximum(self.size, np.abs(self.point.flat()))
+            reason = blocks.reason if isinstance(blocks, Refused) else ""
+            largest = float(moved.max(initial=0.0))
+            self.progress(Iteration(self.iterations, float(cost), largest, accepted, reason))

@@ -1,0 +1,89 @@
+"""A quantity to be found, and what is known of it before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.errors import RigctlError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A normal distribution: a datasheet's value and how far it is trusted."""
+
+    mean: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One parameter of a fit.
+
+    Attributes
+    ----------
+    name: what it is called in results and messages.
+    start: where the search begins.
+    lower, upper: bounds, infinite where there are none.
+    scale: a typical size; the change in one iteration is limited to a part of it. By default the size of
+        `start`, or of the bounds where it is zero.
+    prior: what is known before the data.
+    unit: SI, for the result's table.
+
+    Raises
+    ------
+    RigctlError
+        a number is not finite, the start lies outside the bounds, or scale or prior are not positive.
+    """
+
+    name: str
+    start: float
+    lower: float = -math.inf
+    upper: float = math.inf
+    scale: float | None = None
+    prior: Prior | None = None
+    unit: str = "1"
+
+    def __post_init__(self) -> None:
+        problem = ""
+        if not math.isfinite(self.start):
+            problem = "its start is not a finite number"
+        elif not self.lower < self.upper:
+            problem = "its lower bound is not below its upper bound"
+        elif not self.lower <= self.start <= self.upper:
+            problem = f"its start lies outside its bounds {self.lower:g} … {self.upper:g}"
+        elif self.scale is not None and not 0.0 < self.scale < math.inf:
+            problem = "its scale is not positive"
+        elif self.prior is not None and not (self.prior.std > 0.0 and math.isfinite(self.prior.mean)):
+            problem = "its prior has no finite mean or no positive standard deviation"
+        if problem:
+            raise RigctlError(f"parameter {self.name}: {problem}", value=f"{self.start:g}")
+
+    @property
+    def size(self) -> float:
+        """The typical size that limits a step."""
+        if self.scale is not None:
+            return self.scale
+        bounds = [abs(bound) for bound in (self.lower, self.upper) if bound and math.isfinite(bound)]
+        return abs(self.start) or (self.prior.std if self.prior else 0.0) or min(bounds, default=1.0)
+
+
+def starts(unknowns: Sequence[Unknown]) -> Floats:
+    """Where the search begins."""
+    return np.array([unknown.start for unknown in unknowns], dtype=float)
+
+
+def prior_rows(unknowns: Sequence[Unknown], values: Floats) -> tuple[Floats, Floats]:
+    """(residual (value - mean)/std, 1/std) of each unknown; zeros where it has no prior."""
+    residual, weight = np.zeros(len(unknowns)), np.zeros(len(unknowns))
+    for place, unknown in enumerate(unknowns):
+        if unknown.prior is not None:
+            weight[place] = 1.0 / unknown.prior.std
+            residual[place] = (values[place] - unknown.prior.mean) * weight[place]
+    return residual, weight
