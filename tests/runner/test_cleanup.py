@@ -12,8 +12,7 @@ from rigctl.backends.protocol import Sample
 from rigctl.dataset.run import open_run
 from rigctl.errors import ExitCode
 from rigctl.runner.requests import Request
-
-from .conftest import ScriptedControl
+from run_workshop import ScriptedControl
 
 Do = Callable[..., Any]
 

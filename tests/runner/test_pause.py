@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from rigctl.runner.requests import Request
-
-from .conftest import ScriptedControl
+from run_workshop import ScriptedControl
 
 Do = Callable[..., Any]
 

@@ -18,8 +18,7 @@ from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.relaunch import open_interrupted, relaunch
 from rigctl.runner.requests import Request
 from rigctl.runner.resume import record_paths, remaining, setup_before
-
-from .conftest import RIG, ScriptedControl
+from run_workshop import RIG, ScriptedControl
 
 CAMPAIGN = """\
 procedure: small campaign

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Generator, Sequence
+from time import perf_counter, sleep
 
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
@@ -94,18 +94,22 @@ class Driver:
 
     def wait(self, until: Until) -> Row | None:
         """Let time pass until what a step waits for has come: the row that brought it, or None."""
-        now, next_row, when = self._clock.now, self._sampling.next_row, until.when
+        sampling, when, now = self._sampling, until.when, self._clock.now
         limit = self._walker.limit if self._walker is not None else math.inf
         deadline = min(until.time, limit)
-        longest = min(self._slice, self._sampling.longest_silence)
+        silence = sampling.longest_silence
         while True:
             self._look(until)
-            row = next_row(min(max(deadline - now(), 0.0), longest))
+            time = now()
+            patience = sampling.newest + silence - time
+            if patience <= 0.0:  # the alarm for that has been sounded, and time has to go on
+                patience = silence
+            row = sampling.next_row(min(max(deadline - time, 0.0), self._slice, patience))
             if row is not None:
                 if when is not None and when(row):
                     return row
             elif now() < deadline - _SLACK:
-                self._sampling.check_silence()
+                sampling.check_silence()
             elif limit < until.time:
                 text = f"a cleanup step took longer than {CLEANUP_STEP_LIMIT:g} s"
                 raise StepFailed(text, outcome=Outcome.TIMED_OUT)
@@ -122,7 +126,7 @@ class Driver:
         """Signals at once; keys and other terminals, and whoever watches, every tenth of a second."""
         if self._signals.count > self._signals_seen:
             self._signalled()
-        wall = time.perf_counter()
+        wall = perf_counter()
         if wall >= self._next_look:
             self._next_look = wall + self._response
             for control in self._controls:
@@ -186,7 +190,7 @@ class Driver:
         still = math.isinf(self._clock.speed)  # virtual time does not run away while a person thinks
         while self._pause is not None:
             if still:
-                time.sleep(min(self._response, RESPONSE))
+                sleep(min(self._response, RESPONSE))
                 self._look(until)
             else:
                 self.watch(self._slice)

@@ -19,6 +19,11 @@ from rigctl.units import show
 #: a latched alarm can be raised again only after this many seconds without its cause
 REARM = 10.0
 
+#: how many samples the noise of a channel is judged by, and how many times what is expected is too much
+_NOISE_SAMPLES = 32
+_NOISE_MASK = (1 << _NOISE_SAMPLES) - 1
+_NOISE_FACTOR = 20.0
+
 _SLACK = 1e-9  # s; times on a sampling grid are sums of rounded numbers
 
 
@@ -119,6 +124,37 @@ class Watch:
         return (value - old) / span if span >= 0.5 * window else math.nan
 
 
+@dataclass(slots=True)
+class Disturbance:
+    """Warns when a channel is far noisier than the rig file says: a loose contact, a failing sensor.
+
+    What is looked at is the second difference of the readings, which smooth motion leaves small: when more
+    than half of the last `_NOISE_SAMPLES` are above the threshold, it is no motion.
+    """
+
+    channel: str
+    column: int
+    threshold: float
+    past: float = math.nan
+    before: float = math.nan
+    history: int = 0  # one bit for each of the last samples
+    raised: bool = False
+
+    def update(self, time: float, value: float) -> Alarm | None:
+        """Take the next sample."""
+        bend = abs(value - 2.0 * self.past + self.before)
+        self.before, self.past = self.past, value
+        self.history = (self.history << 1 | (bend > self.threshold)) & _NOISE_MASK
+        if self.raised or not self.history:
+            self.raised = self.raised and self.history > 0
+            return None
+        if self.history.bit_count() <= _NOISE_SAMPLES // 2:
+            return None
+        self.raised = True
+        text = f"{self.channel} is far noisier than the rig file says: sensor or line disturbed"
+        return Alarm(time, f"{self.channel} noise", self.channel, "warn", text, value)
+
+
 class Interlocks:
     """Every watch of a rig. Rows are ``(time, record, *channels, *commands)``, SI."""
 
@@ -129,21 +165,25 @@ class Interlocks:
         self._rates = [watch for watch in self._watches if watch.window is not None]
         self._values = [watch for watch in self._watches if watch.window is None]
         self._bands = _narrowest(self._values)
+        self._noise = _disturbances(rig, columns)
         self._busy = False
         self._silent = False
 
     def check(self, row: Sequence[float]) -> Sequence[Alarm]:
         """The alarms that this row raises or clears; almost always none."""
         self._silent = False
+        noisy = [
+            alarm for watch in self._noise if (alarm := watch.update(row[0], row[watch.column])) is not None
+        ]
         if not self._busy:
             for column, low, high in self._bands:
                 if not low <= row[column] <= high:
                     break
             else:
-                return self._update(self._rates, row) if self._rates else ()
+                return noisy + self._update(self._rates, row) if self._rates else noisy
         alarms = self._update(self._watches, row)
         self._busy = not all(watch.calm for watch in self._values)
-        return alarms
+        return noisy + alarms
 
     def check_arming(self, rows: Sequence[Sequence[float]]) -> list[Alarm]:
         """What forbids arming: limits that stop and are exceeded in every one of `rows`, however briefly."""
@@ -210,6 +250,16 @@ def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
             )
         )
     return watches
+
+
+def _disturbances(rig: Rig, columns: Mapping[str, int]) -> list[Disturbance]:
+    """One for each channel whose noise the rig file states."""
+    found = []
+    for name, channel in rig.channels.items():
+        if channel.noise is not None and float(channel.noise) > 0.0:
+            expected = math.hypot(float(channel.noise), channel.resolution)
+            found.append(Disturbance(name, columns[name], _NOISE_FACTOR * expected))
+    return found
 
 
 def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:

@@ -33,7 +33,7 @@ class Sampling:
         self._next_sample = bench.backend.next_sample
         self._interlocks = interlocks
         self._secure = secure
-        self._newest = bench.now  # s, time of the newest sample
+        self.newest = bench.now  #: s, time of the newest sample
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[Happening] = deque(maxlen=12)
@@ -54,7 +54,6 @@ class Sampling:
         try:
             sample = self._next_sample(timeout)
         except BackendLost as error:
-            self._bench.reachable = False
             self._end(Lost(str(error)))
         if sample is None:
             self._collect()
@@ -64,7 +63,7 @@ class Sampling:
     def check_silence(self) -> None:
         """Trip when no sample has come for too long."""
         bench = self._bench
-        alarm = self._interlocks.check_silence(bench.now, self._newest, 1.0 / bench.rate)
+        alarm = self._interlocks.check_silence(bench.now, self.newest, 1.0 / bench.rate)
         if alarm is None:
             return
         if self.repeatable:
@@ -79,7 +78,7 @@ class Sampling:
         bench = self._bench
         row = (sample.time, bench.writer.record, *sample.values, *sample.commands)
         bench.newest = row
-        self._newest = sample.time
+        self.newest = sample.time
         try:
             bench.writer.append(row)
         except RigctlError as error:
@@ -109,7 +108,6 @@ class Sampling:
             try:
                 sample = self._next_sample(1.0)
             except BackendLost as error:
-                self._bench.reachable = False
                 self._end(Lost(str(error)))
             if sample is not None:
                 self._take(sample)
