@@ -30,6 +30,7 @@ def call(
         ("viscometer", [], 0.05),
         ("calibrate-pressure", [], 0.05),
         ("calibrate-thermocouple", ["--arg", "points=25 degC, 60 degC"], 0.01),
+        ("heater-board-steps", ["--arg", "dwell=2 min"], 0.01),
         ("campaign", ["--arg", "temperatures=20 degC, 30 degC, 50 degC"], 0.01),
     ],
 )

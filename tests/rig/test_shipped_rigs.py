@@ -7,8 +7,10 @@ from datetime import date
 import pytest
 
 from rigctl.files.shipped import shipped
+from rigctl.physics.families import find_family
 from rigctl.rig import Rig, load_rig
 from rigctl.rig.constants import CONSTANTS, GEOMETRY
+from rigctl.units import parse_unit
 
 BENCH = load_rig(shipped("rigs", "hl32-bench.yaml"))
 INSTRUMENTED = load_rig(shipped("rigs", "hl32-bench-instrumented.yaml"))
@@ -107,12 +109,13 @@ def test_the_bench_names_only_what_its_model_knows() -> None:
     assert set(BENCH.constants) <= set(CONSTANTS["hydraulic_cylinder"])
 
 
-def test_the_model_family_and_the_rig_file_call_things_alike() -> None:
-    from rigctl.physics.hydraulic_cylinder.parameters import PARAMETERS, RIG_NAMES
-    from rigctl.units import parse_unit
-
-    rig_names = {model: rig for rig, model in RIG_NAMES.items()}
-    known = {**GEOMETRY["hydraulic_cylinder"], **CONSTANTS["hydraulic_cylinder"]}
-    for parameter in PARAMETERS:
-        constant = known[rig_names.get(parameter.name, parameter.name)]
-        assert parse_unit(constant.unit).dimension == parse_unit(parameter.unit).dimension, parameter.name
+@pytest.mark.parametrize("family", ["hydraulic_cylinder", "heater_board"])
+def test_the_model_family_and_the_rig_file_call_things_alike(family: str) -> None:
+    declared = find_family(family)
+    rig_names = {model: rig for rig, models in declared.rig_names.items() for model in models}
+    known = {**GEOMETRY[family], **CONSTANTS[family]}
+    for parameter in declared.parameters:
+        for name in {parameter.name, rig_names.get(parameter.name, parameter.name)} & set(known):
+            dimension = parse_unit(known[name].unit).dimension
+            assert dimension == parse_unit(parameter.unit).dimension, parameter.name
+        assert {parameter.name, rig_names.get(parameter.name)} & set(known), parameter.name
