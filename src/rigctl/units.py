@@ -286,8 +286,8 @@ def parse_quantity(text: str | float) -> Quantity:
     return Quantity(value, parse_unit(match.group(2)))
 
 
-def read_si(text: str | float, unit: str, *, difference: bool = False) -> float:
-    """Read a quantity that must have the dimension of `unit` and return it in SI.
+def read_si(text: str | float | Quantity, unit: str, *, difference: bool = False) -> float:
+    """Read a quantity, or take one, that must have the dimension of `unit` and return it in SI.
 
     With `difference`, a temperature is an interval: ``0.5 degC`` and ``0.5 K`` are both 0.5.
 
@@ -296,7 +296,7 @@ def read_si(text: str | float, unit: str, *, difference: bool = False) -> float:
     RigctlError
         the text is no quantity, its unit is missing, or its dimension is another one.
     """
-    quantity = parse_quantity(text)
+    quantity = text if isinstance(text, Quantity) else parse_quantity(text)
     wanted = parse_unit(unit)
     if quantity.unit.dimension != wanted.dimension:
         missing = quantity.unit.text == ""

@@ -134,3 +134,8 @@ def test_a_quantity_of_a_dimension_known_later() -> None:
     assert read_quantity(quantity) is quantity
     with pytest.raises(RigctlError, match="wrong dimension"):
         in_dimension(quantity, "bar")
+
+
+def test_a_quantity_keeps_every_digit_that_was_written() -> None:
+    assert in_dimension(read_quantity("1132.5833 K"), "K") == 1132.5833
+    assert in_dimension(read_quantity(0.123456789), "1") == 0.123456789

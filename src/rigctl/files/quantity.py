@@ -131,7 +131,7 @@ def in_dimension(quantity: Quantity, unit: str, *, difference: bool = False) -> 
     RigctlError
         the unit is missing or of another dimension.
     """
-    return read_si(str(quantity), unit, difference=difference)
+    return read_si(quantity, unit, difference=difference)
 
 
 def quantity_text(written: object, expected: str) -> str:
