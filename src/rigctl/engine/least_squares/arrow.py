@@ -104,10 +104,9 @@ def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Seque
         parts = [block.local] if block.local is not None and m else []
         parts += [block.shared] if block.shared is not None and shared else []
         factors = weights(loss, block.residual)
-        residual = block.residual if factors is None else block.residual * factors[0]
-        matrix = np.column_stack([*parts, -residual])
+        matrix = np.column_stack([*parts, -block.residual])
         if factors is not None:
-            matrix[:, :-1] *= factors[1][:, None]
+            matrix *= factors[:, None]
         triangle = _triangle(matrix)
         if m:
             triangles.append(triangle)
@@ -196,8 +195,8 @@ def _triangle(matrix: Floats) -> Floats:
     if rows > piece:
         padded = np.zeros((-(-rows // piece) * piece, columns))
         padded[:rows] = matrix
-        matrix = np.linalg.qr(padded.reshape(-1, piece, columns), mode="r").reshape(-1, columns)
-        return _triangle(matrix)
+        pieces = np.asarray(np.linalg.qr(padded.reshape(-1, piece, columns), mode="r"))
+        return _triangle(pieces.reshape(-1, columns))
     if rows <= columns:
         return matrix
     return np.asarray(np.linalg.qr(matrix, mode="r"))

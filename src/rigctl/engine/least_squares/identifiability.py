@@ -74,7 +74,8 @@ def weak_combinations(
 
 
 def _parts(direction: Floats, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
-    order = np.argsort(-np.abs(direction))
+    # rounded, so that equal shares keep the order of the names
+    order = np.argsort(-np.round(np.abs(direction), 6), kind="stable")
     sign = np.sign(direction[order[0]]) or 1.0
     return tuple(
         (names[place], float(sign * direction[place]))

@@ -15,19 +15,21 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_SMALLEST_CURVATURE = float(np.finfo(float).eps)
-
 
 class Loss(Protocol):
-    """The function rho of z = (r/c)² with its first two derivatives."""
+    """The function rho of z = (r/c)², and its slope."""
 
     @property
     def threshold(self) -> float:
         """c, in standard deviations."""
         ...
 
-    def rho(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """(rho, rho', rho'') at z."""
+    def rho(self, z: Floats) -> Floats:
+        """What the residual counts."""
+        ...
+
+    def slope(self, z: Floats) -> Floats:
+        """rho'."""
         ...
 
 
@@ -37,9 +39,13 @@ class Squares:
 
     threshold: float = 1.0
 
-    def rho(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """(z, 1, 0)."""
-        return z, np.ones_like(z), np.zeros_like(z)
+    def rho(self, z: Floats) -> Floats:
+        """What the residual counts."""
+        return z
+
+    def slope(self, z: Floats) -> Floats:
+        """rho'."""
+        return np.ones_like(z)
 
 
 @dataclass(frozen=True)
@@ -48,15 +54,13 @@ class Huber:
 
     threshold: float = 3.0
 
-    def rho(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """(rho, rho', rho'') at z."""
-        far = z > 1.0
-        root = np.sqrt(np.where(far, z, 1.0))
-        return (
-            np.where(far, 2.0 * root - 1.0, z),
-            np.where(far, 1.0 / root, 1.0),
-            np.where(far, -0.5 / root**3, 0.0),
-        )
+    def rho(self, z: Floats) -> Floats:
+        """What the residual counts."""
+        return np.where(z > 1.0, 2.0 * np.sqrt(z) - 1.0, z)
+
+    def slope(self, z: Floats) -> Floats:
+        """rho'."""
+        return 1.0 / np.sqrt(np.maximum(z, 1.0))
 
 
 @dataclass(frozen=True)
@@ -65,10 +69,13 @@ class SoftL1:
 
     threshold: float = 3.0
 
-    def rho(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """(rho, rho', rho'') at z."""
-        root = np.sqrt(1.0 + z)
-        return 2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3
+    def rho(self, z: Floats) -> Floats:
+        """What the residual counts."""
+        return 2.0 * (np.sqrt(1.0 + z) - 1.0)
+
+    def slope(self, z: Floats) -> Floats:
+        """rho'."""
+        return 1.0 / np.sqrt(1.0 + z)
 
 
 @dataclass(frozen=True)
@@ -77,27 +84,28 @@ class Cauchy:
 
     threshold: float = 3.0
 
-    def rho(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """(rho, rho', rho'') at z."""
-        return np.log1p(z), 1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2
+    def rho(self, z: Floats) -> Floats:
+        """What the residual counts."""
+        return np.log1p(z)
+
+    def slope(self, z: Floats) -> Floats:
+        """rho'."""
+        return 1.0 / (1.0 + z)
 
 
 def cost_of(loss: Loss, residual: Floats) -> float:
     """``c²/2 · sum(rho((r/c)²))``."""
     if isinstance(loss, Squares):
         return 0.5 * float(residual @ residual)
-    rho = loss.rho((residual / loss.threshold) ** 2)[0]
-    return 0.5 * loss.threshold**2 * float(rho.sum())
+    return 0.5 * loss.threshold**2 * float(loss.rho((residual / loss.threshold) ** 2).sum())
 
 
-def weights(loss: Loss, residual: Floats) -> tuple[Floats, Floats] | None:
-    """Factors (for residuals, for derivatives) that make a Gauss-Newton step see the loss; None for squares.
+def weights(loss: Loss, residual: Floats) -> Floats | None:
+    """Factors for residuals and derivatives, sqrt(rho'), that make a Gauss-Newton step see the loss.
 
-    With both applied, Jᵀr is the gradient of the cost and JᵀJ its curvature, never below zero.
+    With them Jᵀr is the gradient of the cost. The curvature leaves out rho'': it is then never below zero,
+    and never smaller than that of the cost, so that a step does not overshoot. None for squares.
     """
     if isinstance(loss, Squares):
         return None
-    z = (residual / loss.threshold) ** 2
-    _, first, second = loss.rho(z)
-    curvature = np.sqrt(np.maximum(first + 2.0 * second * z, _SMALLEST_CURVATURE))
-    return first / curvature, curvature
+    return np.sqrt(loss.slope((residual / loss.threshold) ** 2))

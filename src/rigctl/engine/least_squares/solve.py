@@ -215,13 +215,16 @@ class _Search:
         step = found.step.flat()
         residual, weight = prior_rows(self.all, self.point.flat())
         gradient = self.arrow.gradient().flat() + weight * residual
-        pushing = found.free.flat() > 0.0
+        flat = self.point.flat()
+        blocked = ((flat <= self.lower) & (gradient > 0.0)) | ((flat >= self.upper) & (gradient < 0.0))
         length = np.sqrt(2.0 * self.cost) or 1.0
-        cosine = np.abs(gradient[pushing] / (self._scale()[pushing] * length)).max(initial=0.0)
+        cosine = np.abs(gradient[~blocked] / (self._scale()[~blocked] * length)).max(initial=0.0)
         if cosine <= self.options.gradient:
             return Outcome.GRADIENT, "The residuals cannot be made smaller"
-        moved = np.abs(step) / np.maximum(self.size, np.abs(self.point.flat()))
+        moved = np.abs(step) / np.maximum(self.size, np.abs(flat))
         if moved.max(initial=0.0) <= self.options.step:
+            if self.damping > 1.0:
+                return Outcome.STALLED, "No step lowers the cost"
             return Outcome.STEP, "No parameter moves any more"
         if self.damping < 1.0 and 0.0 <= self._expected(found.step) <= self.options.cost * self.cost:
             return Outcome.COST, "The cost does not fall any more"
