@@ -1,37 +1,34 @@
-"""The shipped campaign as a plan, and a rig to read."""
+"""Plans to show, and a rig to read."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
+from live.shipped import RIG_FILE, bench, campaign
 from rigctl.procedure import expand, load_procedure
 from rigctl.procedure.plan import Plan
-from rigctl.rig import Rig, load_rig
-
-ROOT = Path(__file__).parents[2]
+from rigctl.rig import Rig
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def rig() -> Rig:
-    return load_rig(ROOT / "rigs" / "hl32-bench.yaml")
+    return bench()
+
+
+@pytest.fixture
+def plan() -> Plan:
+    return campaign()
 
 
 @pytest.fixture(scope="session")
-def plan(rig: Rig) -> Plan:
-    return expand(load_procedure(ROOT / "procedures" / "campaign.yaml"), rig)
-
-
-@pytest.fixture(scope="session")
-def looping(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Plan:
+def looping(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     """Three rounds of two waits, with something to do afterwards."""
     path = tmp_path_factory.mktemp("looping") / "looping.yaml"
     path.write_text(
-        f"procedure: looping\nrig: {(ROOT / 'rigs' / 'hl32-bench.yaml').as_posix()}\nsteps:\n"
+        f"procedure: looping\nrig: {RIG_FILE.as_posix()}\nsteps:\n"
         "  - repeat: 3\n    do: [{wait: 1 s}, {wait: 2 s}]\n"
         "finally:\n  - wait: 4 s\n",
         encoding="utf-8",
         newline="\n",
     )
-    return expand(load_procedure(path), rig)
+    return expand(load_procedure(path), bench())

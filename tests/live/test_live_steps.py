@@ -5,6 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
+from live.shipped import campaign
 from rigctl.live.steps import PlanPlaces, Stage, outline
 from rigctl.procedure.plan import Leaf, Loop, Plan, iteration_path, walk
 
@@ -31,7 +32,8 @@ def test_every_step_of_the_campaign_has_its_place(plan: Plan) -> None:
 
 
 @given(data=st.data(), most=st.integers(0, 40))
-def test_it_fits_and_keeps_the_order_of_the_plan(plan: Plan, data: st.DataObject, most: int) -> None:
+def test_it_fits_and_keeps_the_order_of_the_plan(data: st.DataObject, most: int) -> None:
+    plan = campaign()
     places = PlanPlaces(plan)
     leaf = data.draw(st.sampled_from([node for node in walk(plan.root) if isinstance(node, Leaf)]))
     lines = outline(places, leaf.path, most)

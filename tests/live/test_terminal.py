@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import threading
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from rigctl.live import view
+from live.shipped import campaign
+from rigctl.backends.protocol import Sample
+from rigctl.live import MonitorDisplay, view
 from rigctl.live.display import redrawable
 from rigctl.live.plain import PlainDisplay
 from rigctl.live.terminal import TerminalDisplay
@@ -66,7 +69,7 @@ def real_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
 
 
-def frame(display: TerminalDisplay, width: int = 100) -> str:
+def frame(display: TerminalDisplay | MonitorDisplay, width: int = 100) -> str:
     console = Console(file=io.StringIO(), width=width, height=40)
     console.print(display.render())
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
@@ -122,7 +125,6 @@ def test_texts_cannot_steer_the_terminal(plan: Plan) -> None:
     width=st.integers(10, 200),
 )
 def test_any_view_can_be_drawn(
-    plan: Plan,
     state: str,
     path: str,
     progress: float,
@@ -132,7 +134,7 @@ def test_any_view_can_be_drawn(
     value: float,
     width: int,
 ) -> None:
-    display = TerminalDisplay(plan, Terminal())
+    display = TerminalDisplay(campaign(), Terminal())
     values = {"position": value, "oil_temperature": value}
     alarm = Alarm(0.0, "over_travel", "position", "stop", "too far", value)
     display(
@@ -184,3 +186,21 @@ def test_what_cannot_be_redrawn_gets_lines(plan: Plan, monkeypatch: pytest.Monke
     closed = io.StringIO()
     closed.close()
     assert not redrawable(closed)
+
+
+def test_a_bench_is_watched_in_a_table(plan: Plan) -> None:
+    terminal = Terminal()
+    alarm = Alarm(0.0, "oil_hot", "oil_temperature", "warn", "The oil is hot", 360.0)
+    sample = Sample(61.0, (360.0, 30e5, 0.05), (0.0, 0.0, 30e5))
+    with MonitorDisplay(plan.rig, terminal) as display:
+        display(sample, [alarm])
+        raised = frame(display)
+        display(sample, [])
+        assert "The oil is hot" in frame(display)  # it stays until its cause is gone
+        display(sample, [replace(alarm, active=False)])
+        cleared = frame(display)
+    assert "HL32 bench  0:01:01" in raised
+    assert "86.9 degC" in raised
+    assert "The oil is hot" in raised
+    assert "The oil is hot" not in cleared
+    assert "86.9 degC" in terminal.getvalue()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -97,13 +98,26 @@ def monitor(
     end = read_si(duration, "s") if duration is not None else None
     readings = watch(bench, _how(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None
-    for reading in islice(readings, count):
-        first = reading.sample.time if first is None else first
-        if end is not None and reading.sample.time - first > end:
-            break
-        line = _as_json(bench, reading) if as_json else _as_line(bench, reading)
-        typer.echo(line)
-    readings.close()
+    with _shown(bench, as_json=as_json) as show:
+        for reading in islice(readings, count):
+            first = reading.sample.time if first is None else first
+            if end is not None and reading.sample.time - first > end:
+                break
+            show(reading)
+        readings.close()
+
+
+@contextmanager
+def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
+    """Where readings go: a table that redraws itself on a terminal, elsewhere one line for each."""
+    from rigctl.live import MonitorDisplay, redrawable
+
+    if not as_json and redrawable(sys.stdout):
+        with MonitorDisplay(rig, sys.stdout) as display:
+            yield lambda reading: display(reading.sample, reading.alarms)
+        return
+    line = _as_json if as_json else _as_line
+    yield lambda reading: typer.echo(line(rig, reading))
 
 
 def _open_rig(path: Path | None) -> Rig:

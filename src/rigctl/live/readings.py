@@ -137,12 +137,16 @@ def sparkline(values: Sequence[float], span: float, *, unicode: bool = True) -> 
     span: a smaller range than this is drawn as if it were this wide, around its middle.
     """
     blocks = BLOCKS if unicode else PLAIN_BLOCKS
-    present = [value for value in values if math.isfinite(value)]
+    quarters = [0.25 * value for value in values]  # differences of the largest floats stay finite
+    present = [value for value in quarters if math.isfinite(value)]
     if not present:
         return " " * len(values)
     low, high = min(present), max(present)
-    if high - low < span:
-        middle = 0.5 * (low + high)
-        low, high = middle - 0.5 * span, middle + 0.5 * span
-    scale = (len(blocks) - 1) / (high - low) if high > low else 0.0
-    return "".join(blocks[round((value - low) * scale)] if math.isfinite(value) else " " for value in values)
+    if high - low < 0.25 * span:
+        middle = 0.5 * low + 0.5 * high
+        low, high = middle - 0.125 * span, middle + 0.125 * span
+    range_ = high - low if high > low else math.inf
+    top = len(blocks) - 1
+    return "".join(
+        blocks[round((value - low) / range_ * top)] if math.isfinite(value) else " " for value in quarters
+    )
