@@ -120,6 +120,7 @@ class Effect:
     kind: of the process, or of a sensor.
     looks_like: what it does to the recorded data.
     confused_with: effects that do nearly the same to the data.
+    instead_of: effects that say the same in another way: a model has one or the other.
     needs: what the data must hold for the effect to show at all.
     base: base physics instead: the family's parameters and the values that take it away; such an effect is in
         every model and has no terms of its own.
@@ -137,6 +138,7 @@ class Effect:
     other_ways: tuple[OtherWay, ...] = ()
     kind: Literal["process", "sensor"] = "process"
     confused_with: tuple[str, ...] = ()
+    instead_of: tuple[str, ...] = ()
     needs: str | None = None
     base: Mapping[str, float] = field(default_factory=dict)
 

@@ -1,32 +1,46 @@
-"""An effect on the command line: ``piston_leakage:clearance=30 um``."""
+"""An effect on the command line: ``piston_leakage:clearance=30 um``, or ``my-effect.yaml:size=3 N``."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from pathlib import Path
 
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.effects.user.load import is_effect_file, load_effect
+from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.physics.families import find_family
-from rigctl.units import read_si, show
+from rigctl.project import find_project
+from rigctl.units import Quantity, read_si, show
+
+_FILE = re.compile(r"(.+?\.ya?ml)(?:\s*:(.*))?$", re.IGNORECASE | re.DOTALL)
 
 
 def parse_effect_option(
     text: str, family: str = "hydraulic_cylinder", parameters: Mapping[str, float] | None = None
 ) -> tuple[str, dict[str, float]]:
-    """Read ``EFFECT[:param=value[,param=value...]]`` into its name and all its parameters in SI.
+    """As `read_effect_option`, with the effect's name alone."""
+    effect, values = read_effect_option(text, family, parameters)
+    return effect.name, values
 
-    Parameters that are not given have their typical size. `parameters` are the family's, where a bench's
-    differ from the published one.
+
+def read_effect_option(
+    text: str, family: str = "hydraulic_cylinder", parameters: Mapping[str, float] | None = None
+) -> tuple[Effect, dict[str, float]]:
+    """Read ``EFFECT[:param=value[,param=value...]]`` into the effect and all its parameters in SI.
+
+    EFFECT is a name of the library, or a user's effect file. Parameters that are not given have their typical
+    size. `parameters` are the family's, where a bench's differ from the published one.
 
     Raises
     ------
     RigctlError
-        an unknown effect or parameter, a wrong unit, a value out of bounds, or base physics, which every
-        model has already.
+        an unknown effect or parameter, a wrong file, a wrong unit, a value out of bounds, or base physics,
+        which every model has already.
     """
-    name, _, rest = text.partition(":")
-    effect = find_effect(name.strip(), family)
+    name, rest = _split(text)
+    effect = name_or_file(name, family)
     if effect.base:
         raise RigctlError(
             f"{effect.name} is base physics, which every model has", hint="Set the model's parameters instead"
@@ -37,11 +51,42 @@ def parse_effect_option(
         if not equals:
             raise RigctlError("not a parameter of an effect", value=item, expected="'parameter=value'")
         values |= read_parameter(effect, key.strip(), written.strip(), parameters)
-    return effect.name, values
+    return effect, values
+
+
+def name_or_file(written: str, family: str) -> Effect:
+    """The effect of the library, or of a user's file, that `written` names.
+
+    A file is looked for from the current folder, then in the project, then among those that are shipped.
+
+    Raises
+    ------
+    RigctlError
+        there is none, the file is wrong, or its effect belongs to another family.
+    """
+    if not is_effect_file(written):
+        return find_effect(written, family)
+    path = Path(written)
+    effect = load_effect(path if path.exists() else find_project().resolve(path))
+    if effect.family != family:
+        raise RigctlError(
+            f"the effect {effect.name} belongs to another family",
+            value=effect.family,
+            expected=family,
+            where=Location(path),
+        )
+    return effect
+
+
+def _split(text: str) -> tuple[str, str]:
+    """The effect, and what stands behind its colon; a file's path may have a colon of its own."""
+    file = _FILE.match(text)
+    name, rest = (file.group(1), file.group(2) or "") if file else text.partition(":")[::2]
+    return name.strip(), rest
 
 
 def read_parameter(
-    effect: Effect, name: str, written: str, family_parameters: Mapping[str, float] | None = None
+    effect: Effect, name: str, written: str | Quantity, family_parameters: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The parameter that ``name: written`` sets, in SI; `name` may be another way to write one.
 
@@ -62,7 +107,7 @@ def read_parameter(
     return _bounded(effect, name, read_si(written, parameter.unit, difference=parameter.difference), written)
 
 
-def _bounded(effect: Effect, name: str, value: float, written: str) -> dict[str, float]:
+def _bounded(effect: Effect, name: str, value: float, written: str | Quantity) -> dict[str, float]:
     parameter = effect.parameter(name)
     if not parameter.low <= value <= parameter.high:
         low, high = (
@@ -70,6 +115,6 @@ def _bounded(effect: Effect, name: str, value: float, written: str) -> dict[str,
             for end in (parameter.low, parameter.high)
         )
         raise RigctlError(
-            f"{effect.name}.{name} is out of bounds", value=written, expected=f"{low} to {high}"
+            f"{effect.name}.{name} is out of bounds", value=str(written), expected=f"{low} to {high}"
         )
     return {name: value}

@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from rigctl.effects import heater_board, hydraulic_cylinder, oil_viscosity
 from rigctl.effects.declaration import Effect, problems
+from rigctl.effects.examine import examine
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.families import find_family
 
@@ -65,14 +66,17 @@ def find_effect(name: str, family: str) -> Effect:
 
 
 def check_effect(effect: Effect) -> Effect:
-    """The effect itself when its declaration is sound.
+    """The effect itself when its declaration is sound, and its terms keep what it promises.
 
     Raises
     ------
     RigctlError
-        it is not; it says everything that is wrong.
+        they do not; it says everything that is wrong.
     """
-    found = problems(effect, find_family(effect.family))
+    family = find_family(effect.family)
+    found = problems(effect, family)
+    if not found and effect.terms:
+        found = [f"{name}: {error}" for (_, name), error in examine(effect, family)]
     if found:
         raise RigctlError(f"the effect {effect.name} is not sound: {'; '.join(found)}")
     return effect

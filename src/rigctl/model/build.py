@@ -35,7 +35,8 @@ def build_system(
     States come in the family's order, then the effects' own (``pressure_lag.deviation``). Parameters are the
     family's that can be fitted, then the effects' (``piston_leakage.conductance``); dimensions that no fit
     changes are numbers in the equations. Outputs are the channels of the rig that the family knows; all that
-    it knows without a rig. An effect whose parameters are null changes no value in the last bit.
+    it knows without a rig. An effect whose parameters are null changes no value in the last bit, and the
+    order of `effects` makes no difference.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def _find(
 ) -> list[tuple[Effect, dict[str, float]]]:
     users = {effect.name: effect for effect in own}
     found = []
-    for name, values in effects.items():
+    for name, values in sorted(effects.items()):
         effect = users.get(name) or find_effect(name, family.name)
         if effect.base:
             raise RigctlError(f"{name} is base physics, which every model has")

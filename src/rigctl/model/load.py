@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
+from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect
 from rigctl.effects.option import read_parameter
-from rigctl.effects.registry import find_effect
-from rigctl.errors import RigctlError, SeveralErrors
+from rigctl.effects.user.load import load_effect
+from rigctl.errors import RigctlError
+from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
 from rigctl.model.model import Model, Value
@@ -23,10 +25,7 @@ from rigctl.physics.oil import find_oil
 from rigctl.project import find_project
 from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
-from rigctl.units import read_si, show
-
-T = TypeVar("T")
-Keys = tuple[str, ...]
+from rigctl.units import Quantity, read_si, show
 
 
 def load_model(path: Path) -> Model:
@@ -54,91 +53,88 @@ def parse_model(text: str, path: Path | None = None) -> Model:
 
 def _build(document: Document) -> Model:
     written = validate(document, ModelFile)
-    reader = _Reader(document)
+    reader = Reader(document)
     family = reader.read(("model",), partial(find_family, written.model))
-    if family is None:
-        raise reader.error()
+    reader.stop_at_errors()
+    assert family is not None  # noqa: S101 - the reader has stopped where it is
     rig = reader.read(("rig",), partial(_rig, written.rig, document.path))
     if written.oil is not None:
         reader.read(("oil",), partial(find_oil, written.oil))
     parameters = dict(_parameters(reader, family, written))
-    if reader.errors:
-        raise reader.error()
+    reader.stop_at_errors()
     given = {name: value.si for name, value in parameters.items()}
     known = parameter_values(family, rig, given, written.oil)
-    effects = dict(_effects(reader, family, written, known))
-    if reader.errors:
-        raise reader.error()
-    return Model(family, rig, written.oil, parameters, effects, written.description, document.path)
-
-
-class _Reader:
-    """Reads parts of a document and keeps every mistake with its place."""
-
-    def __init__(self, document: Document) -> None:
-        self.document = document
-        self.errors: list[RigctlError] = []
-
-    def read(self, keys: Keys, read: Callable[[], T], *, of_key: bool = False) -> T | None:
-        """What `read` returns, or None when it refuses what stands under `keys`."""
-        try:
-            return read()
-        except RigctlError as error:
-            self.errors.append(error.at(self.document.locate(keys, of_key=of_key)))
-            return None
-
-    def error(self) -> RigctlError:
-        """All the mistakes, as one to raise."""
-        return self.errors[0] if len(self.errors) == 1 else SeveralErrors(self.errors)
+    own = tuple(_own_effects(reader, family, written))
+    reader.stop_at_errors()
+    model = Model(family, rig, written.oil, parameters, {}, written.description, document.path, own)
+    effects = dict(_effects(reader, model, written, known))
+    reader.read(("effects",), partial(refuse_contradictions, [*map(model.effect, effects)]), of_key=True)
+    reader.stop_at_errors()
+    return replace(model, effects=effects)
 
 
 def _rig(written: str | None, path: Path | None) -> Rig | None:
-    if written is None:
-        return None
+    return None if written is None else load_rig(_resolve(written, path))
+
+
+def _resolve(written: str, path: Path | None) -> Path:
+    """A file that the model names: beside it, in its project, or shipped."""
     project = find_project(path.parent if path else None)
-    return load_rig(project.resolve(written, relative_to=path))
+    return project.resolve(written, relative_to=path)
 
 
-def _parameters(reader: _Reader, family: ModelFamily, written: ModelFile) -> Iterator[tuple[str, Value]]:
+def _own_effects(reader: Reader, family: ModelFamily, written: ModelFile) -> Iterator[Effect]:
+    for index, file in enumerate(written.own_effects):
+        keys = ("own_effects", index)
+        path = reader.read(keys, partial(_resolve, file, reader.document.path))
+        effect = None if path is None else reader.read(keys, partial(load_effect, path))
+        if effect is not None and effect.family != family.name:
+            other = RigctlError("this effect belongs to another family", value=file, expected=family.name)
+            reader.refuse(keys, other)
+        elif effect is not None:
+            yield effect
+
+
+def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iterator[tuple[str, Value]]:
     for name, setting in written.parameters.items():
         keys = ("parameters", name)
         declared = reader.read(keys, partial(family.parameter, name), of_key=True)
         if declared is None:
             continue
-        value = reader.read((*keys, "value"), partial(_value, declared, str(setting.value)))
+        value = reader.read((*keys, "value"), partial(_value, declared, setting.value))
         if setting.fit and declared.fixed:
             fixed = RigctlError(f"{name} is a dimension that no fit changes", hint="Leave 'fit' out")
-            reader.errors.append(fixed.at(reader.document.locate((*keys, "fit"))))
+            reader.refuse((*keys, "fit"), fixed)
         if value is not None:
             yield name, Value(value, setting.fit)
 
 
-def _value(declared: ParameterDeclaration, written: str) -> float:
+def _value(declared: ParameterDeclaration, written: Quantity) -> float:
     value = read_si(written, declared.unit)
     if not declared.low <= value <= declared.high:
         ends = [show(end, declared.unit) for end in (declared.low, declared.high) if math.isfinite(end)]
-        raise RigctlError(f"{declared.name} is out of bounds", value=written, expected=" to ".join(ends))
+        raise RigctlError(f"{declared.name} is out of bounds", value=str(written), expected=" to ".join(ends))
     return value
 
 
 def _effects(
-    reader: _Reader, family: ModelFamily, written: ModelFile, known: Mapping[str, float]
+    reader: Reader, model: Model, written: ModelFile, known: Mapping[str, float]
 ) -> Iterator[tuple[str, dict[str, Value]]]:
     for name, settings in written.effects.items():
         keys = ("effects", name)
-        effect = reader.read(keys, partial(_effect, name, family), of_key=True)
+        effect = reader.read(keys, partial(_effect, model, name), of_key=True)
         if effect is None:
             continue
         values = {parameter: Value(si) for parameter, si in effect.start.items()}
         for key, setting in settings.items():
-            read = partial(read_parameter, effect, key, str(setting.value), known)
+            read = partial(read_parameter, effect, key, setting.value, known)
             found = reader.read((*keys, key), read)
             values |= {parameter: Value(si, setting.fit) for parameter, si in (found or {}).items()}
         yield name, values
 
 
-def _effect(name: str, family: ModelFamily) -> Effect:
-    effect = find_effect(name, family.name)
+def _effect(model: Model, name: str) -> Effect:
+    effect = model.effect(name)
     if effect.base:
         raise RigctlError(
             f"{name} is base physics, which every model has", hint="Set the model's parameters instead"

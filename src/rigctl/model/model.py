@@ -8,8 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
+from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect, qualified
-from rigctl.effects.registry import find_effect
+from rigctl.effects.registry import find_effect, library
 from rigctl.engine.system import System
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.build import build_system, superset
@@ -37,6 +38,7 @@ class Model:
     oil: the fluid when it is not the rig's.
     parameters: what the file says of the family's parameters.
     effects: by name, each with all of its parameters.
+    own: the user's own effects that `effects` may name besides the library's.
     path: the file, when there is one.
     """
 
@@ -47,6 +49,7 @@ class Model:
     effects: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
     description: str = ""
     path: Path | None = None
+    own: tuple[Effect, ...] = ()
 
     @property
     def name(self) -> str:
@@ -61,6 +64,17 @@ class Model:
         for effect, parameters in self.effects.items():
             values |= {qualified(effect, name): value.si for name, value in parameters.items()}
         return MappingProxyType(values)
+
+    def effect(self, name: str) -> Effect:
+        """The effect called `name`: the user's own, or the library's.
+
+        Raises
+        ------
+        RigctlError
+            there is none; it says the nearest.
+        """
+        own = {effect.name: effect for effect in self.own}
+        return own[name] if name in own else find_effect(name, self.family.name)
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -88,10 +102,11 @@ class Model:
             self.rig,
             parameters={name: value.si for name, value in self.parameters.items()},
             oil=self.oil,
+            own=self.own,
         )
 
-    def with_effect(self, name: str, values: Mapping[str, float], *, fit: bool = True) -> Model:
-        """The model with one more effect; what `values` leaves out has its typical size.
+    def with_effect(self, name: str | Effect, values: Mapping[str, float], *, fit: bool = True) -> Model:
+        """The model with one more effect, by name or a user's own; what `values` leaves out is typical.
 
         Base physics that was taken away comes back with the family's own values. With `fit`, later fits may
         change the effect's parameters, its shapes excepted.
@@ -99,13 +114,16 @@ class Model:
         Raises
         ------
         RigctlError
-            the effect or a parameter of it is unknown, or the model has it already.
+            the effect or a parameter of it is unknown, the model has it already, or it contradicts another.
         """
-        effect = find_effect(name, self.family.name)
+        if isinstance(name, Effect):
+            return self._knowing(name).with_effect(name.name, values, fit=fit)
+        effect = self.effect(name)
         if effect.base:
             return self._with_base(effect, present=True)
         if name in self.effects:
             raise RigctlError("the model has this effect already", value=name)
+        refuse_contradictions([*map(self.effect, self.effects), effect])
         for parameter in values:
             effect.parameter(parameter)
         settings = {
@@ -147,6 +165,13 @@ class Model:
             key = parameter if dot else name
             place[key] = Value(float(value), place[key].fit if key in place else False)
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
+
+    def _knowing(self, effect: Effect) -> Model:
+        """The model that may name `effect`, which is a user's own unless the library has it."""
+        if library(self.family.name).get(effect.name) is effect:
+            return self
+        known = {own.name: own for own in (*self.own, effect)}
+        return replace(self, own=tuple(known.values()))
 
     def _with_base(self, effect: Effect, *, present: bool) -> Model:
         own = parameter_values(self.family, self.rig, None, self.oil)

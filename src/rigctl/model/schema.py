@@ -50,3 +50,6 @@ class ModelFile(_Part):
     effects: dict[Name, dict[Name, Setting]] = Field(
         default_factory=dict, description="what the model has besides its base, by name"
     )
+    own_effects: tuple[str, ...] = Field(
+        default=(), description="effect files of one's own, whose names 'effects' may then use"
+    )

@@ -37,6 +37,7 @@ class ModelPlant:
             {parameter.name: model.values[parameter.name] for parameter in model.family.parameters},
             initial={s.name: initial[s.name] for s in model.family.states if s.name in initial},
             commands=self._commands,
+            own=model.own,
             progress=progress,
         )
         given = {source.channel: source.value for source in self._inputs.sources if source.channel}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rigctl.effects.option import parse_effect_option
+from rigctl.effects.option import read_effect_option
 from rigctl.errors import RigctlError
 from rigctl.model import Model, family_of, load_model
 from rigctl.physics.families import find_family
@@ -20,7 +20,8 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
     ----------
     rig: the bench that is simulated; the model's outputs are its channels.
     model_file: its parameters and effects; the rig's own family without effects where it is missing.
-    effects: further ones, e.g. ``piston_leakage:clearance=30 um``; what they leave out has its typical size.
+    effects: further ones, e.g. ``piston_leakage:clearance=30 um`` or ``my-effect.yaml``; what they leave out
+        has its typical size.
 
     Raises
     ------
@@ -36,8 +37,8 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
             expected=f"a model of the family {family.name}, as rig '{rig.name}' says",
         )
     for text in effects:
-        name, values = parse_effect_option(text, family.name, model.values)
-        model = model.with_effect(name, values, fit=False)
+        effect, values = read_effect_option(text, family.name, model.values)
+        model = model.with_effect(effect, values, fit=False)
     return model
 
 

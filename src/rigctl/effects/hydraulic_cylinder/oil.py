@@ -26,6 +26,7 @@ BARUS = Effect(
     parameters=(EffectParameter("coefficient", "1/Pa", 0.0, 2e-8, 0.0, 1e-7, "α"),),
     looks_like="Leakages and viscous losses change a little with pressure: 10 % at 50 bar.",
     confused_with=("modulus_viscosity",),
+    instead_of=("modulus_viscosity",),
     needs=_NEEDS_VISCOSITY,
 )
 
@@ -52,6 +53,7 @@ MODULUS_VISCOSITY = Effect(
     ),
     looks_like="As barus, with less of it in hot oil.",
     confused_with=("barus",),
+    instead_of=("barus",),
     needs=_NEEDS_VISCOSITY,
 )
 

@@ -24,6 +24,7 @@ BARUS = Effect(
     parameters=(EffectParameter("coefficient", "1/Pa", 0.0, 2e-8, 0.0, 1e-7, "α"),),
     looks_like="The logarithm of viscosity rises in proportion to pressure, at every temperature alike.",
     confused_with=("modulus_viscosity",),
+    instead_of=("modulus_viscosity",),
     needs="measurements under pressure",
 )
 
@@ -50,6 +51,7 @@ MODULUS_VISCOSITY = Effect(
     ),
     looks_like="As barus, with less of it in hot oil and at high pressure.",
     confused_with=("barus",),
+    instead_of=("barus",),
     needs="measurements under pressure at several temperatures",
 )
 

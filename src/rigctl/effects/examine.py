@@ -1,0 +1,140 @@
+"""Whether an effect does what it promises: written into its family's equations, and tried.
+
+At its null value every term must be exactly 0 (or 1 where the slot multiplies), and wherever the bench may
+be, each term must have a value and a slope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.writing import Written, nominal, write_out
+from rigctl.engine.symbols import Expr, derivative, evaluate, variables_of
+from rigctl.engine.system import after, before
+from rigctl.errors import RigctlError
+from rigctl.physics.family import ModelFamily
+from rigctl.units import show
+
+#: values of variables by name, SI
+Point = Mapping[str, float]
+
+#: how far from its start each state is tried, in its own scale: never far enough to leave this world
+_EXCURSIONS = (0.0, 0.5, -0.5)
+#: what an input that switches is tried with: before and after the command
+_SWITCHES = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))
+
+
+class Fault(NamedTuple):
+    """Something wrong with an effect: `part` is where, as ``("terms", slot)`` or ``("parameters", name)``."""
+
+    part: tuple[Literal["terms", "parameters"], str]
+    error: RigctlError
+
+
+def examine(effect: Effect, family: ModelFamily, points: Sequence[Point] = ()) -> tuple[Fault, ...]:
+    """What is wrong with the terms of an effect whose declaration is sound; empty when nothing is.
+
+    Tried near the family's resting state, and at `points`, e.g. those of a simulated record.
+    """
+    written = write_out(effect, family)
+    if written.refused is not None:
+        slot, error = written.refused
+        return (Fault(("terms", slot), error),)
+    tried = [{**nominal(family), **_own_start(effect), **point} for point in (*_resting(family), *points)]
+    return (*_unused(effect, written), *_wrong_terms(effect, family, written, tried))
+
+
+def _resting(family: ModelFamily) -> Iterator[Point]:
+    """States at rest and a little beside, with every switch of the inputs once."""
+    for excursion in _EXCURSIONS:
+        states = {state.name: state.start + excursion * state.scale for state in family.states}
+        for old, new in _SWITCHES:
+            switched = {
+                name: value
+                for item in family.inputs
+                for name, value in ((before(item.name), old), (after(item.name), new))
+            }
+            yield {**states, **{item.name: item.value for item in family.inputs}, **switched}
+
+
+def _own_start(effect: Effect) -> Point:
+    return {qualified(effect.name, state.name): state.start for state in effect.states}
+
+
+def _unused(effect: Effect, written: Written) -> Iterator[Fault]:
+    if not written.terms:  # the usual variant of the equations has no such place
+        return
+    used = {variable.name for expr in written.expressions for variable in variables_of(expr)}
+    for parameter in effect.parameters:
+        if qualified(effect.name, parameter.name) not in used:
+            error = RigctlError(
+                "no term uses this parameter", value=parameter.name, hint="Use it, or take it away"
+            )
+            yield Fault(("parameters", parameter.name), error)
+
+
+def _wrong_terms(
+    effect: Effect, family: ModelFamily, written: Written, points: Sequence[Point]
+) -> Iterator[Fault]:
+    off = [{**point, **_parameters(effect, effect.null)} for point in points]
+    on = [{**point, **_parameters(effect, effect.start)} for point in points]
+    for slot, uses in written.terms.items():
+        nothing = 0.0 if family.slot(slot).combine == "sum" else 1.0
+        found = _not_smooth(effect, family, uses, [*off, *on]) or _not_off(effect, uses, nothing, off)
+        if found is not None:
+            yield Fault(("terms", slot), found)
+
+
+def _parameters(effect: Effect, values: Mapping[str, float]) -> Point:
+    return {qualified(effect.name, name): value for name, value in values.items()}
+
+
+def _not_off(
+    effect: Effect, uses: Sequence[Expr], nothing: float, points: Sequence[Point]
+) -> RigctlError | None:
+    values = [evaluate(expr, point) for point in points for expr in uses]
+    wrong = next((value for value in values if value != nothing), None)
+    if wrong is None:
+        return None
+    null = ", ".join(f"{p.name} = {show(p.at_null, p.unit)}" for p in effect.parameters if not p.shape)
+    return RigctlError(
+        f"the null value, {null}, does not switch the term off: it is {wrong:.4g} there",
+        expected=f"exactly {nothing:g}",
+        hint="Let a parameter multiply all of it: 'size*(...)'"
+        if nothing == 0.0
+        else "Write a factor as '1 + size*(...)'",
+    )
+
+
+def _not_smooth(
+    effect: Effect, family: ModelFamily, uses: Sequence[Expr], points: Sequence[Point]
+) -> RigctlError | None:
+    """The first point where a term has no finite value, or no finite slope in something it depends on."""
+    for expr in uses:
+        variables = variables_of(expr)
+        slopes = [(variable, derivative(expr, variable)) for variable in variables]
+        for point in points:
+            if not math.isfinite(evaluate(expr, point)):
+                moving = [v.name for v in variables if v.name not in nominal(family)]
+                return _no_number("the term has no value", moving, point, effect)
+            for variable, slope in slopes:
+                if not math.isfinite(evaluate(slope, point)):
+                    what = f"the term has no slope in {_shown(variable.name, effect)}"
+                    return _no_number(what, [variable.name], point, effect)
+    return None
+
+
+def _no_number(what: str, names: Sequence[str], point: Point, effect: Effect) -> RigctlError:
+    where = ", ".join(f"{_shown(name, effect)} = {point[name]:g}" for name in names)
+    return RigctlError(
+        f"{what} at {where} (SI)",
+        expected="a smooth term wherever the bench may be",
+        hint="Round the corner: absolute(x, width) under a root or a fraction, positive_part(x, width)",
+    )
+
+
+def _shown(name: str, effect: Effect) -> str:
+    return name.removeprefix(f"{effect.name}.")

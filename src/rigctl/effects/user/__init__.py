@@ -1,0 +1,9 @@
+"""A user's own effects: read from a YAML file, or made from a Python function.
+
+Neither way executes anything from a file: a term is read by rigctl's own parser and becomes symbols.
+"""
+
+from rigctl.effects.user.function import effect
+from rigctl.effects.user.load import is_effect_file, load_effect, parse_effect
+
+__all__ = ["effect", "is_effect_file", "load_effect", "parse_effect"]

@@ -1,0 +1,185 @@
+"""Read an effect file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from rigctl.effects.declaration import Effect, EffectParameter, Term, problems
+from rigctl.effects.examine import examine
+from rigctl.effects.registry import library
+from rigctl.effects.user.formula import read_term
+from rigctl.effects.user.names import taken_names
+from rigctl.effects.user.schema import EffectFile, ParameterField
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.quantity import in_dimension
+from rigctl.files.reader import Reader
+from rigctl.files.validate import validate
+from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
+from rigctl.units import Quantity
+
+_ENDINGS = (".yaml", ".yml")
+
+
+def is_effect_file(text: str) -> bool:
+    """Whether what a user wrote names a file, rather than an effect of the library."""
+    return text.casefold().endswith(_ENDINGS)
+
+
+def load_effect(path: Path) -> Effect:
+    """The effect that a file describes, examined.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, or something in it is wrong, with the place; `SeveralErrors` when there is
+        more than one mistake.
+    """
+    return _build(read_document(Path(path)))
+
+
+def parse_effect(text: str, path: Path | None = None) -> Effect:
+    """The effect that a text describes; `path` is what messages call it.
+
+    Raises
+    ------
+    RigctlError
+        as `load_effect`.
+    """
+    return _build(parse_document(text, path))
+
+
+def _build(document: Document) -> Effect:
+    written = validate(document, EffectFile)
+    reader = Reader(document)
+    family = reader.read(("family",), partial(find_family, written.family))
+    reader.stop_at_errors()
+    assert family is not None  # noqa: S101 - the reader has stopped where it is
+    _check_mentions(reader, written, family)
+    parameters = tuple(_parameters(reader, written, family))
+    reader.stop_at_errors()
+    terms = tuple(_terms(reader, written, family, parameters))
+    reader.stop_at_errors()
+    effect = _effect(written, family, terms, parameters, document.path)
+    for problem in problems(effect, family):
+        reader.refuse(("parameters",), RigctlError(problem), of_key=True)
+    reader.stop_at_errors()
+    for (kind, name), error in examine(effect, family):
+        reader.refuse(_keys(written, name) if kind == "terms" else (kind, name), error)
+    reader.stop_at_errors()
+    return effect
+
+
+def _keys(written: EffectFile, slot: str) -> tuple[str, ...]:
+    """Where the term at `slot` stands in the file, which has a short form for one slot."""
+    return ("terms", slot) if written.slot is None else ("term",)
+
+
+def _parameters(reader: Reader, written: EffectFile, family: ModelFamily) -> Iterator[EffectParameter]:
+    for name, field in written.parameters.items():
+        keys = ("parameters", name)
+        if name in taken_names(family):
+            taken = RigctlError("this name already means something in the model", value=name)
+            reader.refuse(keys, taken, of_key=True)
+            continue
+        parameter = reader.read(keys, partial(_parameter, name, field))
+        if parameter is not None:
+            for wrong, error in _out_of_bounds(parameter, field):
+                reader.refuse((*keys, wrong), error)
+            yield parameter
+
+
+def _parameter(name: str, field: ParameterField) -> EffectParameter:
+    unit = field.start.unit.text or "1"
+    # a temperature on a scale with an offset is a point, one in kelvin an interval
+    difference = not field.start.unit.absolute_temperature
+
+    def si(quantity: Quantity) -> float:
+        return in_dimension(quantity, unit, difference=difference)
+
+    low, high = map(si, field.bounds)
+    null = None if field.null_value is None else si(field.null_value)
+    return EffectParameter(name, unit, null, si(field.start), low, high, field.meaning, difference)
+
+
+def _out_of_bounds(parameter: EffectParameter, field: ParameterField) -> list[tuple[str, RigctlError]]:
+    low, high = field.bounds
+    if parameter.low >= parameter.high:
+        error = RigctlError(
+            "the bounds leave no room", value=f"{low}, {high}", expected="the lower one first"
+        )
+        return [("bounds", error)]
+    found = []
+    for name, si, quantity in (
+        ("start", parameter.start, field.start),
+        ("null_value", parameter.at_null, field.null_value),
+    ):
+        if not parameter.low <= si <= parameter.high or not math.isfinite(si):
+            error = RigctlError(f"{name} is out of bounds", value=str(quantity), expected=f"{low} to {high}")
+            found.append((name, error))
+    if not found and parameter.start == parameter.null:
+        error = RigctlError(
+            "the typical size is the null value, which switches the effect off",
+            value=str(field.start),
+            expected="another value",
+        )
+        found.append(("start", error))
+    return found
+
+
+def _terms(
+    reader: Reader, written: EffectFile, family: ModelFamily, parameters: tuple[EffectParameter, ...]
+) -> Iterator[tuple[str, Term]]:
+    for name, text in written.by_slot.items():
+        keys = _keys(written, name)
+        of_slot = ("slot",) if written.slot is not None else keys
+        slot = reader.read(of_slot, partial(family.slot, name), of_key=written.slot is None)
+        if slot is None:
+            continue
+        place = reader.document.locate(keys)
+        term = reader.read(keys, partial(read_term, text, family, slot, parameters, place))
+        if term is not None:
+            yield name, term
+
+
+def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) -> None:
+    """What the file says about other effects: there must be such effects, and none of its own name."""
+    known = library(family.name)
+    if written.effect in known:
+        taken = RigctlError(
+            "the library has an effect of this name", value=written.effect, hint="Give it a name of its own"
+        )
+        reader.refuse(("effect",), taken)
+    for field in ("confused_with", "instead_of"):
+        for name in getattr(written, field):
+            if name not in known:
+                reader.refuse((field,), unknown_name("effect", name, known))
+
+
+def _effect(
+    written: EffectFile,
+    family: ModelFamily,
+    terms: tuple[tuple[str, Term], ...],
+    parameters: tuple[EffectParameter, ...],
+    path: Path | None,
+) -> Effect:
+    sensor = all(family.slot(slot).kind == "sensor" for slot, _ in terms)
+    equation = "; ".join(f"{slot}: {' '.join(text.split())}" for slot, text in written.by_slot.items())
+    return Effect(
+        name=written.effect,
+        family=family.name,
+        summary=written.summary,
+        equation=written.equation or equation,
+        source=written.source or (path.name if path else ""),
+        looks_like=written.looks_like,
+        terms=terms,
+        parameters=parameters,
+        kind="sensor" if sensor else "process",
+        confused_with=written.confused_with,
+        instead_of=written.instead_of,
+        needs=written.needs,
+    )

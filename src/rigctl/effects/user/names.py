@@ -1,0 +1,39 @@
+"""The names that a term may use, and the type of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from rigctl.effects.declaration import EffectParameter
+from rigctl.expressions.types import NUMBER, ValueType, type_of_unit
+from rigctl.physics.family import ModelFamily, Slot
+from rigctl.units import parse_unit
+
+#: numbers that have a name
+CONSTANTS = ("pi",)
+
+
+def term_types(
+    family: ModelFamily, slot: Slot, parameters: Iterable[EffectParameter]
+) -> Mapping[str, ValueType]:
+    """The type of everything that a term at `slot` may name.
+
+    Temperatures of the family are points on the scale, the slot's own are differences. A temperature that is
+    a parameter of the family may be used as either.
+    """
+    types = {name: type_of_unit(unit) for name, unit in family.units().items()}
+    types |= {p.name: ValueType(parse_unit(p.unit).dimension) for p in family.parameters}
+    types |= {name: type_of_unit(unit, difference=True) for name, unit in slot.local}
+    types |= {p.name: type_of_unit(p.unit, difference=p.difference) for p in parameters}
+    return types | dict.fromkeys(CONSTANTS, NUMBER)
+
+
+def slot_type(slot: Slot) -> ValueType:
+    """The type of every term at `slot`; what is added to a temperature is a difference."""
+    return type_of_unit(slot.unit, difference=True)
+
+
+def taken_names(family: ModelFamily) -> frozenset[str]:
+    """The names that a parameter of an effect may not have, because they already mean something."""
+    local = {name for slot in family.slots for name, _ in slot.local}
+    return frozenset({*family.units(), *local, *CONSTANTS})

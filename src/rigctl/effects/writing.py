@@ -1,0 +1,112 @@
+"""An effect's terms as they come to stand in its family's equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.engine.symbols import Expr, Graph, Scalar, check_dimension
+from rigctl.engine.system import after, before
+from rigctl.errors import RigctlError
+from rigctl.physics.family import Formula, ModelFamily, Slot
+from rigctl.physics.scope import Addition, Scope
+from rigctl.physics.units import si_unit
+from rigctl.units import parse_unit
+
+
+@dataclass
+class Written:
+    """What came of writing an effect into its family's equations.
+
+    Attributes
+    ----------
+    terms: at each slot, the term at every place of the equations that uses the slot.
+    rates: of the effect's own states.
+    refused: the slot whose term could not be written, and why.
+    """
+
+    terms: dict[str, list[Expr]] = field(default_factory=dict)
+    rates: list[Expr] = field(default_factory=list)
+    refused: tuple[str, RigctlError] | None = None
+
+    @property
+    def expressions(self) -> list[Expr]:
+        """All terms, and the rates."""
+        return [expr for uses in self.terms.values() for expr in uses] + self.rates
+
+
+def write_out(effect: Effect, family: ModelFamily) -> Written:
+    """The terms of `effect` in symbols: the family's states, inputs and parameters, and the effect's own."""
+    written = Written()
+    graph = Graph()
+    scope = Scope(
+        family,
+        _variables(graph, effect, family),
+        additions=[
+            Addition(slot, effect.name, _noting(written, graph, family.slot(slot), effect.bind(term)))
+            for slot, term in effect.terms
+        ],
+    )
+    try:
+        _write_equations(scope, graph, effect, family, written)
+    except RigctlError as error:
+        written.refused = written.refused or (effect.slots[0], error)
+    return written
+
+
+def _variables(graph: Graph, effect: Effect, family: ModelFamily) -> dict[str, Scalar]:
+    units = {state.name: state.unit for state in family.states}
+    units |= {item.name: item.unit for item in family.inputs}
+    units |= {parameter.name: si_unit(parameter.unit) for parameter in family.parameters}
+    units |= {qualified(effect.name, state.name): state.unit for state in effect.states}
+    units |= {qualified(effect.name, p.name): si_unit(p.unit) for p in effect.parameters}
+    return {name: graph.variable(name, parse_unit(unit).dimension) for name, unit in units.items()}
+
+
+def _write_equations(
+    scope: Scope, graph: Graph, effect: Effect, family: ModelFamily, written: Written
+) -> None:
+    for state in family.states:
+        scope.rate(state.name)
+    for own in effect.states:
+        rate = graph.expression(effect.bind(own.rate)(scope))
+        expected = parse_unit(own.unit).dimension / parse_unit("s").dimension
+        check_dimension(rate, expected, f"the rate of {own.name}")
+        written.rates.append(rate)
+    for output in family.outputs:
+        output.formula(scope)
+    for item in family.inputs:
+        if item.delay is not None:
+            dimension = parse_unit(item.unit).dimension
+            item.delay(scope, *(graph.variable(f(item.name), dimension) for f in (before, after)))
+
+
+def _noting(written: Written, graph: Graph, slot: Slot, formula: Formula) -> Formula:
+    """The same formula; what it returns, or why it fails, is noted."""
+
+    def noted(scope: Scope) -> Scalar:
+        try:
+            term = graph.expression(_call(formula, scope))
+            check_dimension(term, parse_unit(slot.unit).dimension, f"the term at {slot.name}")
+        except RigctlError as error:
+            written.refused = written.refused or (slot.name, error)
+            raise
+        written.terms.setdefault(slot.name, []).append(term)
+        return term
+
+    return noted
+
+
+def _call(formula: Formula, scope: Scope) -> Scalar:
+    try:
+        return formula(scope)
+    except RigctlError:
+        raise
+    except Exception as problem:  # the term may be a foreign package's Python function
+        raise RigctlError(f"the term fails: {type(problem).__name__}: {problem}") from problem
+
+
+def nominal(family: ModelFamily) -> Mapping[str, float]:
+    """The family's own parameter values, SI."""
+    return {parameter.name: parameter.value for parameter in family.parameters}

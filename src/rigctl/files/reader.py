@@ -1,0 +1,43 @@
+"""Read the parts of a document one by one, and keep every mistake with its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from rigctl.errors import RigctlError, SeveralErrors
+from rigctl.files.nodes import Key
+from rigctl.files.yaml import Document
+
+T = TypeVar("T")
+
+
+class Reader:
+    """Collects the mistakes of one document, so that its user can mend them together."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.errors: list[RigctlError] = []
+
+    def read(self, keys: Sequence[Key], read: Callable[[], T], *, of_key: bool = False) -> T | None:
+        """What `read` returns, or None when it refuses what stands under `keys`."""
+        try:
+            return read()
+        except RigctlError as error:
+            self.refuse(keys, error, of_key=of_key)
+            return None
+
+    def refuse(self, keys: Sequence[Key], error: RigctlError, *, of_key: bool = False) -> None:
+        """Keep a mistake in what stands under `keys`, or in the key itself."""
+        self.errors.append(error.at(self.document.locate(tuple(keys), of_key=of_key)))
+
+    def stop_at_errors(self) -> None:
+        """Go on only when there is no mistake so far.
+
+        Raises
+        ------
+        RigctlError
+            the mistake; `SeveralErrors` when there is more than one.
+        """
+        if self.errors:
+            raise self.errors[0] if len(self.errors) == 1 else SeveralErrors(self.errors)
