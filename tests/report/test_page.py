@@ -6,12 +6,14 @@ import json
 import re
 from dataclasses import replace
 from datetime import UTC, datetime
+from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rigctl.report
 from report.conftest import RunMaker
 from report.made_campaign import RIG_FILE, STARTED
 from rigctl.dataset import Run, RunHeader, RunWriter, Source, annotate, open_run, source_of_rig
@@ -25,6 +27,9 @@ from rigctl.report.sections.outcome import summarise
 from rigctl.report.write import assemble
 from rigctl.rig import load_rig
 
+ASSETS = Path(rigctl.report.__file__).parent / "assets"
+#: of plotly-basic.min.js in the npm package plotly.js-basic-dist-min
+PLOTLY_4_1_1 = "99784e3abfb07b142a15e521a439e6d9addceadb3f79553fd24c72774f0649ba"
 HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
 
 
@@ -80,6 +85,12 @@ def test_nothing_is_fetched_from_anywhere(published_data: RunData) -> None:
 def test_the_policy_allows_these_scripts_alone() -> None:
     # the digest of the empty script, as browsers compute it
     assert "script-src 'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='" in policy([""])
+
+
+def test_the_plotting_library_is_the_published_one() -> None:
+    bundle = (ASSETS / "plotly-basic.min.js").read_text(encoding="utf-8").encode("utf-8")
+    assert sha256(bundle).hexdigest() == PLOTLY_4_1_1
+    assert (ASSETS / "LICENSE-plotly").read_text(encoding="utf-8").startswith("MIT License")
 
 
 def test_hostile_texts_stay_texts(make_run: RunMaker) -> None:

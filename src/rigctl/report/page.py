@@ -1,4 +1,8 @@
-"""The page around the sections: one HTML file that needs no other, and that nothing can make fetch one."""
+"""The page around the sections: one HTML file that needs no other, and that nothing can make fetch one.
+
+The plots are drawn by plotly.js, whose basic bundle lies unchanged in ``assets`` with its licence; the first
+lines of it name its version. ``npm pack plotly.js-basic-dist-min`` fetches a newer one.
+"""
 
 from __future__ import annotations
 
