@@ -1,0 +1,302 @@
+"""What breaks on the host: disk, folder, clock, signals, a second run, a kill at any moment."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rigctl.clock import ScaledClock, VirtualClock
+from rigctl.dataset import RunWriter, open_run, verify
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.runner.launch import Launch
+from rigctl.runner.operator import AutomaticOperator
+from rigctl.runner.relaunch import open_interrupted, relaunch
+from run_workshop import RIG, Workshop
+
+Do = Callable[..., Any]
+
+RECORDS = 12
+
+PROCEDURE = """\
+procedure: strokes
+rig: bench.yaml
+steps:
+  - set: {heater: on}
+  - repeat: 12
+    do:
+      - retract: {until: position < 1 mm, timeout: 5 s}
+      - record: {name: stroke, rate: 100 Hz}
+        do:
+          - extend: {for: 1 s}
+          - retract: {until: position < 1 mm, timeout: 5 s}
+finally:
+  - set: {heater: off}
+"""
+LONG = """\
+procedure: long
+rig: bench.yaml
+steps:
+  - set: {heater: on}
+  - wait: 1 h
+finally:
+  - wait: 30 s
+"""
+
+
+# --- disk and folder ---
+
+
+def test_a_full_disk_ends_the_run_safely_and_keeps_what_was_written(
+    do: Do, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = workshop.plan(PROCEDURE.split("\n", 2)[2])
+    backend = workshop.backend(plan.rig)
+    writer = RunWriter.create(workshop.folder / "runs", workshop.header(plan, backend))
+    flush, calls = writer._journal.flush, iter(range(10**6))
+
+    def full() -> None:
+        if next(calls) == 5:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        flush()
+
+    monkeypatch.setattr(writer._journal, "flush", full)
+    done = do(PROCEDURE.split("\n", 2)[2], backend=backend, writer=writer)
+    assert (done.result.status, done.result.exit_code) == ("failed", ExitCode.FAILED)
+    assert "No space left" in done.result.reason
+    assert done.commands("heater")[-1][1] == 0.0
+    assert done.commands("valve")[-1][1] == 0.0
+    assert verify(done.result.folder).good
+    assert len(open_run(done.result.folder).samples()) > 100
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of a file")
+def test_a_disk_that_stays_full_loses_nothing_that_was_written(project: Path) -> None:
+    code = (
+        "import resource, sys\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))\n"
+        "from rigctl.cli.main import main\n"
+        f"sys.argv = ['rigctl', 'simulate', {str(project / 'strokes.yaml')!r}, '--json']\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=project, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == ExitCode.FAILED, done.stderr
+    told = json.loads(done.stdout)
+    assert told["status"] == "failed"
+    assert "cannot write" in told["reason"]
+    assert "Traceback" not in done.stderr
+    folder = Path(told["path"])
+    assert verify(folder).good
+    assert len(open_run(folder).samples()) > 300
+
+
+def test_a_runs_folder_that_cannot_be_made_is_named_before_anything_moves(project: Path) -> None:
+    (project / "runs").write_text("", encoding="utf-8")
+    done = rigctl(project, "simulate", "strokes.yaml")
+    assert done.returncode == ExitCode.USAGE
+    assert "cannot make a folder for the run" in done.stderr
+    assert "runs" in done.stderr
+
+
+# --- clock ---
+
+
+def test_steps_of_the_calendar_clock_move_nothing(
+    do: Do, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    jumps = iter([*range(0, 10**7, 3600)])
+    real = time.time
+    monkeypatch.setattr(time, "time", lambda: real() + (next(jumps) % 7200) - 3600)
+    clock = ScaledClock(speed=20.0)
+    backend = workshop.backend(workshop.rig(), clock=clock)
+    done = do("steps:\n  - record: {name: a}\n    do:\n      - wait: 5 s\n", backend=backend)
+    assert done.result.status == "finished"
+    times = open_run(done.result.folder).samples()["time"]
+    record = times[open_run(done.result.folder).samples()["record"] == 0]
+    assert record.is_monotonic_increasing
+    assert record.iloc[-1] - record.iloc[0] == pytest.approx(5.0, abs=0.05)
+
+
+# --- two runs, signals, kills ---
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    bench = RIG.read_text(encoding="utf-8").replace("model: hydraulic_cylinder", "")  # a plant made at once
+    (tmp_path / "bench.yaml").write_text(bench, encoding="utf-8")
+    (tmp_path / "strokes.yaml").write_text(PROCEDURE, encoding="utf-8")
+    (tmp_path / "long.yaml").write_text(LONG, encoding="utf-8")
+    return tmp_path
+
+
+def environment(project: Path) -> dict[str, str]:
+    """The user's own state folder is left alone."""
+    home = str(project / "home")
+    return {**os.environ, "XDG_STATE_HOME": home, "LOCALAPPDATA": home, "HOME": home}
+
+
+def rigctl(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=project,
+        env=environment(project),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+class Background:
+    """A `rigctl` command that goes on while the test does something else."""
+
+    def __init__(self, project: Path, *arguments: str) -> None:
+        self.project = project
+        self.known = set((project / "runs").glob("2*"))
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rigctl", *arguments],
+            cwd=project,
+            env=environment(project),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def state(self) -> dict[str, Any]:
+        """What the run's heartbeat says; empty as long as there is none."""
+        for folder in set((self.project / "runs").glob("2*")) - self.known:
+            try:
+                found: dict[str, Any] = json.loads((folder / "state.json").read_text(encoding="utf-8"))
+            except (OSError, ValueError):
+                return {}
+            return found
+        return {}
+
+    def wait_for(self, state: str) -> None:
+        deadline = time.monotonic() + 60.0
+        while self.state().get("state") != state:
+            assert self.process.poll() is None, self.process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+
+    def end(self) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=60)
+        return self.process.returncode, out, err
+
+    @property
+    def folder(self) -> Path:
+        (folder,) = set((self.project / "runs").glob("2*")) - self.known
+        return folder
+
+
+@pytest.fixture
+def begin(project: Path) -> Iterator[Callable[..., Background]]:
+    begun: list[Background] = []
+
+    def make(*arguments: str) -> Background:
+        begun.append(Background(project, *arguments))
+        return begun[-1]
+
+    yield make
+    for run in begun:
+        if run.process.poll() is None:
+            run.process.kill()
+            run.process.communicate()
+
+
+def test_two_runs_on_one_rig_and_control_from_another_terminal(
+    project: Path, begin: Callable[..., Background]
+) -> None:
+    first = begin("run", "long.yaml", "--json")
+    first.wait_for("running")
+    second = rigctl(project, "run", "long.yaml")
+    assert second.returncode == ExitCode.FAILED
+    assert "'HL32 bench' is in use by a run of 'long'" in second.stderr
+    assert "outputs are safe" in rigctl(project, "pause").stdout
+    first.wait_for("paused")
+    assert "goes on" in rigctl(project, "continue").stdout
+    first.wait_for("running")
+    assert "ending" in rigctl(project, "off", "--rig", "bench.yaml").stdout
+    again = rigctl(project, "abort", "--json")
+    assert "ending already" in json.loads(again.stdout)["answer"]
+    for _ in range(2):  # two at once would be one to the system
+        first.process.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+    code, out, _ = first.end()
+    assert code == ExitCode.INTERRUPTED
+    assert json.loads(out)["status"] == "aborted"
+    assert rigctl(project, "run", "strokes.yaml", "--speed", "max").returncode == ExitCode.DONE
+
+
+SIGNALS = [
+    (name, code)
+    for name, code in (("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 143))
+    if hasattr(signal, name) and sys.platform != "win32"
+]
+
+
+@pytest.mark.parametrize(("name", "code"), SIGNALS)
+def test_a_signal_ends_a_real_time_run_within_a_fraction_of_a_second(
+    begin: Callable[..., Background], name: str, code: int
+) -> None:
+    run = begin("simulate", "long.yaml", "--speed", "1x", "--json")
+    run.wait_for("running")
+    run.process.send_signal(getattr(signal, name))
+    run.wait_for("finishing")
+    run.process.send_signal(getattr(signal, name))  # a second one skips the 30 s of the finally block
+    returned, out, err = run.end()
+    assert returned == code
+    assert json.loads(out)["status"] == "aborted"
+    assert "Traceback" not in err
+    commands = [
+        (event["value"], event["time"])
+        for line in (run.folder / "log.jsonl").read_text(encoding="utf-8").splitlines()
+        if (event := json.loads(line))["kind"] == "command" and event["actuator"] == "heater"
+    ]
+    assert [value for value, _ in commands] == [1.0, 0.0]
+    assert verify(run.folder).good
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_run_that_is_killed_at_any_moment_is_recovered_and_goes_on(
+    begin: Callable[..., Background], seed: int
+) -> None:
+    run = begin("simulate", "strokes.yaml", "--speed", "5x")
+    run.wait_for("running")
+    time.sleep(random.Random(seed).uniform(0.0, 1.5))
+    run.process.kill()
+    run.end()
+    folder = run.folder
+    assert verify(folder).good
+    before = open_interrupted(folder)
+    assert before.left + len(before.done.completed) == RECORDS
+    how = Launch(
+        runs=folder.parent,
+        operator=AutomaticOperator(),
+        backend="simulated",
+        clock=VirtualClock(),
+        exclusive=False,
+    )
+    result = relaunch(before, how)
+    assert result.status == "finished", result.reason
+    run_data = open_run(folder)
+    outcomes = list(run_data.records["outcome"])
+    assert outcomes.count("complete") == RECORDS
+    assert len(outcomes) - RECORDS <= 1
+    assert verify(folder).good
+    with pytest.raises(RigctlError, match="finished"):
+        open_interrupted(folder)
