@@ -94,6 +94,25 @@ def test_a_second_record_is_laid_over_the_first(quiet: Browser, campaign_page: P
     assert "dashed: 16 · stroke" in quiet.evaluate("document.getElementById('record-title').textContent")
 
 
+def test_records_of_benches_with_other_channels_meet_on_the_axes_they_share(
+    quiet: Browser, make_run: RunMaker, tmp_path: Path
+) -> None:
+    first = read_run(make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2))
+    second = read_run(make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2, seed=2))
+    flow = replace(second.signals["position"], name="flow", unit="l/min")
+    second = replace(second, signals={"flow": flow, **second.signals})
+    target = tmp_path / "page.html"
+    target.write_text(page([first, second], assemble([first, second])), encoding="utf-8", newline="\n")
+    quiet.open(target)
+    show_records(quiet)
+    pick(quiet, "record-other", "r1-0")
+    traces = quiet.evaluate("document.getElementById('record-plot').data.map(t => [t.name, t.yaxis])")
+    assert "flow (compared)" not in [name for name, _ in traces]
+    axes = dict(traces)
+    for name in ("position", "supply pressure", "valve"):
+        assert axes[f"{name} (compared)"] == axes[name]
+
+
 def test_scales_are_shared_until_the_reader_says_otherwise(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page)
     show_records(quiet)

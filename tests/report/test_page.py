@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 import rigctl.report
 from report.conftest import RunMaker
@@ -22,8 +23,8 @@ from rigctl.report import write_report
 from rigctl.report.interactive import embed
 from rigctl.report.page import page, policy
 from rigctl.report.run_data import RunData, read_run
-from rigctl.report.section import Section, render
-from rigctl.report.sections.outcome import summarise
+from rigctl.report.section import Section
+from rigctl.report.sections.outcome import readable, statement, summarise
 from rigctl.report.write import assemble
 from rigctl.rig import load_rig
 
@@ -174,6 +175,33 @@ def test_a_run_without_a_sample_has_a_page(
     assert 'id="records"' not in html
 
 
+@pytest.mark.parametrize(
+    ("reason", "said"),
+    [
+        ("procedures/stroke.yaml:15:5: the rod is loose.", "the rod is loose (stroke.yaml, line 15)"),
+        (r"C:\bench\stroke.yaml:15: late", "late (stroke.yaml, line 15)"),
+        ("ended by SIGINT", "ended by SIGINT"),
+        ("", ""),
+    ],
+)
+def test_a_reason_is_read_before_its_place(reason: str, said: str) -> None:
+    assert readable(reason) == said
+
+
+def test_a_run_that_broke_off_says_what_was_complete_by_then(published_data: RunData) -> None:
+    info = {**published_data.info, "status": "aborted", "reason": "ended by SIGINT"}
+    said = statement(replace(published_data, info=info, records=published_data.records[:5]))
+    assert said.startswith("The run was aborted: ended by SIGINT. 5 records were complete by then")
+
+
+def test_alarms_stand_before_everything_else(published_data: RunData) -> None:
+    alarm = replace(published_data.events[0], kind="alarm", time=500.0, message="Oil over-temperature")
+    html = html_of(replace(published_data, events=(*published_data.events, alarm)))
+    assert "1 alarm or fault came up" in html
+    events = html[html.index('<section id="events">') :]
+    assert events.index("Oil over-temperature") < events.index("idle → arming")
+
+
 def test_missed_limits_and_failed_records_are_counted(published_data: RunData) -> None:
     first = published_data.records[0]
     measures = (replace(first.measures[0], passed=False),)
@@ -216,11 +244,7 @@ def test_equal_runs_give_equal_pages(published_data: RunData) -> None:
 
 
 def test_another_part_can_add_its_section(published_data: RunData) -> None:
-    added = Section(
-        "comparison",
-        "Model against measurement",
-        render("events.html", **dict.fromkeys(("rows", "left_out", "omitted", "alarms", "several"), 0)),
-    )
+    added = Section("comparison", "Model against measurement", Markup("<p>It fits.</p>"))
     order = [section.id for section in assemble([published_data], [added])]
     assert order[:4] == ["outcome", "campaign", "comparison", "records"]
 

@@ -17,6 +17,7 @@ from rigctl.report.plot import COLOURS, MARKERS, Look, Mark, Panel, Plot, Span, 
 _PANEL_PIXELS = 168
 _GAP_PIXELS = 16
 _MARGINS = {"l": 78, "r": 18, "t": 34, "b": 46}
+_MARK_COLOUR = "#c9504c"
 #: what would end the script element that holds the JSON, or start a comment in it
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -116,6 +117,7 @@ def _layout(plot: Plot, height: int) -> dict[str, Any]:
         "showlegend": True,
         "xaxis": {"title": {"text": _text(plot.x_title)}, "anchor": _axis("y", len(plot.panels) - 1)},
         "shapes": [*map(_span, plot.spans), *map(_mark, plot.marks)],
+        "annotations": [_flag(mark) for mark in plot.marks],
     }
     top = 1.0
     for number, panel in enumerate(plot.panels):
@@ -152,8 +154,21 @@ def _span(span: Span) -> dict[str, Any]:
     }
 
 
+def _flag(mark: Mark) -> dict[str, Any]:
+    """What a mark means is read by pointing at it: texts of marks close together would cover each other."""
+    return {
+        "x": mark.x,
+        "y": 1,
+        "yref": "paper",
+        "yanchor": "bottom",
+        "text": "▼",
+        "font": {"color": _MARK_COLOUR, "size": 13},
+        "showarrow": False,
+        "hovertext": _text(mark.label),
+    }
+
+
 def _mark(mark: Mark) -> dict[str, Any]:
-    label = {"text": _text(mark.label), "textangle": 0, "textposition": "start", "font": {"size": 10}}
     return {
         "type": "line",
         "yref": "paper",
@@ -161,6 +176,5 @@ def _mark(mark: Mark) -> dict[str, Any]:
         "x1": mark.x,
         "y0": 0,
         "y1": 1,
-        "line": {"color": "#c9504c", "width": 1.5, "dash": "dash"},
-        "label": label,
+        "line": {"color": _MARK_COLOUR, "width": 1.5, "dash": "dash"},
     }

@@ -84,15 +84,25 @@
     return own;
   };
 
+  const axesByTitle = (layout) =>
+    new Map(
+      Object.keys(layout)
+        .filter((name) => name.startsWith("yaxis"))
+        .map((name) => [layout[name].title.text, name.replace("yaxis", "y")]),
+    );
+
   const drawRecord = () => {
     const figure = tracesOf(chosen.value);
     if (!sameScales.checked) figure.layout = withOwnScales(figure.layout);
     if (other.value) {
-      const second = tracesOf(other.value).data;
-      const axes = new Set(figure.data.map((trace) => trace.yaxis));
-      for (const trace of second.filter((candidate) => axes.has(candidate.yaxis))) {
+      const second = tracesOf(other.value);
+      const axes = axesByTitle(figure.layout);
+      for (const trace of second.data) {
+        const title = second.layout[trace.yaxis.replace("y", "yaxis")].title.text;
+        if (!axes.has(title)) continue; // another bench, which has a channel more
         figure.data.push({
           ...trace,
+          yaxis: axes.get(title),
           name: `${trace.name} (compared)`,
           line: { ...trace.line, dash: "dash" },
           opacity: 0.75,

@@ -29,30 +29,18 @@ class Row:
 
 
 def build(runs: Sequence[RunData]) -> Section:
-    """A table of events, alarms and faults marked."""
-    shown_events = [
-        (run, event) for run in runs for event in run.events if event.kind not in _LEFT_TO_THE_FILES
-    ]
-    omitted = sum(len(run.events) for run in runs) - len(shown_events)
-    # when not all can be shown, what went wrong must not be among those left out
-    shown_events, left_out = _most_important(shown_events)
+    """What went wrong first, then everything else in its order."""
+    every = [(run, event) for run in runs for event in run.events]
+    alarms, alarms_left = cut([pair for pair in every if pair[1].kind in ALARMS])
+    others, _ = cut([pair for pair in every if pair[1].kind not in (*ALARMS, *_LEFT_TO_THE_FILES)])
     body = render(
         "events.html",
-        rows=[_row(run, event) for run, event in shown_events],
-        left_out=left_out,
-        omitted=omitted,
-        alarms=sum(event.kind in ALARMS for run in runs for event in run.events),
+        tables=[[_row(run, event) for run, event in part] for part in (alarms, others) if part],
+        alarms=len(alarms) + alarms_left,
+        left_out=len(every) - len(alarms) - len(others),
         several=len(runs) > 1,
     )
     return Section("events", "Events", body)
-
-
-def _most_important(
-    pairs: list[tuple[RunData, Event]],
-) -> tuple[list[tuple[RunData, Event]], int]:
-    ranked = sorted(range(len(pairs)), key=lambda place: pairs[place][1].kind not in ALARMS)
-    kept, left_out = cut(ranked)
-    return [pairs[place] for place in sorted(kept)], left_out
 
 
 def _row(run: RunData, event: Event) -> Row:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,8 @@ from rigctl.report.signals import ALARMS
 
 #: kinds of bench whose numbers come from equations
 _SIMULATED = {"simulated": "simulated bench", "emulated": "emulated board and simulated bench"}
+#: ``procedures/stroke.yaml:15:5: what happened``
+_PLACE = re.compile(r"(?:.*[/\\])?(?P<file>[^/\\:]+\.ya?ml):(?P<line>\d+)(?::\d+)?: (?P<what>.+)", re.DOTALL)
 _STATUS = {
     "finished": ("good", "finished"),
     "failed": ("bad", "failed"),
@@ -65,23 +68,47 @@ def summarise(run: RunData) -> RunSummary:
 
 def statement(run: RunData) -> str:
     """How a run ended, in a sentence or two."""
-    complete = sum(record.outcome == COMPLETE for record in run.records)
-    total = len(run.records)
     status = str(run.info.get("status", ""))
-    reason = str(run.info.get("reason") or "").rstrip(".")
-    if total == 0:
-        kept = "Nothing was recorded"
-    elif complete == total:
-        kept = "The record is complete" if total == 1 else f"All {total} records are complete"
-    else:
-        kept = f"{complete} of {plural(total, 'record')} {'is' if complete == 1 else 'are'} complete"
     if status == "finished":
         began = "The data was imported" if run.info.get("source") == "import" else "The run finished"
-        return f"{began}. {kept}{_measured(run)}."
+        return f"{began}. {_kept(run)}{_measured(run)}."
     verb = {"failed": "failed", "aborted": "was aborted", "running": "is in progress"}.get(
         status, "was interrupted"
     )
-    return f"The run {verb}{': ' + reason if reason else ''}. {kept}{_measured(run)}."
+    reason = readable(str(run.info.get("reason") or ""))
+    return f"The run {verb}{': ' + reason if reason else ''}. {_kept_so_far(run)}{_measured(run)}."
+
+
+def readable(reason: str) -> str:
+    """A reason with its place in a file at its end, where it does not stand in the way."""
+    found = _PLACE.match(reason)
+    if found is None:
+        return reason.rstrip(".")
+    return f"{found['what'].rstrip('.')} ({found['file']}, line {found['line']})"
+
+
+def _complete(run: RunData) -> int:
+    return sum(record.outcome == COMPLETE for record in run.records)
+
+
+def _kept(run: RunData) -> str:
+    """How many records there are, of a run that was carried out to its end."""
+    complete, total = _complete(run), len(run.records)
+    if total == 0:
+        return "Nothing was recorded"
+    if complete == total:
+        return "The record is complete" if total == 1 else f"All {total} records are complete"
+    return f"{complete} of {plural(total, 'record')} {'is' if complete == 1 else 'are'} complete"
+
+
+def _kept_so_far(run: RunData) -> str:
+    """How many records there are, of a run that may have had more to come."""
+    complete, total = _complete(run), len(run.records)
+    if total == 0:
+        return "Nothing was recorded"
+    if complete == total:
+        return f"{plural(complete, 'record')} {'was' if complete == 1 else 'were'} complete by then"
+    return f"{complete} of {plural(total, 'record')} {'was' if complete == 1 else 'were'} complete by then"
 
 
 def _measured(run: RunData) -> str:
@@ -99,9 +126,10 @@ def _measured(run: RunData) -> str:
 
 def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
     """The few numbers a reader looks for first."""
-    complete = sum(record.outcome == COMPLETE for record in run.records)
+    complete, total = _complete(run), len(run.records)
+    open_ended = run.info.get("status") != "finished" and complete == total
     found = [
-        ("records complete", f"{complete} of {len(run.records)}"),
+        ("records complete", str(complete) if open_ended else f"{complete} of {total}"),
         ("duration", duration(_length(run))),
         ("samples", whole(len(run.time))),
     ]
