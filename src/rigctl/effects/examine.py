@@ -6,25 +6,17 @@ be, each term must have a value and a slope.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Literal, NamedTuple
 
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.writing import Written, nominal, write_out
-from rigctl.engine.symbols import Expr, derivative, evaluate, variables_of
-from rigctl.engine.system import after, before
+from rigctl.engine.symbols import Expr, evaluate, variables_of
 from rigctl.errors import RigctlError
 from rigctl.physics.family import ModelFamily
+from rigctl.physics.soundness import Point, first_gap, resting_points
 from rigctl.units import show
-
-#: values of variables by name, SI
-Point = Mapping[str, float]
-
-#: how far from its start each state is tried, in its own scale: never far enough to leave this world
-_EXCURSIONS = (0.0, 0.5, -0.5)
-#: what an input that switches is tried with: before and after the command
-_SWITCHES = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))
 
 
 class Fault(NamedTuple):
@@ -43,21 +35,10 @@ def examine(effect: Effect, family: ModelFamily, points: Sequence[Point] = ()) -
     if written.refused is not None:
         slot, error = written.refused
         return (Fault(("terms", slot), error),)
-    tried = [{**nominal(family), **_own_start(effect), **point} for point in (*_resting(family), *points)]
+    tried = [
+        {**nominal(family), **_own_start(effect), **point} for point in (*resting_points(family), *points)
+    ]
     return (*_unused(effect, written), *_wrong_terms(effect, family, written, tried))
-
-
-def _resting(family: ModelFamily) -> Iterator[Point]:
-    """States at rest and a little beside, with every switch of the inputs once."""
-    for excursion in _EXCURSIONS:
-        states = {state.name: state.start + excursion * state.scale for state in family.states}
-        for old, new in _SWITCHES:
-            switched = {
-                name: value
-                for item in family.inputs
-                for name, value in ((before(item.name), old), (after(item.name), new))
-            }
-            yield {**states, **{item.name: item.value for item in family.inputs}, **switched}
 
 
 def _own_start(effect: Effect) -> Point:
@@ -112,29 +93,14 @@ def _not_off(
 def _not_smooth(
     effect: Effect, family: ModelFamily, uses: Sequence[Expr], points: Sequence[Point]
 ) -> RigctlError | None:
-    """The first point where a term has no finite value, or no finite slope in something it depends on."""
+    """Where a term first has no finite value, or no finite slope in something it depends on."""
     for expr in uses:
-        variables = variables_of(expr)
-        slopes = [(variable, derivative(expr, variable)) for variable in variables]
-        for point in points:
-            if not math.isfinite(evaluate(expr, point)):
-                moving = [v.name for v in variables if v.name not in nominal(family)]
-                return _no_number("the term has no value", moving, point, effect)
-            for variable, slope in slopes:
-                if not math.isfinite(evaluate(slope, point)):
-                    what = f"the term has no slope in {_shown(variable.name, effect)}"
-                    return _no_number(what, [variable.name], point, effect)
+        gap = first_gap(expr, points)
+        if gap is not None:
+            moving = [v.name for v in variables_of(expr) if v.name not in nominal(family)]
+            return gap.error("the term", moving, partial(_shown, effect))
     return None
 
 
-def _no_number(what: str, names: Sequence[str], point: Point, effect: Effect) -> RigctlError:
-    where = ", ".join(f"{_shown(name, effect)} = {point[name]:g}" for name in names)
-    return RigctlError(
-        f"{what} at {where} (SI)",
-        expected="a smooth term wherever the bench may be",
-        hint="Round the corner: absolute(x, width) under a root or a fraction, positive_part(x, width)",
-    )
-
-
-def _shown(name: str, effect: Effect) -> str:
+def _shown(effect: Effect, name: str) -> str:
     return name.removeprefix(f"{effect.name}.")

@@ -30,6 +30,7 @@ class StateVariable:
     scale: a change of it that matters, for the solver's absolute tolerance.
     rate: its derivative.
     start: its value at the start of a record when nothing else is known.
+    difference: a temperature that is an interval.
     """
 
     name: str
@@ -38,6 +39,7 @@ class StateVariable:
     rate: Formula
     start: float
     meaning: str
+    difference: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class InputVariable:
     meaning: str
     delay: Callable[[Scope, Scalar, Scalar], Scalar] | None = None
     role: Literal["move", "heat", "set_pressure"] | None = None
+    difference: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,12 +80,16 @@ class ParameterDeclaration:
 
 @dataclass(frozen=True)
 class Definition:
-    """An algebraic variable: a formula with a name and a unit (SI)."""
+    """An algebraic variable: a formula with a name and a unit (SI).
+
+    `difference`: a temperature that is an interval.
+    """
 
     name: str
     unit: str
     formula: Formula
     meaning: str
+    difference: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from rigctl.effects.registry import library
 from rigctl.effects.user.formula import read_term
 from rigctl.effects.user.names import taken_names
 from rigctl.effects.user.schema import EffectFile, ParameterField
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.files.quantity import in_dimension
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
@@ -40,6 +40,13 @@ def load_effect(path: Path) -> Effect:
         more than one mistake.
     """
     return _build(read_document(Path(path)))
+
+
+def place_of(path: Path, part: tuple[str, str]) -> Location:
+    """Where a part of an effect stands in its file: ``("terms", slot)`` or ``("parameters", name)``."""
+    document = read_document(path)
+    written = validate(document, EffectFile)
+    return document.locate(_keys(written, part[1]) if part[0] == "terms" else part)
 
 
 def parse_effect(text: str, path: Path | None = None) -> Effect:

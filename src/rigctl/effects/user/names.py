@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from rigctl.effects.declaration import EffectParameter
-from rigctl.expressions.types import NUMBER, ValueType, type_of_unit
+from rigctl.expressions.types import ValueType, type_of_unit
 from rigctl.physics.family import ModelFamily, Slot
-from rigctl.units import parse_unit
-
-#: numbers that have a name
-CONSTANTS = ("pi",)
+from rigctl.physics.formulas import reserved_names, variable_types
 
 
 def term_types(
@@ -18,14 +15,11 @@ def term_types(
 ) -> Mapping[str, ValueType]:
     """The type of everything that a term at `slot` may name.
 
-    Temperatures of the family are points on the scale, the slot's own are differences. A temperature that is
-    a parameter of the family may be used as either.
+    The slot's own temperatures are differences.
     """
-    types = {name: type_of_unit(unit) for name, unit in family.units().items()}
-    types |= {p.name: ValueType(parse_unit(p.unit).dimension) for p in family.parameters}
+    types = dict(variable_types(family))
     types |= {name: type_of_unit(unit, difference=True) for name, unit in slot.local}
-    types |= {p.name: type_of_unit(p.unit, difference=p.difference) for p in parameters}
-    return types | dict.fromkeys(CONSTANTS, NUMBER)
+    return types | {p.name: type_of_unit(p.unit, difference=p.difference) for p in parameters}
 
 
 def slot_type(slot: Slot) -> ValueType:
@@ -36,4 +30,4 @@ def slot_type(slot: Slot) -> ValueType:
 def taken_names(family: ModelFamily) -> frozenset[str]:
     """The names that a parameter of an effect may not have, because they already mean something."""
     local = {name for slot in family.slots for name, _ in slot.local}
-    return frozenset({*family.units(), *local, *CONSTANTS})
+    return frozenset({*variable_types(family), *local}) | reserved_names()

@@ -1,4 +1,4 @@
-"""What has no slope may not stand in a model: branches and corners, each with its smooth alternative."""
+"""What has no slope may not stand in a formula: branches and corners, each with its smooth alternative."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def refuse_branch_words(text: str, where: Location) -> None:
         if name in _INSTEAD:
             raise _corner(f"'{called.group(1)}' has a corner or a jump", text, _INSTEAD[name], where)
     if branch := _BRANCH.search(text):
-        raise _corner(f"a term may not branch: '{branch.group()}'", text, _STEP, where)
+        raise _corner(f"a formula may not branch: '{branch.group()}'", text, _STEP, where)
 
 
 def refuse_corners(expression: Expression) -> None:
@@ -58,12 +58,14 @@ def refuse_corners(expression: Expression) -> None:
     """
     for node in walk(expression.root):
         if isinstance(node, Comparison | Logic | Not):
-            raise _corner(f"a term may not branch: {_named(node)}", expression.text, _STEP, expression.where)
+            raise _corner(
+                f"a formula may not branch: {_named(node)}", expression.text, _STEP, expression.where
+            )
         if isinstance(node, Variable):
             raise RigctlError(
                 "variables with a dollar belong to procedures",
                 value=f"${node.name}",
-                expected="a variable of the model or a parameter of the effect",
+                expected="a variable or a parameter of the model",
                 where=expression.where,
             )
         if isinstance(node, Call) and node.function in _INSTEAD:
@@ -79,5 +81,5 @@ def _named(node: Node) -> str:
 
 def _corner(what: str, text: str, instead: str, where: Location) -> RigctlError:
     return RigctlError(
-        what, value=text, expected="a smooth term, as the solver needs", hint=instead, where=where
+        what, value=text, expected="a smooth formula, as the solver needs", hint=instead, where=where
     )

@@ -1,0 +1,46 @@
+"""From the text of a formula to a checked tree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.errors import Location, RigctlError
+from rigctl.expressions import ValueType, parse
+from rigctl.expressions.functions import ALL_FUNCTIONS
+from rigctl.expressions.nodes import Node
+from rigctl.physics.formulas.corners import refuse_branch_words, refuse_corners
+
+
+def read_formula(
+    text: str,
+    types: Mapping[str, ValueType],
+    wanted: ValueType,
+    *,
+    what: str,
+    why: str = "",
+    where: Location | None = None,
+) -> Node:
+    """The tree of `text`, whose names have `types` and whose value has the type `wanted`.
+
+    `what` names it in messages, e.g. "the rate of level", and `why` says where its dimension comes from.
+
+    Raises
+    ------
+    RigctlError
+        it is none of the grammar, branches, names what there is not, or has another dimension.
+    """
+    place = where or Location()
+    refuse_branch_words(text, place)
+    expression = parse(text, place, functions=ALL_FUNCTIONS)
+    refuse_corners(expression)
+    found = expression.check(types)
+    if found.dimension != wanted.dimension:
+        raise RigctlError(
+            f"{what} is {found} [{found.dimension}]",
+            value=text,
+            expected=f"{wanted} [{wanted.dimension}]{why and ', '}{why}",
+            where=place,
+        )
+    tree = expression.checked(types, expected=wanted).resolved
+    assert tree is not None  # noqa: S101 - a checked expression is resolved
+    return tree

@@ -1,0 +1,133 @@
+"""From a family file to declarations: names, units and numbers, before any formula is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TypeVar
+
+from rigctl.errors import RigctlError
+from rigctl.files.quantity import in_dimension
+from rigctl.files.reader import Reader
+from rigctl.physics.family import (
+    Definition,
+    InputVariable,
+    ModelFamily,
+    OutputVariable,
+    ParameterDeclaration,
+    Slot,
+    StateVariable,
+)
+from rigctl.physics.formulas import reserved_names
+from rigctl.physics.units import si_unit
+from rigctl.physics.user.formula import AFTER, BEFORE, unwritten
+from rigctl.physics.user.schema import (
+    ConstantField,
+    FamilyFile,
+    FormulaField,
+    InputField,
+    ParameterField,
+    SlotField,
+    StateField,
+)
+from rigctl.units import Quantity, parse_unit
+
+Field = TypeVar("Field")
+Declared = TypeVar("Declared")
+
+#: the parts of a file whose names formulas may use
+_NAMED = ("states", "inputs", "parameters", "constants", "definitions", "slots")
+
+
+def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
+    """The family without its equations; `reader` keeps the mistakes, and the family lacks what is wrong."""
+    _refuse_names(reader, written)
+    path = reader.document.path
+    parameters = _each(reader, "parameters", written.parameters, _parameter)
+    constants = _each(reader, "constants", written.constants, _constant)
+    return ModelFamily(
+        name=written.family,
+        title=written.title or written.family,
+        source=written.source or (path.name if path else ""),
+        states=_each(reader, "states", written.states, _state),
+        inputs=_each(reader, "inputs", written.inputs, _input),
+        parameters=(*parameters, *constants),
+        definitions=_each(reader, "definitions", written.definitions, _definition),
+        slots=_each(reader, "slots", written.slots, _slot),
+        outputs=_each(reader, "outputs", written.outputs, _output),
+    )
+
+
+def _refuse_names(reader: Reader, written: FamilyFile) -> None:
+    taken = dict.fromkeys((*reserved_names(), BEFORE, AFTER), "has a meaning of its own in formulas")
+    for part in _NAMED:
+        for name in getattr(written, part):
+            if name in taken:
+                error = RigctlError(f"this name {taken[name]}", value=name, expected="another name")
+                reader.refuse((part, name), error, of_key=True)
+            taken[name] = f"is already one of the {part}"
+
+
+def _each(
+    reader: Reader, part: str, fields: Mapping[str, Field], make: Callable[[str, Field], Declared]
+) -> tuple[Declared, ...]:
+    made = [reader.read((part, name), partial(make, name, field)) for name, field in fields.items()]
+    return tuple(item for item in made if item is not None)
+
+
+def _unit(quantity: Quantity) -> str:
+    return quantity.unit.text or "1"
+
+
+def _difference(unit: str) -> bool:
+    """Whether a temperature in `unit` is an interval: one in degC is a point on the scale."""
+    return not parse_unit(unit).absolute_temperature
+
+
+def _state(name: str, field: StateField) -> StateVariable:
+    unit = _unit(field.start)
+    scale = in_dimension(field.scale, unit, difference=True)
+    if not scale > 0.0:
+        raise RigctlError("the scale must be greater than zero", value=str(field.scale))
+    return StateVariable(
+        name, si_unit(unit), scale, unwritten, field.start.si, field.meaning, _difference(unit)
+    )
+
+
+def _input(name: str, field: InputField) -> InputVariable:
+    unit = _unit(field.value)
+    return InputVariable(
+        name, si_unit(unit), field.value.si, field.meaning, role=field.role, difference=_difference(unit)
+    )
+
+
+def _parameter(name: str, field: ParameterField) -> ParameterDeclaration:
+    unit = _unit(field.value)
+    low, high = (in_dimension(end, unit) for end in field.bounds)
+    if low >= high:
+        bounds = ", ".join(map(str, field.bounds))
+        raise RigctlError("the bounds leave no room", value=bounds, expected="the lower one first")
+    if not low <= field.value.si <= high:
+        expected = " to ".join(map(str, field.bounds))
+        raise RigctlError("the value is out of bounds", value=str(field.value), expected=expected)
+    return ParameterDeclaration(name, unit, field.value.si, field.meaning, low, high)
+
+
+def _constant(name: str, field: ConstantField) -> ParameterDeclaration:
+    return ParameterDeclaration(
+        name, _unit(field.value), field.value.si, field.meaning, low=-float("inf"), fixed=True
+    )
+
+
+def _definition(name: str, field: FormulaField) -> Definition:
+    return Definition(name, si_unit(field.unit), unwritten, field.meaning, _difference(field.unit))
+
+
+def _output(name: str, field: FormulaField) -> OutputVariable:
+    return OutputVariable(name, si_unit(field.unit), unwritten, field.meaning)
+
+
+def _slot(name: str, field: SlotField) -> Slot:
+    if field.combine == "product" and not parse_unit(field.unit).dimension.dimensionless:
+        raise RigctlError("a factor has no unit", value=field.unit, expected="'combine: sum', or no unit")
+    return Slot(name, si_unit(field.unit), field.meaning, field.combine, field.kind)

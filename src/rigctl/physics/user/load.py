@@ -1,0 +1,58 @@
+"""Read a family file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rigctl.files.reader import Reader
+from rigctl.files.validate import validate
+from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.soundness import examine_family
+from rigctl.physics.user.declare import declare
+from rigctl.physics.user.equations import write_equations
+from rigctl.physics.user.schema import FamilyFile
+
+
+def load_family(path: Path) -> ModelFamily:
+    """The family that a file describes, tried.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, or something in it is wrong, with the place; `SeveralErrors` when there is
+        more than one mistake.
+    """
+    return _build(read_document(Path(path)))
+
+
+def parse_family(text: str, path: Path | None = None) -> ModelFamily:
+    """The family that a text describes; `path` is what messages call it.
+
+    Raises
+    ------
+    RigctlError
+        as `load_family`.
+    """
+    return _build(parse_document(text, path))
+
+
+def _build(document: Document) -> ModelFamily:
+    written = validate(document, FamilyFile)
+    reader = Reader(document)
+    declared = declare(reader, written)
+    reader.stop_at_errors()
+    family = write_equations(reader, written, declared)
+    reader.stop_at_errors()
+    for flaw in examine_family(family):
+        reader.refuse(_keys(written, flaw.part, flaw.name), flaw.error, of_key=flaw.unused)
+    reader.stop_at_errors()
+    return family
+
+
+def _keys(written: FamilyFile, part: str, name: str) -> tuple[str, ...]:
+    """Where a part of the family stands in the file; constants are parameters that no fit changes."""
+    if part == "parameters" and name in written.constants:
+        return ("constants", name)
+    field = {"states": "rate", "definitions": "formula", "outputs": "formula", "inputs": "delay"}.get(part)
+    return (part, name) if field is None else (part, name, field)

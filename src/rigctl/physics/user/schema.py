@@ -1,0 +1,123 @@
+"""A family file as a user writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from rigctl.files.name import Name as BenchName
+from rigctl.files.quantity import AnyQuantity
+
+#: what a model file can name; states, inputs and outputs are named as the bench names its channels
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
+Formula = Annotated[str, Field(min_length=1)]
+
+_FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh and smooth switches"
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class StateField(_Part):
+    """A quantity with a derivative. Its unit is that of `start`."""
+
+    start: AnyQuantity = Field(description="its value when nothing else is known, with its unit")
+    scale: AnyQuantity = Field(description="a change of it that matters, for the solver's tolerance")
+    rate: Formula = Field(description=f"its derivative: a formula {_FORMULA}")
+    meaning: str = Field(default="", description="what it is")
+
+
+class InputField(_Part):
+    """A quantity that is commanded or given from outside. Its unit is that of `value`."""
+
+    value: AnyQuantity = Field(description="what it is when nobody says, with its unit")
+    role: Literal["move", "heat", "set_pressure"] | None = Field(
+        default=None,
+        description="the rig's role whose actuator commands it; else the actuator of its own name does",
+    )
+    delay: Formula | None = Field(
+        default=None, description="the time until its switches act; may use `before` and `after`"
+    )
+    meaning: str = Field(default="", description="what it is")
+
+
+class ParameterField(_Part):
+    """A constant that a fit may change. Its unit is that of `value`."""
+
+    value: AnyQuantity = Field(description="where a model starts from, with its unit")
+    bounds: tuple[AnyQuantity, AnyQuantity] = Field(description="the lowest and the highest value")
+    meaning: str = Field(default="", description="its symbol and what it stands for")
+
+
+class ConstantField(_Part):
+    """A number that no fit changes: ``9.80665 m/s^2``, or ``{value: 50 mm, meaning: bore}``."""
+
+    value: AnyQuantity = Field(description="with its unit; a rig file may have its own of the same name")
+    meaning: str = Field(default="", description="what it is")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _value_alone(cls, written: object) -> object:
+        return written if isinstance(written, Mapping | ConstantField) else {"value": written}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A quantity alone, or the mapping."""
+        mapping = handler.resolve_ref_schema(handler(schema))
+        properties: dict[str, Any] = mapping["properties"]
+        return {"anyOf": [properties["value"], mapping]}
+
+
+class FormulaField(_Part):
+    """A value that a formula gives."""
+
+    unit: str = Field(
+        description="of its value; a temperature in degC is a point on the scale, in K a difference"
+    )
+    formula: Formula = Field(description=f"a formula {_FORMULA}")
+    meaning: str = Field(default="", description="what it is")
+
+
+class SlotField(_Part):
+    """A place where effects act; a formula that names it has there what they add, or the factor they are."""
+
+    unit: str = Field(default="1", description="of what is added there; a factor has none")
+    combine: Literal["sum", "product"] = Field(
+        default="sum", description="sum: 0 without effects; product: 1 without effects"
+    )
+    kind: Literal["process", "sensor", "command"] = Field(
+        default="process", description="whether the bench, a sensor or the time of a command changes"
+    )
+    meaning: str = Field(default="", description="what acts there")
+
+
+class FamilyFile(_Part):
+    """One kind of bench: its states, what is commanded, its parameters and equations, what is read."""
+
+    family: Name = Field(description="its name, e.g. water_tank")
+    title: str = Field(default="", description="one line about it")
+    source: str = Field(default="", description="where the equations come from")
+    states: dict[BenchName, StateField] = Field(min_length=1, description="what changes with time, by name")
+    inputs: dict[BenchName, InputField] = Field(
+        default_factory=dict, description="what is commanded, or given from outside"
+    )
+    parameters: dict[Name, ParameterField] = Field(
+        default_factory=dict, description="constants that a fit may change"
+    )
+    constants: dict[Name, ConstantField] = Field(
+        default_factory=dict, description="numbers that no fit changes: dimensions, constants of nature"
+    )
+    definitions: dict[Name, FormulaField] = Field(
+        default_factory=dict, description="what several formulas use, in any order"
+    )
+    slots: dict[Name, SlotField] = Field(default_factory=dict, description="where effects may act")
+    outputs: dict[BenchName, FormulaField] = Field(
+        min_length=1, description="what sensors read, by the channels' names"
+    )
