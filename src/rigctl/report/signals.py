@@ -78,7 +78,9 @@ def record_label(record: RecordData) -> str:
 
 def sweep_label(sweep: Mapping[str, tuple[float, str]]) -> str:
     """Sweep values in words: ``oil 40 °C, supply 30 bar``."""
-    return ", ".join(f"{name} {value:g} {symbol(unit)}".rstrip() for name, (value, unit) in sweep.items())
+    return ", ".join(
+        f"{plain_name(name)} {value:g} {symbol(unit)}".rstrip() for name, (value, unit) in sweep.items()
+    )
 
 
 def plain_name(name: str) -> str:
