@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
+from rigctl.errors import RigctlError
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
@@ -14,8 +16,8 @@ from rigctl.physics.user.equations import write_equations
 from rigctl.physics.user.schema import FamilyFile
 
 
-def load_family(path: Path) -> ModelFamily:
-    """The family that a file describes, tried.
+def load_family(path: Path, taken: Iterable[str] = ()) -> ModelFamily:
+    """The family that a file describes, tried; it may not have one of the names `taken`.
 
     Raises
     ------
@@ -23,10 +25,10 @@ def load_family(path: Path) -> ModelFamily:
         the file cannot be read, or something in it is wrong, with the place; `SeveralErrors` when there is
         more than one mistake.
     """
-    return _build(read_document(Path(path)))
+    return _build(read_document(Path(path)), taken)
 
 
-def parse_family(text: str, path: Path | None = None) -> ModelFamily:
+def parse_family(text: str, path: Path | None = None, taken: Iterable[str] = ()) -> ModelFamily:
     """The family that a text describes; `path` is what messages call it.
 
     Raises
@@ -34,12 +36,17 @@ def parse_family(text: str, path: Path | None = None) -> ModelFamily:
     RigctlError
         as `load_family`.
     """
-    return _build(parse_document(text, path))
+    return _build(parse_document(text, path), taken)
 
 
-def _build(document: Document) -> ModelFamily:
+def _build(document: Document, taken: Iterable[str]) -> ModelFamily:
     written = validate(document, FamilyFile)
     reader = Reader(document)
+    if written.family in taken:
+        error = RigctlError(
+            "there is a model family of this name already", value=written.family, expected="another name"
+        )
+        reader.refuse(("family",), error)
     declared = declare(reader, written)
     reader.stop_at_errors()
     family = write_equations(reader, written, declared)
