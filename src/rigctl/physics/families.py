@@ -111,8 +111,8 @@ def _of_file(written: str, beside: Path | None) -> ModelFamily:
         raise RigctlError(
             "a Python file is not run because another file names it",
             value=written,
-            hint=f"If you trust it, name it on the command line: '--family {path}'; or install it as a package "
-            f"that registers its family under the entry point group '{ENTRY_POINTS}'",
+            hint=f"If you trust it, name it on the command line: '--family {path}'; or install it as a "
+            f"package that registers its family under the entry point group '{ENTRY_POINTS}'",
         )
     return load_family(path, taken=FAMILIES)
 
