@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
+from rigctl.physics.families import find_family
 from rigctl.physics.family import Formula, ModelFamily
 from rigctl.physics.scope import Addition, Scope
 
@@ -124,6 +125,7 @@ class Effect:
     needs: what the data must hold for the effect to show at all.
     base: base physics instead: the family's parameters and the values that take it away; such an effect is in
         every model and has no terms of its own.
+    own_family: the family itself where its name alone does not find it: a user's, from a file.
     """
 
     name: str
@@ -141,6 +143,18 @@ class Effect:
     instead_of: tuple[str, ...] = ()
     needs: str | None = None
     base: Mapping[str, float] = field(default_factory=dict)
+    own_family: ModelFamily | None = None
+
+    @property
+    def model_family(self) -> ModelFamily:
+        """The declaration of the family it belongs to.
+
+        Raises
+        ------
+        RigctlError
+            there is no such family.
+        """
+        return self.own_family or find_family(self.family)
 
     @property
     def slots(self) -> tuple[str, ...]:

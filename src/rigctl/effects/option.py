@@ -10,7 +10,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
 from rigctl.effects.user.load import is_effect_file, load_effect
 from rigctl.errors import Location, RigctlError, unknown_name
-from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
 from rigctl.project import find_project
 from rigctl.units import Quantity, read_si, show
 
@@ -18,7 +18,9 @@ _FILE = re.compile(r"(.+?\.ya?ml)(?:\s*:(.*))?$", re.IGNORECASE | re.DOTALL)
 
 
 def parse_effect_option(
-    text: str, family: str = "hydraulic_cylinder", parameters: Mapping[str, float] | None = None
+    text: str,
+    family: str | ModelFamily = "hydraulic_cylinder",
+    parameters: Mapping[str, float] | None = None,
 ) -> tuple[str, dict[str, float]]:
     """As `read_effect_option`, with the effect's name alone."""
     effect, values = read_effect_option(text, family, parameters)
@@ -26,7 +28,9 @@ def parse_effect_option(
 
 
 def read_effect_option(
-    text: str, family: str = "hydraulic_cylinder", parameters: Mapping[str, float] | None = None
+    text: str,
+    family: str | ModelFamily = "hydraulic_cylinder",
+    parameters: Mapping[str, float] | None = None,
 ) -> tuple[Effect, dict[str, float]]:
     """Read ``EFFECT[:param=value[,param=value...]]`` into the effect and all its parameters in SI.
 
@@ -54,7 +58,7 @@ def read_effect_option(
     return effect, values
 
 
-def name_or_file(written: str, family: str) -> Effect:
+def name_or_file(written: str, family: str | ModelFamily) -> Effect:
     """The effect of the library, or of a user's file, that `written` names.
 
     A file is looked for from the current folder, then in the project, then among those that are shipped.
@@ -68,11 +72,12 @@ def name_or_file(written: str, family: str) -> Effect:
         return find_effect(written, family)
     path = Path(written)
     effect = load_effect(path if path.exists() else find_project().resolve(path))
-    if effect.family != family:
+    wanted = family if isinstance(family, str) else family.name
+    if effect.family != wanted:
         raise RigctlError(
             f"the effect {effect.name} belongs to another family",
             value=effect.family,
-            expected=family,
+            expected=wanted,
             where=Location(path),
         )
     return effect
@@ -95,7 +100,7 @@ def read_parameter(
     RigctlError
         an unknown parameter, a wrong unit, or a value out of bounds.
     """
-    family = find_family(effect.family)
+    family = effect.model_family
     for way in effect.other_ways:
         if way.name == name:
             known = {p.name: p.value for p in family.parameters} | dict(family_parameters or {})

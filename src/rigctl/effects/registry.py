@@ -15,6 +15,7 @@ from rigctl.effects.declaration import Effect, problems
 from rigctl.effects.examine import examine
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
 
 ENTRY_POINTS = "rigctl.effects"
 
@@ -33,25 +34,31 @@ def _installed() -> tuple[Effect, ...]:
     )
 
 
-def library(family: str) -> Mapping[str, Effect]:
+def shipped_effects(family: str) -> tuple[Effect, ...]:
+    """The library's own effects of a family, without those of installed packages."""
+    return tuple(effect for effect in _shipped() if effect.family == family)
+
+
+def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     """The effects of a model family, by name, in the library's order.
 
     Raises
     ------
     RigctlError
-        an installed package registers something that is no sound effect, or a name that is taken.
+        there is no such family, or an installed package registers something that is no sound effect, or a
+        name that is taken.
     """
-    find_family(family)
+    name = (find_family(family) if isinstance(family, str) else family).name
     found: dict[str, Effect] = {}
     for effect in (*_shipped(), *_installed()):
-        if effect.family == family:
+        if effect.family == name:
             if effect.name in found:
                 raise RigctlError("two effects have the same name", value=effect.name)
             found[effect.name] = effect
     return MappingProxyType(found)
 
 
-def find_effect(name: str, family: str) -> Effect:
+def find_effect(name: str, family: str | ModelFamily) -> Effect:
     """The effect called `name`.
 
     Raises
@@ -73,7 +80,7 @@ def check_effect(effect: Effect) -> Effect:
     RigctlError
         they do not; it says everything that is wrong.
     """
-    family = find_family(effect.family)
+    family = effect.model_family
     found = problems(effect, family)
     if not found and effect.terms:
         found = [f"{name}: {error}" for (_, name), error in examine(effect, family)]

@@ -18,7 +18,7 @@ from rigctl.files.quantity import in_dimension
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
-from rigctl.physics.families import find_family
+from rigctl.physics.families import find_family, is_family_file
 from rigctl.physics.family import ModelFamily
 from rigctl.units import Quantity
 
@@ -63,7 +63,7 @@ def parse_effect(text: str, path: Path | None = None) -> Effect:
 def _build(document: Document) -> Effect:
     written = validate(document, EffectFile)
     reader = Reader(document)
-    family = reader.read(("family",), partial(find_family, written.family))
+    family = reader.read(("family",), partial(find_family, written.family, document.path))
     reader.stop_at_errors()
     assert family is not None  # noqa: S101 - the reader has stopped where it is
     _check_mentions(reader, written, family)
@@ -155,7 +155,7 @@ def _terms(
 
 def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) -> None:
     """What the file says about other effects: there must be such effects, and none of its own name."""
-    known = library(family.name)
+    known = library(family)
     if written.effect in known:
         taken = RigctlError(
             "the library has an effect of this name", value=written.effect, hint="Give it a name of its own"
@@ -189,4 +189,5 @@ def _effect(
         confused_with=written.confused_with,
         instead_of=written.instead_of,
         needs=written.needs,
+        own_family=family if is_family_file(written.family) else None,
     )

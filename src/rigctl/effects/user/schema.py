@@ -37,7 +37,10 @@ class EffectFile(_Part):
     """One piece of physics that a model may lack: what it adds, where, and what switches it off."""
 
     effect: Name = Field(description="its name, e.g. seal_breathing")
-    family: str = Field(default="hydraulic_cylinder", description="the family of models it belongs to")
+    family: str = Field(
+        default="hydraulic_cylinder",
+        description="the family of models it belongs to: its name, or a family file",
+    )
     summary: Text = Field(description="one sentence")
     slot: str | None = Field(default=None, description="where it acts: 'rigctl effects list --slots'")
     term: Text | None = Field(default=None, description="what it adds there, or the factor that it is")

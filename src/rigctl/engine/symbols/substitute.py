@@ -10,7 +10,8 @@ from rigctl.engine.symbols.expr import Expr, Scalar
 def substitute(expr: Expr, replacements: Mapping[Expr, Scalar]) -> Expr:
     """`expr` with each variable of `replacements` replaced, all at once, and simplified again.
 
-    The graph checks no dimension here; `dimension_of` the result does.
+    Any other node may be replaced too, wherever it stands as a whole. The graph checks no dimension here;
+    `dimension_of` the result does.
     """
     graph = expr.graph
     done = {variable.index: graph.expression(value) for variable, value in replacements.items()}

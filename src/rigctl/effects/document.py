@@ -1,0 +1,91 @@
+"""An effect as plain data, for commands that answer in JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rigctl.effects.declaration import Effect, EffectParameter
+from rigctl.effects.equations import latex_of, terms_in_symbols, text_of
+from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
+from rigctl.units import parse_unit
+
+
+def effect_document(effect: Effect) -> dict[str, Any]:
+    """Everything that is declared of an effect; values in the units beside them."""
+    family = find_family(effect.family)
+    return {
+        "effect": effect.name,
+        "family": effect.family,
+        "kind": effect.kind,
+        "summary": effect.summary,
+        "equation": effect.equation,
+        "terms": [
+            {
+                "slot": slot,
+                "unit": family.slot(slot).unit,
+                "combine": family.slot(slot).combine,
+                "term": text_of(term, effect, family),
+                "latex": latex_of(term, effect),
+            }
+            for slot, term in terms_in_symbols(effect, family).items()
+        ],
+        "parameters": [parameter_document(parameter) for parameter in effect.parameters],
+        "other_ways": [
+            {"name": way.name, "unit": way.unit, "sets": way.parameter, "meaning": way.meaning}
+            for way in effect.other_ways
+        ],
+        "states": [
+            {"name": state.name, "unit": state.unit, "meaning": state.meaning} for state in effect.states
+        ],
+        "base": dict(effect.base),
+        "source": effect.source,
+        "looks_like": effect.looks_like,
+        "confused_with": list(effect.confused_with),
+        "instead_of": list(effect.instead_of),
+        "needs": effect.needs,
+    }
+
+
+def parameter_document(parameter: EffectParameter) -> dict[str, Any]:
+    """A parameter of an effect, in its display unit; `null` is None for one that only shapes."""
+    unit = parse_unit(parameter.unit)
+
+    def shown(si: float) -> float:
+        # twelve digits hide what the conversion rounds, and nothing else
+        return float(f"{unit.from_si(si, difference=parameter.difference):.12g}")
+
+    return {
+        "name": parameter.name,
+        "unit": parameter.unit,
+        "null": None if parameter.null is None else shown(parameter.null),
+        "start": shown(parameter.start),
+        "low": shown(parameter.low),
+        "high": shown(parameter.high),
+        "sign": parameter.sign,
+        "shape": parameter.shape,
+        "meaning": parameter.meaning,
+    }
+
+
+def family_document(family: ModelFamily) -> dict[str, Any]:
+    """Where effects can act, and what their terms may name."""
+    named = [(item.name, item.unit, item.meaning) for item in family.states]
+    named += [(item.name, item.unit, item.meaning) for item in family.inputs]
+    named += [(item.name, item.unit, item.meaning) for item in family.definitions]
+    named += [(item.name, item.unit, item.meaning) for item in family.parameters]
+    return {
+        "family": family.name,
+        "slots": [
+            {
+                "name": slot.name,
+                "unit": slot.unit,
+                "combine": slot.combine,
+                "kind": slot.kind,
+                "meaning": slot.meaning,
+                "local": [{"name": name, "unit": unit} for name, unit in slot.local],
+            }
+            for slot in family.slots
+        ],
+        "variables": [{"name": name, "unit": unit, "meaning": meaning} for name, unit, meaning in named],
+    }

@@ -1,0 +1,124 @@
+"""An effect's terms as LaTeX, from the same formulas that are compiled."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.engine.symbols import Expr, Graph, Scalar, substitute, to_latex, to_text
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.scope import Scope
+from rigctl.physics.units import si_unit
+from rigctl.units import parse_unit
+
+#: variables that have a letter of their own in the literature
+SYMBOLS: Mapping[str, str] = MappingProxyType(
+    {
+        "oil_temperature": "T",
+        "line_temperature": "T_L",
+        "ambient_temperature": "T_a",
+        "room_temperature": "T_a",
+        "temperature": "T",
+        "temperature_1": "T_1",
+        "temperature_2": "T_2",
+        "supply_pressure": "p_S",
+        "pressure_a": "p_A",
+        "pressure_b": "p_B",
+        "pressure": "p",
+        "position": "x",
+        "velocity": "v",
+        "spool": "u",
+        "viscosity": r"\mu",
+        "true_dynamic_viscosity": r"\mu",
+        "true_kinematic_viscosity": r"\nu",
+        "density": r"\rho",
+        "true_density": r"\rho",
+        "reynolds": r"\mathrm{Re}",
+        "flow_area": "A_t",
+        "bulk_modulus": r"\beta",
+        "bore": "D",
+        "rod": "d",
+        "stroke": "L",
+        "before": "c_0",
+        "after": "c_1",
+        "heater_1": "Q_1",
+        "heater_2": "Q_2",
+        "heater_gain_1": r"\alpha_1",
+        "heater_gain_2": r"\alpha_2",
+        "vogel_a": "a",
+        "vogel_b": "b",
+        "vogel_c": "c",
+    }
+)
+
+#: numbers that are better known by another name, in LaTeX and in text
+_NUMBERS = {
+    repr(math.pi): (r"\pi", "pi"),
+    repr(math.pi / 4.0): (r"\frac{\pi}{4}", "pi/4"),
+    repr(math.log(10.0)): (r"\ln 10", "log(10)"),
+}
+
+
+def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
+    """The term at each slot, the family's variables left as they are named."""
+    graph = Graph()
+    found: dict[str, Expr] = {}
+    for slot, term in effect.terms:
+        known = _variables(graph, effect, family) | {
+            name: graph.variable(name, parse_unit(unit).dimension) for name, unit in family.slot(slot).local
+        }
+        expr = graph.expression(effect.bind(term)(Scope(family, known)))
+        expr = substitute(expr, _definitions(graph, family, known))
+        found[slot] = expr if slot not in found else found[slot] + expr
+    return found
+
+
+def latex_of(expr: Expr, effect: Effect) -> str:
+    """The LaTeX of a term, its own parameters by their plain names."""
+    own = {
+        qualified(effect.name, name): rf"\mathrm{{{name}}}".replace("_", r"\_") for name in _own_names(effect)
+    }
+    text = to_latex(expr, {**SYMBOLS, **own})
+    for number, (latex, _) in _NUMBERS.items():
+        text = text.replace(number, latex)
+    return text
+
+
+def text_of(expr: Expr, effect: Effect, family: ModelFamily) -> str:
+    """A term in one line; its own parameters have their plain names, unless the family has them too."""
+    text = to_text(expr)
+    for name in _own_names(effect):
+        if name not in family.units():
+            text = re.sub(rf"\b{re.escape(qualified(effect.name, name))}\b", name, text)
+    for number, (_, plain) in _NUMBERS.items():
+        text = text.replace(number, plain)
+    return text
+
+
+def _own_names(effect: Effect) -> tuple[str, ...]:
+    return (*(p.name for p in effect.parameters), *(state.name for state in effect.states))
+
+
+def _variables(graph: Graph, effect: Effect, family: ModelFamily) -> dict[str, Scalar]:
+    units = family.units() | {qualified(effect.name, state.name): state.unit for state in effect.states}
+    units |= {qualified(effect.name, p.name): si_unit(p.unit) for p in effect.parameters}
+    rates: dict[str, Scalar] = {
+        f"rate of {state.name}": graph.variable(
+            rf"rate_of_{state.name}", parse_unit(state.unit).dimension / parse_unit("s").dimension
+        )
+        for state in family.states
+    }
+    return rates | {name: graph.variable(name, parse_unit(unit).dimension) for name, unit in units.items()}
+
+
+def _definitions(graph: Graph, family: ModelFamily, known: Mapping[str, Scalar]) -> dict[Expr, Scalar]:
+    """What stands for a variable where a formula works it out itself, e.g. the viscosity in a gap."""
+    found: dict[Expr, Scalar] = {}
+    for definition in family.definitions:
+        expr = definition.formula(Scope(family, known, options={}))
+        if isinstance(expr, Expr) and expr.args:
+            found[expr] = known[definition.name]
+    return found

@@ -1,0 +1,107 @@
+"""The reference page of a family's effects, written from their declarations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rigctl.effects.declaration import Effect, EffectParameter
+from rigctl.effects.equations import latex_of, terms_in_symbols
+from rigctl.effects.registry import shipped_effects
+from rigctl.physics.family import ModelFamily
+from rigctl.units import show
+
+
+def effects_page(family: ModelFamily) -> str:
+    """Markdown with the equations in LaTeX: every effect of the library, then the slots and the variables."""
+    effects = shipped_effects(family.name)
+    parts = [
+        f"# Effects: {family.name}\n",
+        "*Generated: `make docs`.*\n",
+        f"{family.title}. Base equations: {family.source}.\n",
+        "An effect adds a term at a *slot* of the equations, or multiplies there by a factor. At the null "
+        "value of its parameters it is exactly off. `rigctl effects show NAME` draws what it does; "
+        "[your own effect](../../how-to/write-an-effect.md) is a file of a few lines.\n",
+        *(part for effect in effects if effect.terms for part in _of_effect(effect, family)),
+    ]
+    base = [effect for effect in effects if effect.base]
+    if base:
+        parts.append("## Base physics\n")
+        parts.append("In every model; removing one shows its share.\n")
+        parts += [part for effect in base for part in _of_base(effect)]
+    parts += [*_slots(family), *_variables(family)]
+    return "\n".join(parts)
+
+
+def _of_effect(effect: Effect, family: ModelFamily) -> Iterator[str]:
+    yield f"## {effect.name}\n"
+    yield f"{effect.summary} *({effect.kind})*\n"
+    yield f"{effect.equation}\n"
+    for slot, term in terms_in_symbols(effect, family).items():
+        how = "factor" if family.slot(slot).combine == "product" else "term"
+        yield f"{how.capitalize()} at `{slot}`:\n\n$$\n{latex_of(term, effect)}\n$$\n"
+    yield "| parameter | null | start | bounds | meaning |\n|---|---|---|---|---|"
+    for parameter in effect.parameters:
+        yield _row(parameter)
+    for way in effect.other_ways:
+        yield f"| `{way.name}` | | | in {way.unit} | sets `{way.parameter}`: {way.meaning} |"
+    yield ""
+    for state in effect.states:
+        yield f"State `{state.name}` [{state.unit}]: {state.meaning}.\n"
+    yield from _told(effect)
+
+
+def _row(parameter: EffectParameter) -> str:
+    def shown(si: float) -> str:
+        return show(si, parameter.unit, difference=parameter.difference)
+
+    null = "shape" if parameter.null is None else shown(parameter.null)
+    bounds = f"{shown(parameter.low)} to {shown(parameter.high)}"
+    return f"| `{parameter.name}` | {null} | {shown(parameter.start)} | {bounds} | {parameter.meaning} |"
+
+
+def _of_base(effect: Effect) -> Iterator[str]:
+    yield f"### {effect.name}\n"
+    yield f"{effect.summary} {effect.equation}\n"
+    taken = ", ".join(f"`{name}` = {value:g}" for name, value in effect.base.items())
+    yield f"Taken away by {taken} (SI).\n"
+    yield from _told(effect)
+
+
+def _told(effect: Effect) -> Iterator[str]:
+    if effect.looks_like:
+        yield f"**Looks like:** {effect.looks_like}\n"
+    if effect.confused_with:
+        yield f"**Confused with:** {_names(effect.confused_with)}.\n"
+    if effect.instead_of:
+        yield f"**Instead of:** {_names(effect.instead_of)}; a model has one or the other.\n"
+    if effect.needs:
+        yield f"**Needs:** {effect.needs}.\n"
+    yield f"**Source:** {effect.source}.\n"
+
+
+def _names(names: tuple[str, ...]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _slots(family: ModelFamily) -> Iterator[str]:
+    yield "## Slots\n"
+    yield "| slot | unit | | meaning | its own variables |\n|---|---|---|---|---|"
+    for slot in family.slots:
+        own = ", ".join(f"`{name}` [{unit}]" for name, unit in slot.local)
+        yield f"| `{slot.name}` | {slot.unit} | {slot.combine} | {slot.meaning} | {own} |"
+    yield ""
+
+
+def _variables(family: ModelFamily) -> Iterator[str]:
+    yield "## Variables\n"
+    yield "What a term may name, besides the effect's own parameters and `pi`.\n"
+    for title, items in (
+        ("state", family.states),
+        ("input", family.inputs),
+        ("definition", family.definitions),
+        ("parameter", family.parameters),
+    ):
+        if items:
+            yield f"| {title} | unit | meaning |\n|---|---|---|"
+            yield from (f"| `{item.name}` | {item.unit} | {item.meaning} |" for item in items)
+            yield ""

@@ -1,0 +1,84 @@
+"""Which effects of the library do the same to the readings as a given one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.registry import library
+from rigctl.engine.compile import Progress, compile_system
+from rigctl.engine.simulate import simulate
+from rigctl.model.build import build_system, superset
+from rigctl.model.signature import Floats, Signature
+from rigctl.model.standard_record import standard_record
+from rigctl.physics.families import find_family
+from rigctl.rig.rig import Rig
+
+#: a part of the largest change below which a reading's change is rounding
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Lookalike:
+    """An effect of the library, and how alike its signature is: 1 the same, 0 nothing in common."""
+
+    name: str
+    likeness: float
+
+
+def lookalikes(
+    seen: Signature, effect: Effect, rig: Rig | None = None, *, progress: Progress | None = None
+) -> tuple[Lookalike, ...]:
+    """The library's effects by likeness to `effect`, the most alike first.
+
+    The likeness is the cosine of the smallest angle between the changes that either can make to the readings
+    near null, each reading counted in units of its noise (of its range on the record without a rig). Nothing
+    else of the model is refitted meanwhile: `rigctl diagnose` does that, on real data.
+
+    Raises
+    ------
+    RigctlError
+        the standard record cannot be simulated.
+    """
+    family = find_family(effect.family)
+    others = [other for other in library(family.name).values() if other.terms and other.name != effect.name]
+    compiled = compile_system(build_system(family, superset(family), rig), progress=progress)
+    system = compiled.system
+    own = {qualified(o.name, s.name): s.start for o in library(family.name).values() for s in o.states}
+    columns = [qualified(o.name, p.name) for o in others for p in o.parameters if not p.shape]
+    record = standard_record(family.name).excitation(family, system, system.nominal, own)
+    found = simulate(compiled, [record], columns=columns).require()
+    scale = _scales(seen, rig)
+    mine = _directions(seen.slopes / scale[:, None])
+    result = []
+    for other in others:
+        places = [columns.index(qualified(other.name, p.name)) for p in other.parameters if not p.shape]
+        theirs = _directions(found.sensitivities[0][:, :, places] / scale[:, None])
+        result.append(Lookalike(other.name, _likeness(mine, theirs)))
+    return tuple(sorted(result, key=lambda each: -each.likeness))
+
+
+def _scales(seen: Signature, rig: Rig | None) -> Floats:
+    """By what each reading is divided."""
+    noise = [rig.channels[name].noise if rig is not None else None for name in seen.output_names]
+    spread = np.ptp(seen.without, axis=0)
+    return np.array(
+        [float(n) if n else float(s) or 1.0 for n, s in zip(noise, spread, strict=True)], dtype=float
+    )
+
+
+def _directions(changes: Floats) -> Floats:
+    """An orthonormal basis of the changes (samples, outputs, parameters) that can be made."""
+    flat = changes.reshape(-1, changes.shape[2])
+    lengths = np.linalg.norm(flat, axis=0)
+    kept = flat[:, lengths > _ROUNDING * max(lengths.max(initial=0.0), 1e-300)]
+    basis: Floats = np.linalg.qr(kept / np.linalg.norm(kept, axis=0))[0] if kept.size else flat[:, :0]
+    return basis
+
+
+def _likeness(mine: Floats, theirs: Floats) -> float:
+    if mine.shape[1] == 0 or theirs.shape[1] == 0:
+        return 0.0
+    return float(min(np.linalg.svd(mine.T @ theirs, compute_uv=False)[0], 1.0))

@@ -1,0 +1,146 @@
+"""What an effect does to the readings: the standard record with it, and without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.effects.contradiction import refuse_contradictions
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.engine.compile import Progress, compile_system
+from rigctl.engine.simulate import simulate
+from rigctl.engine.system import System, after, before
+from rigctl.engine.tolerance import TIGHT
+from rigctl.engine.trajectories import Trajectories
+from rigctl.model.build import build_system
+from rigctl.model.standard_record import StandardRecord, standard_record
+from rigctl.physics.families import find_family
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.soundness import Point
+from rigctl.rig.rig import Rig
+
+Floats = NDArray[np.float64]
+
+#: one point of the record in so many is kept for trying terms
+_EVERY = 15
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The standard record of an effect's family, simulated with the effect off and at its typical size.
+
+    Attributes
+    ----------
+    effect: its name.
+    record: what was commanded.
+    times: (samples), in s.
+    output_names, output_units: of the readings; SI.
+    without, present: (samples, outputs).
+    slopes: (samples, outputs, parameters) of the readings to the parameters that switch the effect, where it
+        is off; no columns for base physics.
+    slopes_present: the same at its typical size, to all its parameters.
+    points: values of the model's variables along the record without it, to try terms at.
+    """
+
+    effect: str
+    record: StandardRecord
+    times: Floats
+    output_names: tuple[str, ...]
+    output_units: tuple[str, ...]
+    without: Floats
+    present: Floats
+    slopes: Floats
+    slopes_present: Floats
+    points: tuple[Point, ...]
+
+    @property
+    def difference(self) -> Floats:
+        """(samples, outputs): what the effect changes."""
+        return self.present - self.without
+
+    @property
+    def silent(self) -> bool:
+        """True when no reading depends on any of its parameters."""
+        return not self.slopes_present.any() and not self.slopes.any()
+
+    @property
+    def flat_at_null(self) -> bool:
+        """True when it shows at its typical size, but not to first order where it begins."""
+        return not self.silent and self.slopes.shape[2] > 0 and not self.slopes.any()
+
+
+def signature(
+    effect: Effect,
+    rig: Rig | None = None,
+    *,
+    alongside: Sequence[tuple[Effect, Mapping[str, float]]] = (),
+    progress: Progress | None = None,
+) -> Signature:
+    """Simulate the standard record without `effect` and with it, at its typical size.
+
+    Base physics is taken away instead: `without` is what is then left.
+
+    Parameters
+    ----------
+    rig: whose channels, dimensions and options are used; else the family's own, and everything it can read.
+    alongside: effects that are there either way, with their parameters (SI).
+
+    Raises
+    ------
+    RigctlError
+        the record cannot be simulated, or one of `alongside` contradicts the effect.
+    """
+    family = find_family(effect.family)
+    used = [each for each in (effect, *(other for other, _ in alongside)) if each.terms]
+    refuse_contradictions(used)
+    sizes = {other.name: dict(values) for other, values in alongside} | {effect.name: effect.start}
+    system = build_system(family, {each.name: sizes[each.name] for each in used}, rig, own=used)
+    compiled, record = compile_system(system, progress=progress), standard_record(family.name)
+    nominal = dict(zip(system.parameter_names, system.nominal, strict=True))
+    own = {qualified(each.name, state.name): state.start for each in used for state in each.states}
+
+    def run(values: Mapping[str, float], columns: Iterable[str]) -> Trajectories:
+        parameters = list((nominal | dict(values)).values())
+        excitation = record.excitation(family, system, parameters, own)
+        return simulate(compiled, [excitation], columns=tuple(columns), tolerance=TIGHT).require()
+
+    null = {qualified(effect.name, name): value for name, value in effect.null.items()} | dict(effect.base)
+    switching = [qualified(effect.name, p.name) for p in effect.parameters if not p.shape]
+    off = run(null, switching)
+    on = run({}, [qualified(effect.name, p.name) for p in effect.parameters] + list(effect.base))
+    return Signature(
+        effect=effect.name,
+        record=record,
+        times=off.times[0],
+        output_names=system.output_names,
+        output_units=tuple(output.unit for output in system.outputs),
+        without=off.outputs[0],
+        present=on.outputs[0],
+        slopes=off.sensitivities[0],
+        slopes_present=on.sensitivities[0],
+        points=tuple(_points(family, system, record, nominal | null, off)),
+    )
+
+
+def _points(
+    family: ModelFamily,
+    system: System,
+    record: StandardRecord,
+    parameters: Mapping[str, float],
+    trajectories: Trajectories,
+) -> Iterable[Point]:
+    """The record's course in the names that terms use."""
+    commands = {item.name: item.value for item in family.inputs}
+    switches = list(record.switches)
+    fixed = {p.name: p.value for p in family.parameters}
+    for index in range(0, len(trajectories.times[0]), _EVERY):
+        earlier = dict(commands)
+        while switches and switches[0][0] <= trajectories.times[0][index]:
+            commands |= switches.pop(0)[1]
+        point = fixed | dict(parameters) | commands
+        point |= dict(zip(system.state_names, trajectories.states[0][index].tolist(), strict=True))
+        point |= {before(name): value for name, value in earlier.items()}
+        yield point | {after(name): value for name, value in commands.items()}

@@ -1,0 +1,94 @@
+"""Try an effect on its family's standard record, and say in words what a user should know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.effects.declaration import Effect
+from rigctl.effects.examine import Fault, examine
+from rigctl.engine.compile import Progress
+from rigctl.model.lookalikes import Lookalike, lookalikes
+from rigctl.model.signature import Signature, signature
+from rigctl.physics.families import find_family
+from rigctl.rig.rig import Rig
+
+#: likeness above which no reading of the record tells two effects apart
+SAME = 0.999
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of trying an effect.
+
+    Attributes
+    ----------
+    faults: what is wrong with its terms along the record.
+    seen: what it does to the readings.
+    alike: the library's effects, the most alike first; none for an effect that shows nothing.
+    warnings: what its user should know, a sentence each.
+    """
+
+    effect: Effect
+    faults: tuple[Fault, ...]
+    seen: Signature
+    alike: tuple[Lookalike, ...]
+    warnings: tuple[str, ...]
+
+
+def try_effect(
+    effect: Effect,
+    rig: Rig | None = None,
+    *,
+    alongside: Sequence[tuple[Effect, Mapping[str, float]]] = (),
+    progress: Progress | None = None,
+) -> Trial:
+    """Simulate the standard record without `effect` and with it, and compare it with the library's.
+
+    Parameters
+    ----------
+    rig: whose channels and noise count; else everything that the family can read.
+    alongside: effects that are there either way, with their parameters (SI).
+
+    Raises
+    ------
+    RigctlError
+        the record cannot be simulated.
+    """
+    seen = signature(effect, rig, alongside=alongside, progress=progress)
+    faults = examine(effect, find_family(effect.family), seen.points) if effect.terms else ()
+    shows = not seen.silent and not seen.flat_at_null and bool(effect.terms)
+    alike = lookalikes(seen, effect, rig, progress=progress) if shows else ()
+    return Trial(effect, faults, seen, alike, tuple(_warnings(effect, seen, alike, rig)))
+
+
+def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: Rig | None) -> list[str]:
+    if seen.silent:
+        where = f"rig '{rig.name}' reads" if rig is not None else f"a {effect.family} can read"
+        return [
+            f"{effect.name} has no influence on anything that {where}"
+            + (f" by itself; it needs {effect.needs}" if effect.needs else " by itself")
+        ]
+    found = []
+    if seen.flat_at_null:
+        found.append(
+            f"{effect.name} changes nothing to first order at its null value, so that a diagnosis cannot see "
+            "it coming: write it in a parameter that enters in proportion"
+        )
+    if rig is not None and _below_noise(seen, rig):
+        found.append(f"at its typical size it changes every reading by less than the noise of '{rig.name}'")
+    found += [
+        f"no reading of the standard record tells it from {other.name}; 'instead_of' or 'confused_with' "
+        "should say so"
+        for other in alike
+        if other.likeness > SAME and other.name not in (*effect.instead_of, *effect.confused_with)
+    ]
+    return found
+
+
+def _below_noise(seen: Signature, rig: Rig) -> bool:
+    largest = np.abs(seen.difference).max(axis=0)
+    noise = [rig.channels[name].noise for name in seen.output_names]
+    return all(size and change < size for change, size in zip(largest, noise, strict=True))
