@@ -5,7 +5,8 @@ from rigctl.model.inputs import InputSource, input_sources, input_values
 from rigctl.model.load import load_model, parse_model
 from rigctl.model.model import Model, Value
 from rigctl.model.plant import PlantInputs, initial_state, plant_inputs, plant_stepper
-from rigctl.model.values import family_of, parameter_values
+from rigctl.model.rig_family import family_of
+from rigctl.model.values import parameter_values
 
 __all__ = [
     "Effects",

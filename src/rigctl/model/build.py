@@ -77,8 +77,7 @@ def superset(family: str | ModelFamily, effects: Effects | None = None) -> dict[
     RigctlError
         an unknown family.
     """
-    name = family if isinstance(family, str) else family.name
-    off = {effect.name: effect.null for effect in library(name).values() if effect.terms}
+    off = {effect.name: effect.null for effect in library(family).values() if effect.terms}
     return off | {effect: dict(values) for effect, values in (effects or {}).items()}
 
 
@@ -88,7 +87,7 @@ def _find(
     users = {effect.name: effect for effect in own}
     found = []
     for name, values in sorted(effects.items()):
-        effect = users.get(name) or find_effect(name, family.name)
+        effect = users.get(name) or find_effect(name, family)
         if effect.base:
             raise RigctlError(f"{name} is base physics, which every model has")
         for parameter in values:

@@ -54,7 +54,7 @@ def parse_model(text: str, path: Path | None = None) -> Model:
 def _build(document: Document) -> Model:
     written = validate(document, ModelFile)
     reader = Reader(document)
-    family = reader.read(("model",), partial(find_family, written.model))
+    family = reader.read(("model",), partial(find_family, written.model, document.path))
     reader.stop_at_errors()
     assert family is not None  # noqa: S101 - the reader has stopped where it is
     rig = reader.read(("rig",), partial(_rig, written.rig, document.path))

@@ -74,7 +74,7 @@ class Model:
             there is none; it says the nearest.
         """
         own = {effect.name: effect for effect in self.own}
-        return own[name] if name in own else find_effect(name, self.family.name)
+        return own[name] if name in own else find_effect(name, self.family)
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -142,7 +142,7 @@ class Model:
         if name in self.effects:
             rest = {other: values for other, values in self.effects.items() if other != name}
             return replace(self, effects=MappingProxyType(rest))
-        base = find_effect(name, self.family.name)
+        base = find_effect(name, self.family)
         if not base.base:
             raise unknown_name("effect of this model", name, self.effects)
         return self._with_base(base, present=False)
@@ -168,7 +168,7 @@ class Model:
 
     def _knowing(self, effect: Effect) -> Model:
         """The model that may name `effect`, which is a user's own unless the library has it."""
-        if library(self.family.name).get(effect.name) is effect:
+        if library(self.family).get(effect.name) is effect:
             return self
         known = {own.name: own for own in (*self.own, effect)}
         return replace(self, own=tuple(known.values()))

@@ -11,8 +11,7 @@ from rigctl.effects.registry import find_effect
 from rigctl.errors import unknown_name
 from rigctl.model.build import Effects, build_system
 from rigctl.model.inputs import InputSource, input_sources, input_values
-from rigctl.model.values import family_of
-from rigctl.physics.families import find_family
+from rigctl.model.rig_family import family_of
 from rigctl.physics.family import ModelFamily
 from rigctl.rig.rig import Rig
 
@@ -35,8 +34,10 @@ class PlantInputs:
         }
 
 
-def plant_inputs(rig: Rig) -> PlantInputs:
+def plant_inputs(rig: Rig, family: ModelFamily | None = None) -> PlantInputs:
     """Where each input of the simulated bench comes from; the room and the pump are the simulation's.
+
+    `family` is the rig's own unless it is given.
 
     Raises
     ------
@@ -47,7 +48,7 @@ def plant_inputs(rig: Rig) -> PlantInputs:
         "ambient_temperature": rig.simulation.ambient_temperature,
         "pump": 1.0 if rig.simulation.pump else 0.0,
     }
-    return PlantInputs(input_sources(family_of(rig), rig, room))
+    return PlantInputs(input_sources(family or family_of(rig), rig, room))
 
 
 def plant_stepper(
@@ -58,6 +59,7 @@ def plant_stepper(
     initial: Mapping[str, float] | None = None,
     commands: Mapping[str, float] | None = None,
     own: Iterable[Effect] = (),
+    family: ModelFamily | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Stepper:
     """The bench that `rig` describes, with hidden effects, at time 0.
@@ -70,6 +72,7 @@ def plant_stepper(
     commands: of the actuators at the start, SI; 0 for those left out, and a relief valve at the supply
         pressure of the start.
     own: a user's effects, which may then be named in `effects`.
+    family: whose equations hold; the one that the rig names unless it is given.
     progress: told when something takes long.
 
     Raises
@@ -80,17 +83,17 @@ def plant_stepper(
     from rigctl.engine.compile import compile_system
     from rigctl.engine.stepper import Stepper
 
-    family = find_family(family_of(rig))
+    chosen = family or family_of(rig)
     users = tuple(own)
-    hidden = _resolved(family, effects or {}, users)
+    hidden = _resolved(chosen, effects or {}, users)
     sizes = {effect.name: effect.start | dict((effects or {})[effect.name]) for effect in hidden}
-    system = build_system(family, sizes, rig, parameters=parameters, own=users)
-    start = _initial(family, rig, initial or {}, hidden)
+    system = build_system(chosen, sizes, rig, parameters=parameters, own=users)
+    start = _initial(chosen, rig, initial or {}, hidden)
     given = dict.fromkeys(rig.actuators, 0.0)
     role = rig.roles.set_pressure
     if role is not None and role.channel in start:
         given[role.actuator] = start[role.channel]
-    inputs = input_values(plant_inputs(rig).sources, given | dict(commands or {}))
+    inputs = input_values(plant_inputs(rig, chosen).sources, given | dict(commands or {}))
     compiled = compile_system(system, progress=progress)
     return Stepper(compiled, [start[name] for name in system.state_names], system.nominal, inputs)
 
@@ -125,4 +128,4 @@ def _initial(
 
 def _resolved(family: ModelFamily, names: Iterable[str], own: Iterable[Effect]) -> list[Effect]:
     users = {effect.name: effect for effect in own}
-    return [users.get(name) or find_effect(name, family.name) for name in names]
+    return [users.get(name) or find_effect(name, family) for name in names]

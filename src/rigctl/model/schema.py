@@ -42,7 +42,7 @@ class Setting(_Part):
 class ModelFile(_Part):
     """A family, the bench it is of, and the values of its parameters and effects."""
 
-    model: str = Field(description="the model family, e.g. hydraulic_cylinder")
+    model: str = Field(description="the model family, e.g. hydraulic_cylinder, or a family file")
     description: str = Field(default="", description="for reports")
     rig: str | None = Field(default=None, description="the bench's rig file")
     oil: str | None = Field(default=None, description="the fluid, instead of the rig's")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import unknown_name
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.oil import find_oil
 from rigctl.rig.rig import Rig
@@ -53,21 +53,6 @@ def choices(family: ModelFamily, rig: Rig | None) -> dict[str, str]:
         if value not in family.options[name]:
             raise unknown_name(f"choice of the option '{name}'", value, family.options[name])
     return chosen
-
-
-def family_of(rig: Rig) -> str:
-    """The model family that the rig file names.
-
-    Raises
-    ------
-    RigctlError
-        it names none.
-    """
-    if rig.model is None:
-        raise RigctlError(
-            f"the rig '{rig.name}' names no model family", hint="Add 'model: hydraulic_cylinder', say, to it"
-        )
-    return rig.model
 
 
 def _of_oil(name: str) -> dict[str, float]:

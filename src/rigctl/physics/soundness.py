@@ -15,7 +15,7 @@ from typing import TypeAlias, TypeVar
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, check_dimension, derivative, evaluate, variables_of
 from rigctl.engine.system import after, before
-from rigctl.errors import RigctlError
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.family import (
     Definition,
     InputVariable,
@@ -166,6 +166,11 @@ def _numbers(family: ModelFamily) -> Iterator[Flaw]:
         if not parameter.low <= parameter.value <= parameter.high:
             error = RigctlError("the value is out of bounds", value=f"{parameter.value:g}")
             yield Flaw("parameters", parameter.name, error)
+    known = [parameter.name for parameter in family.parameters]
+    for rig_name, meant in family.rig_names.items():
+        for name in meant:
+            if name not in known:
+                yield Flaw("parameters", rig_name, unknown_name("parameter", name, known))
 
 
 class _Written:

@@ -26,7 +26,7 @@ class ModelPlant:
     def __init__(self, rig: Rig, model: Model, progress: Callable[[str], None] | None = None) -> None:
         self.channels: tuple[str, ...] = rig.layout.channels
         self._commands = initial_commands(rig)
-        self._inputs = plant_inputs(rig)
+        self._inputs = plant_inputs(rig, model.family)
         initial = initial_values(rig)
         self._stepper = plant_stepper(
             rig,
@@ -35,9 +35,10 @@ class ModelPlant:
                 for effect, parameters in model.effects.items()
             },
             {parameter.name: model.values[parameter.name] for parameter in model.family.parameters},
-            initial={s.name: initial[s.name] for s in model.family.states if s.name in initial},
+            initial={s.name: initial[s.name] for s in model.family.states if _says_start(rig, s.name)},
             commands=self._commands,
             own=model.own,
+            family=model.family,
             progress=progress,
         )
         given = {source.channel: source.value for source in self._inputs.sources if source.channel}
@@ -63,3 +64,10 @@ class ModelPlant:
         for place, output in self._places:
             self._values[place] = outputs[output]
         return self._values
+
+
+def _says_start(rig: Rig, state: str) -> bool:
+    """Whether the rig says what a state's channel reads at the start: itself, or by the room around it."""
+    if state not in rig.channels:
+        return False
+    return state in rig.simulation.initial or rig.channels[state].quantity == "temperature"

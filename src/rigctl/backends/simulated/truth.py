@@ -9,7 +9,6 @@ from pathlib import Path
 from rigctl.effects.option import read_effect_option
 from rigctl.errors import RigctlError
 from rigctl.model import Model, family_of, load_model
-from rigctl.physics.families import find_family
 from rigctl.rig import Rig
 
 
@@ -28,7 +27,7 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
     RigctlError
         the file or an effect is wrong, or the file's model is of another family than the rig's.
     """
-    family = find_family(family_of(rig))
+    family = family_of(rig)
     model = Model(family, rig) if model_file is None else replace(load_model(model_file), rig=rig)
     if model.family.name != family.name:
         raise RigctlError(
@@ -37,7 +36,7 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
             expected=f"a model of the family {family.name}, as rig '{rig.name}' says",
         )
     for text in effects:
-        effect, values = read_effect_option(text, family.name, model.values)
+        effect, values = read_effect_option(text, model.family, model.values)
         model = model.with_effect(effect, values, fit=False)
     return model
 
