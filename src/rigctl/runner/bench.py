@@ -50,6 +50,7 @@ class Bench:
         self.values: dict[str, float] = {}  #: measures and operators' answers, by name
         self.question: Question | None = None
         self.reachable = True
+        self.trouble: RigctlError | None = None  #: the first event that could not be written
         self._types: dict[str, ValueType] = dict(rig.layout.types())
         self._changed = -1.0  # s, when a command was last given
 
@@ -64,8 +65,18 @@ class Bench:
         return self.writer.record >= 0
 
     def event(self, kind: str, message: str, **fields: Any) -> None:
-        """Log something that happened now, at the step in progress."""
-        self.writer.event(self.now, kind, path=self.path, message=message, **fields)
+        """Log something that happened now, at the step in progress; see `log`."""
+        self.log(self.now, kind, path=self.path, message=message, **fields)
+
+    def log(self, time: float, kind: str, **fields: Any) -> None:
+        """Log something. Never raises: making outputs safe must not fail at a full disk.
+
+        The trouble is kept, and ends the run at the next sample.
+        """
+        try:
+            self.writer.event(time, kind, **fields)
+        except RigctlError as error:
+            self.trouble = self.trouble or error
 
     def start(self, rate: float) -> None:
         """Sample at `rate` Hz from now on."""
@@ -169,7 +180,7 @@ class Bench:
         self.commanded[receipt.actuator] = receipt.value
         self._changed = max(self._changed, receipt.time)
         self.history.begin_phase(receipt.time)
-        self.writer.event(
+        self.log(
             receipt.time,
             "command",
             actuator=receipt.actuator,

@@ -34,6 +34,7 @@ class Sampling:
         self._interlocks = interlocks
         self._secure = secure
         self.newest = bench.now  #: s, time of the newest sample
+        self._told = False  # that the data cannot be kept
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[Happening] = deque(maxlen=12)
@@ -79,10 +80,7 @@ class Sampling:
         row = (sample.time, bench.writer.record, *sample.values, *sample.commands)
         bench.newest = row
         self.newest = sample.time
-        try:
-            bench.writer.append(row)
-        except RigctlError as error:
-            self._end(Lost(str(error)))
+        self._keep(row)
         if bench.history.wanted:
             bench.history.add(row)
         alarms = self._interlocks.check(row)
@@ -91,11 +89,22 @@ class Sampling:
         self._collect()
         return row
 
+    def _keep(self, row: Row) -> None:
+        """Journal a row; a disk that is full or gone ends the run, once."""
+        bench = self._bench
+        try:
+            bench.writer.append(row)
+        except RigctlError as error:
+            bench.trouble = bench.trouble or error
+        if bench.trouble is not None and not self._told:
+            self._told = True
+            self._end(Lost(str(bench.trouble)))
+
     def _collect(self) -> None:
         """Switches and notices that the bench reports by itself."""
         self._bench.take_receipts()
         for notice in self._backend.take_notices():
-            self._bench.writer.event(notice.time, notice.kind, message=notice.message, **notice.fields)
+            self._bench.log(notice.time, notice.kind, message=notice.message, **notice.fields)
             self.note(notice.time, notice.kind, notice.message)
             if notice.kind == "gap" and self.repeatable:
                 self._end(SamplesLost(notice.message))

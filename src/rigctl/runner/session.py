@@ -17,7 +17,7 @@ from rigctl.runner.drive import RESPONSE, Driver, Quit
 from rigctl.runner.history import history_for
 from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.operator import Operator
-from rigctl.runner.outcomes import Aborted, Ending, Outcome, SamplesLost, Tripped
+from rigctl.runner.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.progress import progress_of
 from rigctl.runner.recorder import Recorder
 from rigctl.runner.requests import Control
@@ -225,12 +225,11 @@ class _Session:
             if self._walker.missed:
                 return "finished", "succeed", "a measure lay outside its limits", ExitCode.FAILED
             return "finished", "succeed", None, ExitCode.DONE
-        place = f"{ending.where}: " if ending.where is not None and ending.where.line else ""
-        reason = f"{place}{ending.reason}"
-        if ending.outcome is Outcome.ABORTED:
+        if ending.aborted:
             code = ending.exit_code if ending.exit_code is not ExitCode.FAILED else ExitCode.INTERRUPTED
-            return "aborted", "abort", reason, code
-        return "failed", "fail", reason, ending.exit_code
+            return "aborted", "abort", ending.reason, code
+        place = f"{ending.where}: " if ending.where is not None and ending.where.line else ""
+        return "failed", "fail", f"{place}{ending.reason}", ending.exit_code
 
     def _state_changed(self, before: RunState, event: str, after: RunState) -> None:
         bench = self._bench
@@ -249,7 +248,8 @@ class _Session:
                 self._observer(view)
             except Exception as error:  # noqa: BLE001 - a display must not end a run
                 self._observer = None
-                self._bench.event("note", f"the display failed and is off: {error!r}")
+                if not self._lifecycle.state.ended:
+                    self._bench.event("note", f"the display failed and is off: {error!r}")
 
     def _view(self) -> View:
         bench, progress, now = self._bench, self._progress, self._bench.now

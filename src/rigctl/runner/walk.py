@@ -174,7 +174,7 @@ class Walker:
         bench = self._bench
         bench.path = path = self._path(leaf.path)
         self._progress.begin(leaf.path, leaf.label, bench.now)
-        bench.writer.event(bench.now, "step", path=path, message=leaf.label, state="begin")
+        bench.log(bench.now, "step", path=path, message=leaf.label, state="begin")
         self.baseline = dict(bench.commanded)
         try:
             yield CHECKPOINT
@@ -191,7 +191,7 @@ class Walker:
             self._secure(ending)
             raise ending from None
         self.missed = self.missed or outcome is Outcome.MISSED
-        bench.writer.event(bench.now, "step", path=path, state="end", outcome=outcome.value)
+        bench.log(bench.now, "step", path=path, state="end", outcome=outcome.value)
         self._progress.end(bench.now)
 
     def _record(self, node: RecordNode, *, repeatable: bool = False) -> Waiting:

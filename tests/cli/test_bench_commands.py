@@ -1,0 +1,177 @@
+"""The commands at the bench, as a person types them; on the simulated bench, with the plain plant."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from rigctl.cli.main import app
+from rigctl.errors import RigctlError
+
+RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
+PROCEDURE = """\
+procedure: one stroke
+rig: rigs/bench.yaml
+arguments:
+  time: 0.5 s
+steps:
+  - prompt: {question: Room temperature?, name: room, unit: degC, low: 10 degC, high: 40 degC}
+  - record: {name: stroke, rate: 100 Hz}
+    do:
+      - extend: {for: $time}
+      - wait: 0.2 s
+  - retract: {until: position < 1 mm, timeout: 5 s}
+"""
+Rigctl = Callable[..., Result]
+
+
+@pytest.fixture
+def rigctl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rigctl:
+    """A command in a project of its own, with a user's state folder of its own."""
+    text = RIG.read_text(encoding="utf-8").replace("model: hydraulic_cylinder", "")
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigs" / "bench.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    (tmp_path / "stroke.yaml").write_text(PROCEDURE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("rigctl.runner.lock._state_folder", lambda: tmp_path / "locks")
+
+    def call(*arguments: str, typed: str = "") -> Result:
+        return CliRunner().invoke(app, list(arguments), input=typed)
+
+    return call
+
+
+def told(result: Result) -> dict[str, Any]:
+    answer: dict[str, Any] = json.loads(result.stdout)
+    return answer
+
+
+def test_simulate_says_where_the_run_is(rigctl: Rigctl) -> None:
+    done = rigctl("simulate", "stroke.yaml", "--json", "--seed", "3", "--arg", "time=0.7 s")
+    assert done.exit_code == 0, done.output
+    answer = told(done)
+    assert (answer["status"], answer["records"], answer["exit_code"]) == ("finished", 1, 0)
+    info = json.loads((Path(answer["path"]) / "run.json").read_text(encoding="utf-8"))
+    assert info["seed"] == 3
+    assert info["arguments"]["time"] == "0.7 s"
+    assert info["clock"] == "virtual"
+
+
+def test_one_seed_gives_one_set_of_samples(rigctl: Rigctl) -> None:
+    files = []
+    for seed in ("7", "7", "8"):
+        path = told(rigctl("simulate", "stroke.yaml", "--json", "--seed", seed))["path"]
+        files.append((Path(path) / "samples.parquet").read_bytes())
+    assert files[0] == files[1]
+    assert files[0] != files[2]
+
+
+def test_a_fault_ends_in_exit_code_1_and_one_sentence(rigctl: Rigctl) -> None:
+    done = rigctl("simulate", "stroke.yaml", "--fault", "valve_stuck@0 s", "--fault", "samples_stop@0.5 s")
+    assert done.exit_code == 1
+    assert "failed" in done.stdout
+    assert "no sample for 1 s" in done.stdout
+
+
+def test_run_takes_answers_given_beforehand_and_replays_what_was_recorded(rigctl: Rigctl) -> None:
+    first = rigctl(
+        "run", "stroke.yaml", "--speed", "max", "--answer", "room=21 degC", "--json", "--operator", "Ada"
+    )
+    assert first.exit_code == 0, first.output
+    info = json.loads((Path(told(first)["path"]) / "run.json").read_text(encoding="utf-8"))
+    assert info["operator"] == "Ada"
+    again = rigctl("run", "stroke.yaml", "latest", "--backend", "replay", "--speed", "max", "--json")
+    assert again.exit_code == 0, again.output
+    assert told(again)["records"] == 1
+
+
+def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
+    done = rigctl("run", "stroke.yaml", "--dry", "--speed", "max", "--json")
+    assert told(done)["status"] == "finished"
+    log = (Path(told(done)["path"]) / "log.jsonl").read_text(encoding="utf-8")
+    assert '"kind":"command"' not in log
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulate", "stroke.yaml", "--speed", "fast"], "not a speed"),
+        (["simulate", "stroke.yaml", "--fault", "sensor_stick:position@1 s"], "did you mean 'sensor_stuck'"),
+        (["simulate", "stroke.yaml", "--arg", "tme=1 s"], "did you mean 'time'"),
+        (["simulate", "strok.yaml"], "no such file"),
+        (["run", "stroke.yaml", "--backend", "simulate"], "did you mean 'simulated'"),
+        (["run", "stroke.yaml", "--backend", "replay"], "which run is to be played"),
+        (["run", "stroke.yaml", "--port", "COM3"], "takes no --port"),
+        (["run", "stroke.yaml", "--answer", "room"], "name=value"),
+        (["run", "stroke.yaml", "--answer", "room=99 degC", "--speed", "max"], ""),
+        (["resume", "latest"], ""),
+        (["pause"], "no run is in progress"),
+        (["abort", "20990101"], ""),
+        (["jog", "valv", "extend"], "did you mean 'valve'"),
+        (["jog", "valve", "sideways"], "unknown position"),
+        (["jog", "heater", "on", "--for", "5 bar"], "wrong dimension"),
+        (["monitor", "--for", "soon"], "not a quantity"),
+    ],
+)
+def test_a_mistake_is_one_message(rigctl: Rigctl, arguments: list[str], message: str) -> None:
+    done = rigctl(*arguments)
+    assert done.exit_code != 0
+    said = str(done.exception) + done.output
+    assert message in said
+    assert isinstance(done.exception, RigctlError | SystemExit), done.exception
+
+
+def test_resume_refuses_a_finished_run(rigctl: Rigctl) -> None:
+    rigctl("simulate", "stroke.yaml")
+    done = rigctl("resume", "latest")
+    assert isinstance(done.exception, RigctlError)
+    assert "finished" in str(done.exception)
+
+
+def test_resume_goes_on_with_a_failed_run(rigctl: Rigctl) -> None:
+    text = PROCEDURE.replace("  - retract", "  - wait: {until: position > 200 mm, timeout: 1 s}\n  - retract")
+    Path("stroke.yaml").write_text(text, encoding="utf-8")
+    assert rigctl("simulate", "stroke.yaml").exit_code == 1
+    done = rigctl("resume", "latest", "--json")
+    assert done.exit_code == 1  # the same step fails again; the record stays as it is
+    assert told(done)["records"] == 1
+    assert "0 records left" in done.stderr
+
+
+def test_jog_and_off_leave_everything_safe(rigctl: Rigctl) -> None:
+    done = rigctl("jog", "valve", "extend", "--for", "0.5 s", "--speed", "max")
+    assert done.exit_code == 0, done.output
+    assert [line.split("  ")[-1] for line in done.stderr.splitlines()] == ["valve extend", "valve neutral"]
+    assert "outputs are safe: heater off, valve neutral" in rigctl("off").stdout
+    assert told(rigctl("off", "--json"))["rig"] == "HL32 bench"
+
+
+def test_jog_until_enter(rigctl: Rigctl) -> None:
+    done = rigctl("jog", "heater", "on", typed="\n")
+    assert done.exit_code == 0, done.output
+    assert "heater off" in done.stderr
+
+
+def test_jog_stops_at_a_limit(rigctl: Rigctl) -> None:
+    done = rigctl("jog", "valve", "extend", "--for", "5 s", "--speed", "max")
+    assert done.exit_code == 1
+    assert "The piston is about to reach its end stop" in done.stdout
+
+
+def test_monitor_for_people_and_for_programs(rigctl: Rigctl) -> None:
+    done = rigctl("monitor", "--count", "3", "--json", "--speed", "max")
+    assert done.exit_code == 0, done.output
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [set(line) >= {"time", "channels", "units", "commands"} for line in lines] == [True] * 3
+    assert lines[0]["channels"]["supply_pressure"] == pytest.approx(20.0, abs=1.0)
+    assert lines[0]["units"]["position"] == "mm"
+    plain = rigctl("monitor", "--for", "1 s", "--speed", "max")
+    assert len(plain.stdout.splitlines()) == 11
+    assert "oil_temperature 20" in plain.stdout
