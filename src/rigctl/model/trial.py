@@ -68,8 +68,8 @@ def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: 
     if seen.silent:
         where = f"rig '{rig.name}' reads" if rig is not None else f"a {effect.family} can read"
         return [
-            f"{effect.name} has no influence on anything that {where}"
-            + (f" by itself; it needs {effect.needs}" if effect.needs else " by itself")
+            f"by itself {effect.name} has no influence on anything that {where}"
+            + (f"; it needs {effect.needs}" if effect.needs else "")
         ]
     found = []
     if seen.flat_at_null:

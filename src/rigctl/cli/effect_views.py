@@ -1,0 +1,218 @@
+"""How effects are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.effects.declaration import Effect, EffectParameter
+from rigctl.effects.document import effect_document
+from rigctl.effects.equations import terms_in_symbols, text_of
+from rigctl.files.write import to_json
+from rigctl.model.signature import Signature
+from rigctl.model.trial import SAME, Trial
+from rigctl.physics.families import find_family
+from rigctl.report.braille import draw_curve
+from rigctl.report.effect_figure import shown_unit
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit, show
+
+_PIPED_WIDTH = 160
+#: a part of a reading below which its change is rounding of the integration
+_ROUNDING = 1e-8
+#: so many effects that look alike are named
+_FEW = 3
+
+
+def print_json(document: Mapping[str, Any]) -> None:
+    """One JSON document on stdout."""
+    typer.echo(to_json(document))
+
+
+def console() -> Console:
+    """A console that does not wrap tables when it is piped."""
+    made = Console(highlight=False)
+    if not made.is_terminal:
+        made.width = _PIPED_WIDTH
+    return made
+
+
+def show_list(effects: Sequence[Effect]) -> None:
+    """A table of effects for each family."""
+    for family in dict.fromkeys(effect.family for effect in effects):
+        table = _table("effect", "kind", "acts at", "parameters", "")
+        for effect in effects:
+            if effect.family == family:
+                where = "base physics" if effect.base else ", ".join(effect.slots)
+                names = ", ".join(parameter.name for parameter in effect.parameters)
+                table.add_row(effect.name, effect.kind, where, names, escape(effect.summary))
+        console().print(f"[bold]{family}[/]")
+        console().print(table)
+
+
+def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
+    """Where effects can act, and what their terms may name."""
+    out = console()
+    for family in documents:
+        out.print(f"[bold]{family['family']}[/]")
+        slots = _table("slot", "unit", "", "meaning", "its own variables")
+        for slot in family["slots"]:
+            own = ", ".join(f"{local['name']} [{local['unit']}]" for local in slot["local"])
+            slots.add_row(slot["name"], slot["unit"], slot["combine"], escape(slot["meaning"]), escape(own))
+        out.print(slots)
+        variables = _table("variable", "unit", "meaning")
+        for item in family["variables"]:
+            variables.add_row(item["name"], item["unit"], escape(item["meaning"]))
+        out.print(variables)
+
+
+def show_effect(effect: Effect) -> None:
+    """What is declared of an effect."""
+    out, family = console(), find_family(effect.family)
+    out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}): {escape(effect.summary)}")
+    out.print(f"  {escape(effect.equation)}\n")
+    for slot, term in terms_in_symbols(effect, family).items():
+        declared = family.slot(slot)
+        how = "multiplies" if declared.combine == "product" else "adds"
+        out.print(f"  {how} at {slot} \\[{declared.unit}]: {escape(text_of(term, effect, family))}")
+    if effect.base:
+        taken = ", ".join(f"{name} = {value:g}" for name, value in effect.base.items())
+        out.print(f"  base physics, in every model; taken away by {taken} (SI)")
+    if effect.parameters:
+        out.print(_parameters(effect))
+    for title, text in (
+        ("looks like", effect.looks_like),
+        ("confused with", ", ".join(effect.confused_with)),
+        ("instead of", ", ".join(effect.instead_of)),
+        ("needs", effect.needs),
+        ("source", effect.source),
+    ):
+        if text:
+            out.print(f"  [dim]{title}:[/] {escape(text)}")
+
+
+def _parameters(effect: Effect) -> Table:
+    table = _table("parameter", "null", "start", "bounds", "sign", "meaning")
+    for parameter in effect.parameters:
+        table.add_row(
+            parameter.name,
+            "shape" if parameter.null is None else _shown(parameter, parameter.null),
+            _shown(parameter, parameter.start),
+            f"{_shown(parameter, parameter.low)} to {_shown(parameter, parameter.high)}",
+            {1: "positive", -1: "negative", 0: "" if parameter.shape else "either"}[parameter.sign],
+            escape(parameter.meaning),
+        )
+    for way in effect.other_ways:
+        table.add_row(way.name, "", "", f"in {way.unit}", "", escape(f"sets {way.parameter}: {way.meaning}"))
+    return table
+
+
+def _shown(parameter: EffectParameter, si: float) -> str:
+    return show(si, parameter.unit, difference=parameter.difference)
+
+
+def show_signature(seen: Signature, rig: Rig | None) -> None:
+    """A small picture of what the effect changes in each reading."""
+    out = console()
+    out.print(f"\nWhat it changes at its typical size. Standard record: {seen.record.description}.")
+    for index, name in enumerate(seen.output_names):
+        unit = shown_unit(name, seen.output_units[index], rig)
+        change = seen.difference[:, index] / parse_unit(unit).factor
+        if not _changes(seen, index):
+            out.print(f"  {name}: no change")
+            continue
+        peak = int(np.argmax(np.abs(change)))
+        low, high = min(float(change.min()), 0.0), max(float(change.max()), 0.0)
+        said = f"{change[peak]:+.3g} {unit} at {seen.times[peak]:g} s"
+        out.print(f"  {name}: largest {said}{_in_noise(seen, index, rig)}")
+        lines = draw_curve(change.tolist(), low=low, high=high)
+        # what is nothing beside the rest of the picture is rounding of the integration
+        top, bottom = (end if abs(end) > 1e-3 * (high - low) else 0.0 for end in (high, low))
+        labels = [f"{top:.3g}", *[""] * (len(lines) - 2), f"{bottom:.3g}"]
+        for label, line in zip(labels, lines, strict=True):
+            out.print(f"  {label:>9} │{line}")
+    if seen.silent:
+        out.print("  It has no influence on any reading by itself; try it --with another effect.")
+
+
+def _changes(seen: Signature, index: int) -> bool:
+    size = float(np.abs(seen.without[:, index]).max()) or 1.0
+    return bool(np.abs(seen.difference[:, index]).max() > _ROUNDING * size)
+
+
+def _in_noise(seen: Signature, index: int, rig: Rig | None) -> str:
+    noise = rig.channels[seen.output_names[index]].noise if rig is not None else None
+    if not noise:
+        return ""
+    return f", {np.abs(seen.difference[:, index]).max() / noise:.2g} times the noise"
+
+
+def signature_document(seen: Signature, rig: Rig | None) -> dict[str, Any]:
+    """What an effect changes, in the units in which it is shown."""
+    outputs = {}
+    for index, name in enumerate(seen.output_names):
+        unit = shown_unit(name, seen.output_units[index], rig)
+        change = seen.difference[:, index] / parse_unit(unit).factor
+        outputs[name] = {
+            "unit": unit,
+            "max": float(np.abs(change).max()),
+            "changes": _changes(seen, index),
+            "difference": change,
+        }
+    return {
+        "record": seen.record.description,
+        "time": seen.times,
+        "silent": seen.silent,
+        "flat_at_null": seen.flat_at_null,
+        "outputs": outputs,
+    }
+
+
+def show_trial(trial: Trial, rig: Rig | None) -> None:
+    """The verdict of a check."""
+    out, effect, seen = console(), trial.effect, trial.seen
+    family = find_family(effect.family)
+    out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}) is sound")
+    for slot in effect.slots:
+        how = "a factor" if family.slot(slot).combine == "product" else f"a term in {family.slot(slot).unit}"
+        out.print(f"  {slot}: {how}, exactly off at its null value, smooth along the standard record")
+    for index, name in enumerate(seen.output_names):
+        if _changes(seen, index):
+            unit = shown_unit(name, seen.output_units[index], rig)
+            largest = float(np.abs(seen.difference[:, index]).max()) / parse_unit(unit).factor
+            out.print(f"  changes {name} by up to {largest:.3g} {unit}{_in_noise(seen, index, rig)}")
+    alike = ", ".join(f"{each.name} ({each.likeness:.3f})" for each in trial.alike[:_FEW])
+    if alike:
+        out.print(f"  most like it in the library, 1 being the same: {alike}")
+    for warning in trial.warnings:
+        out.print(f"[yellow]warning:[/] {escape(warning)}", soft_wrap=True)
+
+
+def trial_document(trial: Trial, rig: Rig | None) -> dict[str, Any]:
+    """The verdict of a check as data."""
+    signature = signature_document(trial.seen, rig)
+    for output in signature["outputs"].values():
+        del output["difference"]
+    del signature["time"]
+    return {
+        **effect_document(trial.effect),
+        "sound": True,
+        "signature": signature,
+        "alike": [{"effect": each.name, "likeness": each.likeness} for each in trial.alike],
+        "indistinguishable": [each.name for each in trial.alike if each.likeness > SAME],
+        "warnings": list(trial.warnings),
+    }
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table

@@ -1,0 +1,204 @@
+"""`rigctl effects`: the library of effects, and a user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.errors import Location, RigctlError, SeveralErrors
+
+if TYPE_CHECKING:
+    from rigctl.effects import Effect
+    from rigctl.rig import Rig
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="The library of effects, and your own.\n\n"
+    "An effect is one piece of physics that a model may lack: a term at one place of its equations, with "
+    "parameters whose null values switch it off exactly.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Family = Annotated[
+    str | None, typer.Option("--family", "-f", help="The family of models; by default all of them.")
+]
+Which = Annotated[
+    str,
+    typer.Argument(metavar="EFFECT", help="A name of the library, or an effect file.", show_default=False),
+]
+RigFile = Annotated[
+    Path | None, typer.Option("--rig", help="A rig file, whose channels, dimensions and noise then count.")
+]
+Alongside = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with", metavar="EFFECT[:param=value]", help="Another effect that is there either way; repeatable."
+    ),
+]
+
+
+@app.command("list")
+def list_(
+    family: Family = None,
+    *,
+    slots: Annotated[
+        bool, typer.Option("--slots", help="Where effects can act, and what their terms may name.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """List the effects of the library, or with --slots the places where an effect can act.
+
+    Example: rigctl effects list --family hydraulic_cylinder --slots
+    """
+    from rigctl.cli.effect_views import print_json, show_list, show_slots
+    from rigctl.effects import library
+    from rigctl.effects.document import effect_document, family_document
+    from rigctl.physics.families import FAMILIES, find_family
+
+    families = [find_family(family)] if family is not None else list(FAMILIES.values())
+    if slots:
+        documents = [family_document(each) for each in families]
+        print_json({"families": documents}) if as_json else show_slots(documents)
+        return
+    found = [effect for each in families for effect in library(each.name).values()]
+    if as_json:
+        print_json({"effects": [effect_document(effect) for effect in found]})
+    else:
+        show_list(found)
+
+
+@app.command()
+def show(
+    effect: Which,
+    *,
+    family: Family = None,
+    rig: RigFile = None,
+    alongside: Alongside = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw what it does into this file, .png or .svg.", show_default=False)
+    ] = None,
+    picture: Annotated[
+        bool, typer.Option("--picture/--no-picture", help="Simulate and draw what it does.")
+    ] = True,
+    as_json: Json = False,
+) -> None:
+    """Show an effect: equation, slots, parameters, source, and what it does to the readings.
+
+    It is simulated on the standard record of its family, with the effect at its typical size and without it;
+    what is drawn is the difference.
+
+    Example: rigctl effects show piston_leakage --figure leakage.svg
+
+    Example: rigctl effects show barus --with piston_leakage
+    """
+    from rigctl.cli.effect_views import print_json, show_effect, show_signature, signature_document
+    from rigctl.effects.document import effect_document
+    from rigctl.model.signature import signature
+
+    found, bench, others = _open(effect, family, rig, alongside)
+    drawn = picture or figure is not None
+    seen = signature(found, bench, alongside=others, progress=_tell) if drawn else None
+    if figure is not None and seen is not None:
+        from rigctl.report.effect_figure import write_effect_figure
+
+        write_effect_figure(seen, found, figure, bench)
+    if as_json:
+        document = effect_document(found)
+        print_json(document | ({"signature": signature_document(seen, bench)} if seen is not None else {}))
+        return
+    show_effect(found)
+    if seen is not None:
+        show_signature(seen, bench)
+    if figure is not None:
+        typer.echo(f"Wrote {figure}")
+
+
+@app.command()
+def check(
+    effect: Which,
+    *,
+    family: Family = None,
+    rig: RigFile = None,
+    alongside: Alongside = None,
+    as_json: Json = False,
+) -> None:
+    """Check your own effect: grammar, dimensions, exact null, smoothness, influence, and what looks like it.
+
+    What is wrong is said with its place in the file, and the exit code is 2. What one should know, e.g. that
+    no channel of the rig sees the effect, is a warning, and the exit code 0.
+
+    Example: rigctl effects check my-effect.yaml --rig rigs/hl32-bench.yaml
+    """
+    from rigctl.cli.effect_views import print_json, show_trial, trial_document
+    from rigctl.effects.user import is_effect_file
+    from rigctl.effects.user.load import place_of
+    from rigctl.model.trial import try_effect
+
+    found, bench, others = _open(effect, family, rig, alongside)
+    trial = try_effect(found, bench, alongside=others, progress=_tell)
+    if trial.faults:
+        where = _file(effect) if is_effect_file(effect) else None
+        errors = [
+            error.at(place_of(where, part) if where is not None else Location())
+            for part, error in trial.faults
+        ]
+        raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
+    print_json(trial_document(trial, bench)) if as_json else show_trial(trial, bench)
+
+
+def _open(
+    written: str, family: str | None, rig_file: Path | None, alongside: Sequence[str] | None
+) -> tuple[Effect, Rig | None, list[tuple[Effect, dict[str, float]]]]:
+    """The effect, the rig and the other effects that a command names."""
+    from rigctl.effects.option import read_effect_option
+
+    rig = _rig(rig_file)
+    effect = _find(written, family or (rig.model if rig is not None else None))
+    if rig is not None and rig.model != effect.family:
+        raise RigctlError(
+            f"the rig '{rig.name}' is of another family of models than {effect.name}",
+            value=str(rig.model),
+            expected=effect.family,
+        )
+    return effect, rig, [read_effect_option(text, effect.family) for text in alongside or ()]
+
+
+def _find(written: str, family: str | None) -> Effect:
+    """The effect of a file, or of the first family that has one of this name."""
+    from rigctl.effects import library
+    from rigctl.effects.option import name_or_file
+    from rigctl.effects.user import is_effect_file, load_effect
+    from rigctl.errors import unknown_name
+    from rigctl.physics.families import FAMILIES
+
+    if family is not None:
+        return name_or_file(written, family)
+    if is_effect_file(written):
+        return load_effect(_file(written))
+    known = [library(name) for name in FAMILIES]
+    for effects in known:
+        if written in effects:
+            return effects[written]
+    raise unknown_name("effect", written, {name for effects in known for name in effects})
+
+
+def _file(written: str) -> Path:
+    from rigctl.cli.plans import find_file
+
+    return find_file(Path(written))
+
+
+def _rig(path: Path | None) -> Rig | None:
+    if path is None:
+        return None
+    from rigctl.cli.plans import find_file
+    from rigctl.rig import load_rig
+
+    return load_rig(find_file(path))
+
+
+def _tell(text: str) -> None:
+    typer.echo(text, err=True)
