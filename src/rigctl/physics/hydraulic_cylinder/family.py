@@ -13,15 +13,16 @@ from rigctl.physics.family import (
 from rigctl.physics.hydraulic_cylinder import chambers, fluid, piston, restrictions, supply, tank
 from rigctl.physics.hydraulic_cylinder.parameters import PARAMETERS, RIG_NAMES
 from rigctl.physics.hydraulic_cylinder.slots import SLOTS
+from rigctl.physics.standard_record import StandardRecord, grid
 
 _FLOW = "m^3/s"
 
 STATES = (
     StateVariable("oil_temperature", "K", 0.1, tank.oil_temperature_rate, 293.15, "oil in the tank"),
     StateVariable("spool", "1", 1e-2, piston.spool_rate, 0.0, "valve spool, -1 retract to 1 extend"),
-    StateVariable("supply_pressure", "Pa", 1e5, supply.supply_pressure_rate, 20e5, "before the valve"),
-    StateVariable("pressure_a", "Pa", 1e5, chambers.pressure_a_rate, 0.0, "cap side"),
-    StateVariable("pressure_b", "Pa", 1e5, chambers.pressure_b_rate, 0.0, "rod side"),
+    StateVariable("supply_pressure", "Pa", 1e4, supply.supply_pressure_rate, 20e5, "before the valve"),
+    StateVariable("pressure_a", "Pa", 1e4, chambers.pressure_a_rate, 0.0, "cap side"),
+    StateVariable("pressure_b", "Pa", 1e4, chambers.pressure_b_rate, 0.0, "rod side"),
     StateVariable("position", "m", 1e-3, piston.position_rate, 0.0, "of the piston, 0 retracted"),
     StateVariable("velocity", "m/s", 1e-2, piston.velocity_rate, 0.0, "of the piston, positive extending"),
 )
@@ -81,6 +82,22 @@ OUTPUTS = (
     OutputVariable("pressure_b", "Pa", _reading("pressure_b"), "transducer at the rod side"),
 )
 
+#: hot oil and the largest supply pressure of the published campaign: leakage, drift and the pump's limit show
+STANDARD_RECORD = StandardRecord(
+    "wait 0.2 s, extend 1.05 s, hold closed 1 s, retract 1.5 s; oil at 60 degC, supply at 50 bar, heaters on",
+    times=grid(3.75, 0.01),
+    switches=(
+        (
+            0.0,
+            {"valve": 0.0, "heater_power": 2000.0, "pressure_setpoint": 50e5, "ambient_temperature": 295.15},
+        ),
+        (0.2, {"valve": 1.0}),
+        (1.25, {"valve": 0.0}),
+        (2.25, {"valve": -1.0}),
+    ),
+    initial={"oil_temperature": 333.15, "supply_pressure": 50e5, "pressure_b": 45e5},
+)
+
 HYDRAULIC_CYLINDER = ModelFamily(
     name="hydraulic_cylinder",
     title="Valve-controlled double-acting cylinder with one rod, and its heated tank",
@@ -93,4 +110,5 @@ HYDRAULIC_CYLINDER = ModelFamily(
     outputs=OUTPUTS,
     options={"throttle": ("meter_in", "meter_out", "both")},
     rig_names=RIG_NAMES,
+    standard_record=STANDARD_RECORD,
 )
