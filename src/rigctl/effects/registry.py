@@ -26,7 +26,14 @@ def _shipped() -> tuple[Effect, ...]:
 
 
 @lru_cache(maxsize=1)
-def _installed() -> tuple[Effect, ...]:
+def installed_effects() -> tuple[Effect, ...]:
+    """The effects that installed packages register, of every family; read once.
+
+    Raises
+    ------
+    RigctlError
+        a package cannot be loaded, or registers something that is no sound effect.
+    """
     from importlib.metadata import entry_points
 
     return tuple(
@@ -50,7 +57,7 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     """
     name = (find_family(family) if isinstance(family, str) else family).name
     found: dict[str, Effect] = {}
-    for effect in (*_shipped(), *_installed()):
+    for effect in (*_shipped(), *installed_effects()):
         if effect.family == name:
             if effect.name in found:
                 raise RigctlError("two effects have the same name", value=effect.name)

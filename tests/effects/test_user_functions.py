@@ -1,0 +1,147 @@
+"""Effects from Python: declared by a decorator, registered by an entry point, examined before they are used."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rigctl.effects import EffectParameter, find_effect, library, parse_effect_option, registry
+from rigctl.effects.declaration import Own
+from rigctl.effects.examine import examine
+from rigctl.effects.user import effect
+from rigctl.errors import RigctlError
+from rigctl.model import Model, build_system
+from rigctl.physics.families import find_family
+from rigctl.physics.scope import Scope
+
+FAMILY = find_family("hydraulic_cylinder")
+SIZE = EffectParameter("size", "N", 0.0, 50.0, 0.0, 500.0, "F")
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Installs a package with the given source, whose entry point registers its `EFFECTS`."""
+
+    def install(source: str, attribute: str = "EFFECTS") -> None:
+        (tmp_path / "their_effects.py").write_text(source, encoding="utf-8")
+        metadata = tmp_path / "their_effects-1.0.dist-info"
+        metadata.mkdir()
+        (metadata / "METADATA").write_text(
+            "Metadata-Version: 2.1\nName: their-effects\nVersion: 1.0\n", encoding="utf-8"
+        )
+        (metadata / "entry_points.txt").write_text(
+            f"[rigctl.effects]\ntheirs = their_effects:{attribute}\n", encoding="utf-8"
+        )
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, "their_effects", raising=False)
+        registry.installed_effects.cache_clear()
+
+    yield install
+    monkeypatch.undo()
+    registry.installed_effects.cache_clear()
+
+
+HEADER = """
+from rigctl.effects import EffectParameter
+from rigctl.effects.user import effect
+
+SIZE = EffectParameter("size", "N", 0.0, 50.0, 0.0, 500.0, "F")
+"""
+
+DRAG = (
+    HEADER
+    + '''
+@effect("friction", [SIZE], equation="F*v/(1 m/s)", source="a test")
+def drag(m, p):
+    """A force in proportion to the speed.
+
+    More about it.
+    """
+    return p.size * m.velocity / m.constant(1.0, "m/s")
+
+EFFECTS = [drag]
+'''
+)
+
+
+def test_a_function_becomes_an_effect() -> None:
+    @effect("friction", [SIZE], equation="F·v", needs="motion", confused_with=["viscous_friction"])
+    def drag(m: Scope, p: Own) -> Any:
+        """A force in proportion to the speed."""
+        return p.size * m.velocity / m.constant(1.0, "m/s")
+
+    assert (drag.name, drag.slots, drag.kind) == ("drag", ("friction",), "process")
+    assert drag.summary == "A force in proportion to the speed."
+    assert examine(drag, FAMILY) == ()
+    system = build_system(FAMILY, {"drag": {"size": 60.0}}, own=[drag])
+    assert system.nominal[system.parameter_names.index("drag.size")] == 60.0
+
+
+def test_a_sensor_slot_makes_a_sensor_effect() -> None:
+    size = EffectParameter("size", "mm", 0.0, 1e-3, 0.0, 1e-2, "c")
+    assert effect("position_reading", [size], equation="c")(lambda m, p: p.size).kind == "sensor"
+
+
+def test_an_unknown_slot_is_named_when_the_module_is_read() -> None:
+    with pytest.raises(RigctlError, match="did you mean 'friction'"):
+        effect("fricton", [SIZE], equation="F")
+
+
+def test_a_registered_function_is_an_effect_like_any_other(installed: Any) -> None:
+    installed(DRAG)
+    assert "drag" in library("hydraulic_cylinder")
+    assert find_effect("drag", "hydraulic_cylinder").source == "a test"
+    assert parse_effect_option("drag:size=80 N") == ("drag", {"size": 80.0})
+    model = Model(FAMILY).with_effect("drag", {"size": 80.0})
+    assert model.values["drag.size"] == 80.0
+    assert model.own == ()
+    assert "drag.size" in model.system().parameter_names
+    assert "drag.size" in Model(FAMILY).system(library=True).parameter_names
+
+
+def test_one_effect_alone_can_be_registered(installed: Any) -> None:
+    installed(DRAG, "drag")
+    assert "drag" in library("hydraulic_cylinder")
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("return p.size * m.velocity", "the term at friction has the dimension"),
+        ("return p.size if m.velocity > 0 else -p.size", "may not branch.*smooth"),
+        ("return p.size + m.constant(1.0, 'N')", "does not switch the term off"),
+        ("return p.sice", "unknown variable"),
+        ("return None", "not part of an equation"),
+        ("return {}['x']", "the term fails: KeyError"),
+        ("return m.constant(1.0, 'N')", "no term uses this parameter"),
+    ],
+)
+def test_a_wrong_function_is_refused_with_its_reason(installed: Any, body: str, message: str) -> None:
+    installed(
+        HEADER
+        + f'@effect("friction", [SIZE], equation="?")\ndef wrong(m, p):\n    {body}\n\nEFFECTS = [wrong]\n'
+    )
+    with pytest.raises(RigctlError, match=message):
+        library("hydraulic_cylinder")
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("EFFECTS = 3\n", "is no effect"),
+        ("raise ValueError('no')\n", "cannot be loaded: no"),
+        ("import nothing_of_this_name\n", "cannot be loaded"),
+        (
+            DRAG.replace("def drag", "def coulomb_friction").replace("[drag]", "[coulomb_friction]"),
+            "same name",
+        ),
+    ],
+)
+def test_what_is_no_effect_is_refused(installed: Any, source: str, message: str) -> None:
+    installed(source)
+    with pytest.raises(RigctlError, match=message):
+        library("hydraulic_cylinder")
