@@ -18,7 +18,6 @@ from rigctl.effects.equations import terms_in_symbols, text_of
 from rigctl.files.write import to_json
 from rigctl.model.signature import Signature
 from rigctl.model.trial import SAME, Trial
-from rigctl.physics.families import find_family
 from rigctl.report.braille import draw_curve
 from rigctl.report.effect_figure import shown_unit
 from rigctl.rig.rig import Rig
@@ -75,7 +74,7 @@ def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
 
 def show_effect(effect: Effect) -> None:
     """What is declared of an effect."""
-    out, family = console(), find_family(effect.family)
+    out, family = console(), effect.model_family
     out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}): {escape(effect.summary)}")
     out.print(f"  {escape(effect.equation)}\n")
     for slot, term in terms_in_symbols(effect, family).items():
@@ -178,7 +177,7 @@ def signature_document(seen: Signature, rig: Rig | None) -> dict[str, Any]:
 def show_trial(trial: Trial, rig: Rig | None) -> None:
     """The verdict of a check."""
     out, effect, seen = console(), trial.effect, trial.seen
-    family = find_family(effect.family)
+    family = effect.model_family
     out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}) is sound")
     for slot in effect.slots:
         how = "a factor" if family.slot(slot).combine == "product" else f"a term in {family.slot(slot).unit}"

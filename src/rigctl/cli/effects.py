@@ -12,6 +12,7 @@ from rigctl.errors import Location, RigctlError, SeveralErrors
 
 if TYPE_CHECKING:
     from rigctl.effects import Effect
+    from rigctl.physics.family import ModelFamily
     from rigctl.rig import Rig
 
 app = typer.Typer(
@@ -63,7 +64,7 @@ def list_(
         documents = [family_document(each) for each in families]
         print_json({"families": documents}) if as_json else show_slots(documents)
         return
-    found = [effect for each in families for effect in library(each.name).values()]
+    found = [effect for each in families for effect in library(each).values()]
     if as_json:
         print_json({"effects": [effect_document(effect) for effect in found]})
     else:
@@ -154,19 +155,21 @@ def _open(
 ) -> tuple[Effect, Rig | None, list[tuple[Effect, dict[str, float]]]]:
     """The effect, the rig and the other effects that a command names."""
     from rigctl.effects.option import read_effect_option
+    from rigctl.model.rig_family import family_of
+    from rigctl.physics.families import find_family
 
     rig = _rig(rig_file)
-    effect = _find(written, family or (rig.model if rig is not None else None))
-    if rig is not None and rig.model != effect.family:
+    effect = _find(written, find_family(family) if family else family_of(rig) if rig is not None else None)
+    if rig is not None and family_of(rig).name != effect.family:
         raise RigctlError(
             f"the rig '{rig.name}' is of another family of models than {effect.name}",
             value=str(rig.model),
             expected=effect.family,
         )
-    return effect, rig, [read_effect_option(text, effect.family) for text in alongside or ()]
+    return effect, rig, [read_effect_option(text, effect.model_family) for text in alongside or ()]
 
 
-def _find(written: str, family: str | None) -> Effect:
+def _find(written: str, family: ModelFamily | None) -> Effect:
     """The effect of a file, or of the first family that has one of this name."""
     from rigctl.effects import library
     from rigctl.effects.option import name_or_file

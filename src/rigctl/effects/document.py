@@ -6,14 +6,13 @@ from typing import Any
 
 from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.equations import latex_of, terms_in_symbols, text_of
-from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.units import parse_unit
 
 
 def effect_document(effect: Effect) -> dict[str, Any]:
     """Everything that is declared of an effect; values in the units beside them."""
-    family = find_family(effect.family)
+    family = effect.model_family
     return {
         "effect": effect.name,
         "family": effect.family,

@@ -12,8 +12,7 @@ from rigctl.engine.compile import Progress, compile_system
 from rigctl.engine.simulate import simulate
 from rigctl.model.build import build_system, superset
 from rigctl.model.signature import Floats, Signature
-from rigctl.model.standard_record import standard_record
-from rigctl.physics.families import find_family
+from rigctl.model.standard_record import standard_excitation
 from rigctl.rig.rig import Rig
 
 #: a part of the largest change below which a reading's change is rounding
@@ -42,13 +41,13 @@ def lookalikes(
     RigctlError
         the standard record cannot be simulated.
     """
-    family = find_family(effect.family)
-    others = [other for other in library(family.name).values() if other.terms and other.name != effect.name]
+    family = effect.model_family
+    others = [other for other in library(family).values() if other.terms and other.name != effect.name]
     compiled = compile_system(build_system(family, superset(family), rig), progress=progress)
     system = compiled.system
-    own = {qualified(o.name, s.name): s.start for o in library(family.name).values() for s in o.states}
+    own = {qualified(o.name, s.name): s.start for o in library(family).values() for s in o.states}
     columns = [qualified(o.name, p.name) for o in others for p in o.parameters if not p.shape]
-    record = standard_record(family.name).excitation(family, system, system.nominal, own)
+    record = standard_excitation(family, system, system.nominal, own)
     found = simulate(compiled, [record], columns=columns).require()
     scale = _scales(seen, rig)
     mine = _directions(seen.slopes / scale[:, None])

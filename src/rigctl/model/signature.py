@@ -16,10 +16,10 @@ from rigctl.engine.system import System, after, before
 from rigctl.engine.tolerance import TIGHT
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system
-from rigctl.model.standard_record import StandardRecord, standard_record
-from rigctl.physics.families import find_family
+from rigctl.model.standard_record import standard_excitation, standard_record
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.soundness import Point
+from rigctl.physics.standard_record import StandardRecord
 from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
@@ -93,18 +93,18 @@ def signature(
     RigctlError
         the record cannot be simulated, or one of `alongside` contradicts the effect.
     """
-    family = find_family(effect.family)
+    family = effect.model_family
     used = [each for each in (effect, *(other for other, _ in alongside)) if each.terms]
     refuse_contradictions(used)
     sizes = {other.name: dict(values) for other, values in alongside} | {effect.name: effect.start}
     system = build_system(family, {each.name: sizes[each.name] for each in used}, rig, own=used)
-    compiled, record = compile_system(system, progress=progress), standard_record(family.name)
+    compiled, record = compile_system(system, progress=progress), standard_record(family)
     nominal = dict(zip(system.parameter_names, system.nominal, strict=True))
     own = {qualified(each.name, state.name): state.start for each in used for state in each.states}
 
     def run(values: Mapping[str, float], columns: Iterable[str]) -> Trajectories:
         parameters = list((nominal | dict(values)).values())
-        excitation = record.excitation(family, system, parameters, own)
+        excitation = standard_excitation(family, system, parameters, own)
         return simulate(compiled, [excitation], columns=tuple(columns), tolerance=TIGHT).require()
 
     null = {qualified(effect.name, name): value for name, value in effect.null.items()} | dict(effect.base)

@@ -12,7 +12,6 @@ from rigctl.effects.examine import Fault, examine
 from rigctl.engine.compile import Progress
 from rigctl.model.lookalikes import Lookalike, lookalikes
 from rigctl.model.signature import Signature, signature
-from rigctl.physics.families import find_family
 from rigctl.rig.rig import Rig
 
 #: likeness above which no reading of the record tells two effects apart
@@ -58,7 +57,7 @@ def try_effect(
         the record cannot be simulated.
     """
     seen = signature(effect, rig, alongside=alongside, progress=progress)
-    faults = examine(effect, find_family(effect.family), seen.points) if effect.terms else ()
+    faults = examine(effect, effect.model_family, seen.points) if effect.terms else ()
     shows = not seen.silent and not seen.flat_at_null and bool(effect.terms)
     alike = lookalikes(seen, effect, rig, progress=progress) if shows else ()
     return Trial(effect, faults, seen, alike, tuple(_warnings(effect, seen, alike, rig)))

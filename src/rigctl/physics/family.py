@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
+from rigctl.physics.standard_record import StandardRecord
 
 if TYPE_CHECKING:
     from rigctl.physics.scope import Scope
@@ -130,6 +131,7 @@ class ModelFamily:
     ----------
     options: the variants of the equations, each with its choices; the first is the default.
     rig_names: the parameters that a name of a rig file stands for, where it is not their own.
+    standard_record: what effects are tried and drawn on.
     """
 
     name: str
@@ -143,6 +145,7 @@ class ModelFamily:
     outputs: tuple[OutputVariable, ...]
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig_names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    standard_record: StandardRecord | None = None
 
     def slot(self, name: str) -> Slot:
         """The slot called `name`.

@@ -8,7 +8,6 @@ from rigctl.expressions.functions import ALL_FUNCTIONS
 from rigctl.expressions.tokens import WORDS
 from rigctl.expressions.types import NUMBER, ValueType, type_of_unit
 from rigctl.physics.family import Definition, InputVariable, ModelFamily, StateVariable
-from rigctl.physics.scope import Scope
 from rigctl.units import parse_unit
 
 #: numbers that have a name
@@ -29,6 +28,5 @@ def variable_types(family: ModelFamily) -> Mapping[str, ValueType]:
 
 
 def reserved_names() -> frozenset[str]:
-    """The names that no variable may have, because they mean something in a formula or in Python terms."""
-    methods = {name for name in vars(Scope) if not name.startswith("_")}
-    return frozenset({*CONSTANTS, *ALL_FUNCTIONS, *WORDS, *methods})
+    """The names that no variable may have, because they mean something else in a formula."""
+    return frozenset({*CONSTANTS, *ALL_FUNCTIONS, *WORDS})

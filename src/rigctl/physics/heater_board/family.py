@@ -6,6 +6,7 @@ from rigctl.physics.family import Definition, InputVariable, ModelFamily, Output
 from rigctl.physics.family import ParameterDeclaration as Parameter
 from rigctl.physics.heater_board import equations
 from rigctl.physics.heater_board.equations import HEATERS
+from rigctl.physics.standard_record import StandardRecord, grid
 
 STATES = tuple(
     StateVariable(
@@ -58,6 +59,17 @@ OUTPUTS = tuple(
     OutputVariable(f"temperature_{n}", "K", equations.reading(n), f"thermometer {n}") for n in HEATERS
 )
 
+STANDARD_RECORD = StandardRecord(
+    "heater 1 at 80 %, after 10 min heater 2 at 40 %, both off after 20 min, until 30 min; room at 23 degC",
+    times=grid(1800.0, 5.0),
+    switches=(
+        (0.0, {}),
+        (30.0, {"heater_1": 0.8}),
+        (600.0, {"heater_2": 0.4}),
+        (1200.0, {"heater_1": 0.0, "heater_2": 0.0}),
+    ),
+)
+
 HEATER_BOARD = ModelFamily(
     name="heater_board",
     title="Two heaters with a thermometer each on one board",
@@ -69,4 +81,5 @@ HEATER_BOARD = ModelFamily(
     slots=SLOTS,
     outputs=OUTPUTS,
     rig_names={"heater_gain": ("heater_gain_1", "heater_gain_2")},
+    standard_record=STANDARD_RECORD,
 )

@@ -8,6 +8,7 @@ from rigctl.physics.family import Definition, InputVariable, ModelFamily, Output
 from rigctl.physics.family import ParameterDeclaration as Parameter
 from rigctl.physics.oil import HL32
 from rigctl.physics.scope import Scope
+from rigctl.physics.standard_record import StandardRecord, grid
 
 
 def temperature(m: Scope) -> Scalar:
@@ -35,6 +36,19 @@ def kinematic_reading(m: Scope) -> Scalar:
     """What the viscometer gives."""
     return m.true_kinematic_viscosity + m.total("kinematic_viscosity_reading")
 
+
+_TEMPERATURES = tuple(273.15 + 5.0 * index for index in range(21))
+_PRESSURES = (0.0, 300e5)
+
+#: each row of the table lasts a second and is read in its middle
+STANDARD_RECORD = StandardRecord(
+    "0 to 100 degC in steps of 5, at 0 and then at 300 bar, a row each second",
+    times=grid(len(_TEMPERATURES) * len(_PRESSURES) - 0.5, 1.0, 0.5),
+    switches=tuple(
+        (float(row), {"oil_temperature": temperature, "pressure": pressure})
+        for row, (pressure, temperature) in enumerate((p, t) for p in _PRESSURES for t in _TEMPERATURES)
+    ),
+)
 
 OIL_VISCOSITY = ModelFamily(
     name="oil_viscosity",
@@ -69,4 +83,5 @@ OIL_VISCOSITY = ModelFamily(
         OutputVariable("dynamic_viscosity", "Pa*s", lambda m: m.true_dynamic_viscosity, "worked out with it"),
         OutputVariable("density", "kg/m^3", lambda m: m.true_density, "hydrometer"),
     ),
+    standard_record=STANDARD_RECORD,
 )

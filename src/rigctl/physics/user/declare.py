@@ -19,6 +19,7 @@ from rigctl.physics.family import (
     StateVariable,
 )
 from rigctl.physics.formulas import reserved_names
+from rigctl.physics.scope import Scope
 from rigctl.physics.units import si_unit
 from rigctl.physics.user.formula import AFTER, BEFORE, unwritten
 from rigctl.physics.user.schema import (
@@ -59,7 +60,8 @@ def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
 
 
 def _refuse_names(reader: Reader, written: FamilyFile) -> None:
-    taken = dict.fromkeys((*reserved_names(), BEFORE, AFTER), "has a meaning of its own in formulas")
+    methods = (name for name in vars(Scope) if not name.startswith("_"))  # what `m.name` is in Python terms
+    taken = dict.fromkeys((*reserved_names(), *methods, BEFORE, AFTER), "has a meaning of its own")
     for part in _NAMED:
         for name in getattr(written, part):
             if name in taken:

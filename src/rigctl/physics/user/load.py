@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from rigctl.errors import RigctlError
@@ -13,6 +14,7 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.soundness import examine_family
 from rigctl.physics.user.declare import declare
 from rigctl.physics.user.equations import write_equations
+from rigctl.physics.user.record import read_record
 from rigctl.physics.user.schema import FamilyFile
 
 
@@ -50,6 +52,8 @@ def _build(document: Document, taken: Iterable[str]) -> ModelFamily:
     declared = declare(reader, written)
     reader.stop_at_errors()
     family = write_equations(reader, written, declared)
+    if written.standard_record is not None:
+        family = replace(family, standard_record=read_record(reader, written.standard_record, family))
     reader.stop_at_errors()
     for flaw in examine_family(family):
         reader.refuse(_keys(written, flaw.part, flaw.name), flaw.error, of_key=flaw.unused)

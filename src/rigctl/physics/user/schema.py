@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from rigctl.errors import RigctlError
 from rigctl.files.name import Name as BenchName
-from rigctl.files.quantity import AnyQuantity
+from rigctl.files.quantity import AnyQuantity, Q
+from rigctl.files.refusal import refusal
 
 #: what a model file can name; states, inputs and outputs are named as the bench names its channels
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Formula = Annotated[str, Field(min_length=1)]
+
+#: of a standard record: more would make trying an effect slow
+_MOST_SAMPLES = 20_000
 
 _FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh and smooth switches"
 
@@ -98,6 +103,34 @@ class SlotField(_Part):
     meaning: str = Field(default="", description="what acts there")
 
 
+class SwitchField(_Part):
+    """A moment of the standard record, and what is commanded from then on."""
+
+    at: Annotated[float, Q("s", low="0 s")] = Field(description="seconds after the start")
+    set: dict[BenchName, AnyQuantity] = Field(min_length=1, description="input: its value")
+
+
+class RecordField(_Part):
+    """A record in which every effect shows: `rigctl effects show` and `check` try effects on it."""
+
+    description: str = Field(default="", description="for people")
+    duration: Annotated[float, Q("s", positive=True)] = Field(description="from the start to the last sample")
+    rate: Annotated[float, Q("Hz", positive=True)] = Field(description="samples per second")
+    switches: tuple[SwitchField, ...] = Field(min_length=1, description="what is commanded when")
+    initial: dict[BenchName, AnyQuantity] = Field(
+        default_factory=dict, description="states that do not start as they usually do"
+    )
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.duration * self.rate > _MOST_SAMPLES:
+            raise refusal(RigctlError("too many samples", expected=f"at most {_MOST_SAMPLES}"), ("rate",))
+        times = [switch.at for switch in self.switches]
+        if times != sorted(times) or times[-1] > self.duration:
+            raise refusal(RigctlError("the switches are out of order, or after the end"), ("switches",))
+        return self
+
+
 class FamilyFile(_Part):
     """One kind of bench: its states, what is commanded, its parameters and equations, what is read."""
 
@@ -121,3 +154,4 @@ class FamilyFile(_Part):
     outputs: dict[BenchName, FormulaField] = Field(
         min_length=1, description="what sensors read, by the channels' names"
     )
+    standard_record: RecordField | None = Field(default=None, description="what effects are tried on")
