@@ -1,4 +1,4 @@
-"""Effects from Python: declared by a decorator, registered by an entry point, examined before they are used."""
+"""Effects from Python: declared by a decorator, registered by an entry point, examined before use."""
 
 from __future__ import annotations
 
