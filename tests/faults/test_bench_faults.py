@@ -133,6 +133,16 @@ def test_a_record_in_which_the_bench_was_lost_is_measured_again(do: Do, fault: s
     assert len(run.records) == 21
 
 
+def test_a_record_with_its_own_cleanup_is_measured_again_too(do: Do) -> None:
+    steps = RETRIED.replace(
+        "        do:\n          - extend", "        finally: [wait: 0.1 s]\n        do:\n          - extend"
+    )
+    assert steps != RETRIED
+    done = do(steps, options={"faults": ["samples_stop@7 s..9 s"]})
+    assert done.result.status == "finished", done.result.reason
+    assert [outcome for _, outcome in done.records].count("complete") == 20
+
+
 def test_without_retries_a_short_gap_is_noted_and_a_long_one_fails(do: Do) -> None:
     short = do(STROKES, options={"faults": ["samples_stop@5 s..5.1 s"]})
     assert short.result.status == "finished"

@@ -142,6 +142,14 @@ def test_a_cleanup_step_is_bounded_in_time(do: Do) -> None:
     assert done.result.duration < 70.0
 
 
+def test_another_trip_ends_the_cleanup(do: Do) -> None:
+    done = do(f"steps:\n  - {FAILS}\nfinally:\n  - extend: {{for: 5 s}}\n  - prompt: never\n")
+    assert asked(done) == []
+    assert "did not come true" in done.result.reason
+    assert done.commands("valve")[-1][1] == 0.0
+    assert "cleanup step left out: " in "".join(done.messages("note"))
+
+
 def test_a_tripped_interlock_stops_the_run_before_the_next_step(do: Do) -> None:
     steps = "steps:\n  - extend: {for: 5 s}\n  - prompt: never\nfinally:\n  - retract: {for: 1 s}\n"
     done = do(steps)

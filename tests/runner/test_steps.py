@@ -209,3 +209,11 @@ def test_a_loop_that_does_not_end_fails(do: Do) -> None:
     done = do("steps:\n  - while: position < 100 mm\n    at_most: 5\n    do:\n      - wait: 0.1 s\n")
     assert done.result.status == "failed"
     assert "5 rounds" in done.result.reason
+
+
+def test_an_actuator_is_given_the_rest_it_needs_but_may_always_go_safe(do: Do) -> None:
+    done = do("steps:\n  - set: {heater: on}\n  - set: {heater: off}\n  - set: {heater: on}\n  - wait: 5 s\n")
+    (on, _), (off, zero), (again, one) = done.commands("heater")[:3]
+    assert (zero, one) == (0.0, 1.0)
+    assert off == on
+    assert again - off == pytest.approx(2.0)

@@ -52,6 +52,7 @@ class Bench:
         self.reachable = True
         self.trouble: RigctlError | None = None  #: the first event that could not be written
         self._types: dict[str, ValueType] = dict(rig.layout.types())
+        self._switches: dict[str, float] = {}  # s, when each actuator was last switched
         self._changed = -1.0  # s, when a command was last given
 
     @property
@@ -125,12 +126,24 @@ class Bench:
         A bench that cannot time a pulse itself is switched back by `finish_pulse`.
         """
         timed = duration is not None and self.backend.timed
-        receipt = self.backend.command(actuator, value, duration=duration if timed else None)
+        at = self._earliest(actuator, value)
+        receipt = self.backend.command(actuator, value, at=at, duration=duration if timed else None)
         self.pulses.pop(actuator, None)
         if duration is not None:
             self.pulses[actuator] = Pulse(receipt.time + duration, value)
         self._switched(receipt)
         return receipt
+
+    def _earliest(self, actuator: str, value: float) -> float | None:
+        """When an actuator that needs rest between two switches may be switched; None: now.
+
+        It may always go back to its safe value.
+        """
+        rest = self.rig.actuators[actuator].min_interval
+        last = self._switches.get(actuator)
+        if rest <= 0.0 or last is None or value == self.safe_value(actuator) or last + rest <= self.now:
+            return None
+        return last + rest
 
     def finish_pulse(self, actuator: str) -> Waiting:
         """Wait until a timed command is over; ends it from here where the bench cannot."""
@@ -177,6 +190,8 @@ class Bench:
                 self.command(actuator, value)
 
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
+        if self.commanded.get(receipt.actuator) != receipt.value:
+            self._switches[receipt.actuator] = receipt.time
         self.commanded[receipt.actuator] = receipt.value
         self._changed = max(self._changed, receipt.time)
         self.history.begin_phase(receipt.time)

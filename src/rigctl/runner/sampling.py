@@ -112,6 +112,7 @@ class Sampling:
     def _await_return(self, alarm: Alarm) -> NoReturn:
         """Give a lost bench time to come back; the record it was lost in will be measured again."""
         self._bench.event("gap", alarm.message)
+        self._bench.make_safe(alarm.message)
         give_up = self._bench.now + RECONNECT
         while self._bench.now < give_up:
             try:
@@ -119,6 +120,7 @@ class Sampling:
             except BackendLost as error:
                 self._end(Lost(str(error)))
             if sample is not None:
+                self._bench.reachable = True
                 self._take(sample)
                 self._end(SamplesLost(alarm.message))
         self._end(Lost(f"{alarm.message}; it did not come back within {RECONNECT:g} s"))

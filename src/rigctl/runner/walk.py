@@ -51,6 +51,7 @@ class Walker:
         self._finish = finish
         self._completed = completed
         self._rounds: list[tuple[Loop, int]] = []
+        self._again = False  # the record in progress will be measured again if samples are lost
         self._hopeless = False  # no further cleanup block can be carried out
         self.limit = math.inf  #: s, when the step in progress has to be over
         self.missed = False  #: a measure lay outside its limits and the procedure went on
@@ -86,8 +87,8 @@ class Walker:
                     self._progress.skip(node)
         try:
             for index, node in enumerate(nodes):
-                if isinstance(node, RecordNode) and node.retries:
-                    yield from self._repeated_record(nodes, index, node)
+                if _retries(node):
+                    yield from self._repeated(nodes, index)
                 else:
                     yield from self._node(node)
         except Ending as error:
@@ -104,7 +105,10 @@ class Walker:
             if last is not None:
                 yield from self._group(last)
             return
-        for block in (on_abort if ending.aborted else on_failure, last):
+        first = on_abort if ending.aborted else on_failure
+        if isinstance(ending, SamplesLost) and self._again:
+            first = None  # nothing has failed yet
+        for block in (first, last):
             if block is not None:
                 yield from self._cleanup(block)
 
@@ -194,7 +198,7 @@ class Walker:
         bench.log(bench.now, "step", path=path, state="end", outcome=outcome.value)
         self._progress.end(bench.now)
 
-    def _record(self, node: RecordNode, *, repeatable: bool = False) -> Waiting:
+    def _record(self, node: RecordNode) -> Waiting:
         """Open the record, carry out its body, close it with its outcome."""
         bench, path = self._bench, self._path(node.path)
         bench.path = path
@@ -204,7 +208,7 @@ class Walker:
         outcome = Outcome.FAILED
         try:
             self._open(node, path)
-            self._sampling.repeatable = repeatable
+            self._sampling.repeatable = self._again
             yield Until(when=every_sample, on_pause=OnPause.DEFER)
             yield from self._group(node.body)
             yield CHECKPOINT
@@ -217,16 +221,22 @@ class Walker:
             self._close(outcome)
         self._progress.records_done += 1
 
-    def _repeated_record(self, nodes: Sequence[Node], index: int, node: RecordNode) -> Waiting:
+    def _repeated(self, nodes: Sequence[Node], index: int) -> Waiting:
         """A record that is measured again, with the set-up before it, when samples were lost inside."""
-        for left in range(node.retries, -1, -1):
+        node = nodes[index]
+        for left in range(_retries(node), -1, -1):
+            self._again = left > 0
             try:
-                yield from self._record(node, repeatable=left > 0)
+                yield from self._node(node)
                 return
             except SamplesLost as lost:
+                if not self._again:
+                    raise
                 self._bench.event("note", f"{node.label} is measured again: {lost.reason}")
-                for step in setup_before(nodes, index):
-                    yield from self._node(step)
+            finally:
+                self._again = False
+            for step in setup_before(nodes, index):
+                yield from self._node(step)
 
     def _open(self, node: RecordNode, path: str) -> None:
         bench = self._bench
@@ -268,3 +278,10 @@ class Walker:
         ending = StepFailed(reason, where=node.where)
         self._secure(ending)
         return ending
+
+
+def _retries(node: Node) -> int:
+    """How often a record may be measured again; its own cleanup stands around it as a group."""
+    if isinstance(node, Group) and len(node.children) == 1:
+        return _retries(node.children[0])
+    return node.retries if isinstance(node, RecordNode) else 0

@@ -54,7 +54,7 @@ class _Thermostat:
         self._on = float(actuator.high) if actuator.high is not None else 1.0
         self._off = bench.safe_value(action.actuator)
         self._rest = actuator.min_interval
-        self._next_switch = -1.0
+        self._next_switch = -1.0  # s; until then the reading may still change what is wanted
 
     def regulate(self, time: float, mean: float) -> None:
         """Decide by the mean reading."""
