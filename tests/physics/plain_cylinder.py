@@ -130,7 +130,8 @@ class PlainCylinder:
                 dense_output=True,
             )
             assert done.success, done.message
-            parts.append(done.sol(inside).T)
+            if inside.size:
+                parts.append(done.sol(inside).T)
             y, start = done.y[:, -1], end
         return np.concatenate(parts)
 
