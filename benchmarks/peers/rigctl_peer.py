@@ -1,3 +1,61 @@
-"""rigctl, measured like its peers: steps through the runner, rows into the journal and on to Parquet."""
+"""rigctl, measured like its peers: steps through the whole runner, rows into journal and Parquet."""
 
 from __future__ import annotations
+
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+
+from workload import CHANNELS, answer, row, seconds
+
+import rigctl
+from rigctl.dataset import RunHeader, RunWriter, Source
+from rigctl.files.shipped import shipped
+from rigctl.rig import Layout
+
+STEPS = """\
+procedure: steps
+rig: {rig}
+steps:
+  - repeat: {count}
+    do:
+      - {step}
+"""
+KINDS = {
+    "set an output": "set: {valve: neutral}",
+    "wait for a true condition": "wait: {until: position < 1 m, timeout: 1 s}",
+}
+
+
+def steps(count: int) -> dict[str, float]:
+    """Events written, interlocks served, time asked for at every step; start-up taken off by a short run."""
+    folder = Path(tempfile.mkdtemp())
+    found = {}
+    for name, step in KINDS.items():
+        times = []
+        for rounds in (10, 10, count):  # the first one loads what is loaded late
+            file = folder / "steps.yaml"
+            file.write_text(
+                STEPS.format(rig=shipped("rigs", "hl32-bench.yaml"), count=rounds, step=step),
+                encoding="utf-8",
+            )
+            times.append(seconds(lambda file=file: rigctl.simulate(file, runs=folder)))
+        found[name] = (times[2] - times[1]) / (count - 10)
+    return found
+
+
+def rows(count: int, folder: Path) -> float:
+    """Row by row into the journal, then closed into Parquet: all of it counts."""
+    layout = Layout(channels=CHANNELS, commands=(), units=("s", "1", *("1" for _ in CHANNELS)))
+    header = RunHeader("20260101-000000-rows", Source("rows"), Source("rows"), layout, datetime.now(UTC))
+    writer = RunWriter.create(folder, header)
+
+    def work() -> None:
+        for i in range(count):
+            writer.append((i * 0.01, -1.0, *row(i)))
+        writer.close("finished")
+
+    return seconds(work)
+
+
+answer(steps, rows)
