@@ -42,6 +42,7 @@ def load_command(name: str) -> Any:
         function, target = target, typer.Typer(add_completion=False)
         target.command(name, no_args_is_help=False)(function)
     target.pretty_exceptions_enable = False
+    target.rich_markup_mode = "markdown"  # plain brackets, as in 'time [s]', mean themselves there
     command = typer.main.get_command(target)
     command.name = name
     return command
