@@ -12,20 +12,14 @@ from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.engine.compile import Progress, compile_system
 from rigctl.engine.simulate import simulate
-from rigctl.engine.system import System, after, before
 from rigctl.engine.tolerance import TIGHT
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system
 from rigctl.model.standard_record import standard_excitation, standard_record
-from rigctl.physics.family import ModelFamily
-from rigctl.physics.soundness import Point
 from rigctl.physics.standard_record import StandardRecord
 from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
-
-#: one point of the record in so many is kept for trying terms
-_EVERY = 15
 
 
 @dataclass(frozen=True)
@@ -42,7 +36,6 @@ class Signature:
     slopes: (samples, outputs, parameters) of the readings to the parameters that switch the effect, where it
         is off; no columns for base physics.
     slopes_present: the same at its typical size, to all its parameters.
-    points: values of the model's variables along the record without it, to try terms at.
     """
 
     effect: str
@@ -54,7 +47,6 @@ class Signature:
     present: Floats
     slopes: Floats
     slopes_present: Floats
-    points: tuple[Point, ...]
 
     @property
     def difference(self) -> Floats:
@@ -121,26 +113,4 @@ def signature(
         present=on.outputs[0],
         slopes=off.sensitivities[0],
         slopes_present=on.sensitivities[0],
-        points=tuple(_points(family, system, record, nominal | null, off)),
     )
-
-
-def _points(
-    family: ModelFamily,
-    system: System,
-    record: StandardRecord,
-    parameters: Mapping[str, float],
-    trajectories: Trajectories,
-) -> Iterable[Point]:
-    """The record's course in the names that terms use."""
-    commands = {item.name: item.value for item in family.inputs}
-    switches = list(record.switches)
-    fixed = {p.name: p.value for p in family.parameters}
-    for index in range(0, len(trajectories.times[0]), _EVERY):
-        earlier = dict(commands)
-        while switches and switches[0][0] <= trajectories.times[0][index]:
-            commands |= switches.pop(0)[1]
-        point = fixed | dict(parameters) | commands
-        point |= dict(zip(system.state_names, trajectories.states[0][index].tolist(), strict=True))
-        point |= {before(name): value for name, value in earlier.items()}
-        yield point | {after(name): value for name, value in commands.items()}

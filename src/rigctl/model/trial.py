@@ -11,6 +11,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.examine import Fault, examine
 from rigctl.engine.compile import Progress
 from rigctl.model.lookalikes import Lookalike, lookalikes
+from rigctl.model.record_points import record_points
 from rigctl.model.signature import Signature, signature
 from rigctl.rig.rig import Rig
 
@@ -24,17 +25,33 @@ class Trial:
 
     Attributes
     ----------
-    faults: what is wrong with its terms along the record.
     seen: what it does to the readings.
     alike: the library's effects, the most alike first; none for an effect that shows nothing.
     warnings: what its user should know, a sentence each.
     """
 
     effect: Effect
-    faults: tuple[Fault, ...]
     seen: Signature
     alike: tuple[Lookalike, ...]
     warnings: tuple[str, ...]
+
+
+def faults_on_record(
+    effect: Effect,
+    rig: Rig | None = None,
+    *,
+    alongside: Sequence[tuple[Effect, Mapping[str, float]]] = (),
+    progress: Progress | None = None,
+) -> tuple[Fault, ...]:
+    """What is wrong with an effect's terms along the standard record, where it is not there yet.
+
+    Arguments and errors as for `try_effect`.
+    """
+    if not effect.terms:
+        return ()
+    family = effect.model_family
+    points = record_points(family, rig, alongside=alongside, progress=progress)
+    return examine(effect, family, points)
 
 
 def try_effect(
@@ -57,10 +74,9 @@ def try_effect(
         the record cannot be simulated.
     """
     seen = signature(effect, rig, alongside=alongside, progress=progress)
-    faults = examine(effect, effect.model_family, seen.points) if effect.terms else ()
     shows = not seen.silent and not seen.flat_at_null and bool(effect.terms)
     alike = lookalikes(seen, effect, rig, progress=progress) if shows else ()
-    return Trial(effect, faults, seen, alike, tuple(_warnings(effect, seen, alike, rig)))
+    return Trial(effect, seen, alike, tuple(_warnings(effect, seen, alike, rig)))
 
 
 def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: Rig | None) -> list[str]:
