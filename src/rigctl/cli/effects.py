@@ -136,17 +136,15 @@ def check(
     from rigctl.cli.effect_views import print_json, show_trial, trial_document
     from rigctl.effects.user import is_effect_file
     from rigctl.effects.user.load import place_of
-    from rigctl.model.trial import try_effect
+    from rigctl.model.trial import faults_on_record, try_effect
 
     found, bench, others = _open(effect, family, rig, alongside)
-    trial = try_effect(found, bench, alongside=others, progress=_tell)
-    if trial.faults:
+    faults = faults_on_record(found, bench, alongside=others, progress=_tell)
+    if faults:
         where = _file(effect) if is_effect_file(effect) else None
-        errors = [
-            error.at(place_of(where, part) if where is not None else Location())
-            for part, error in trial.faults
-        ]
+        errors = [error.at(place_of(where, part) if where else Location()) for part, error in faults]
         raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
+    trial = try_effect(found, bench, alongside=others, progress=_tell)
     print_json(trial_document(trial, bench)) if as_json else show_trial(trial, bench)
 
 
