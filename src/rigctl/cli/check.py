@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.family import FamilyOption, check_family_of
+
 _PIPED_WIDTH = 200
 
 
@@ -18,6 +20,7 @@ def check(
         typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
     ] = None,
     rig: Annotated[Path | None, typer.Option(help="Another rig file than the one it names.")] = None,
+    family: FamilyOption = None,
     *,
     everything: Annotated[bool, typer.Option("--all", help="Show every point of every sweep.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -35,7 +38,9 @@ def check(
     from rigctl.planning.document import as_document
     from rigctl.planning.outline import outline
 
-    seen = preview(open_plan(procedure, rig, arg or ()))
+    plan = open_plan(procedure, rig, arg or ())
+    check_family_of(plan.rig)
+    seen = preview(plan)
     warnings = seen.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:
         typer.echo(json.dumps(as_document(seen, warnings), indent=1, ensure_ascii=False))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.family import use_family
 from rigctl.errors import Location, RigctlError, SeveralErrors
 
 if TYPE_CHECKING:
@@ -24,7 +25,13 @@ app = typer.Typer(
 
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Family = Annotated[
-    str | None, typer.Option("--family", "-f", help="The family of models; by default all of them.")
+    str | None,
+    typer.Option(
+        "--family",
+        "-f",
+        callback=use_family,
+        help="The family of models, a name or your own file; by default all of them.",
+    ),
 ]
 Which = Annotated[
     str,

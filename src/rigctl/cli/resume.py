@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.family import FamilyOption
+
 
 def resume(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
@@ -14,6 +16,7 @@ def resume(
     speed: Annotated[
         str | None, typer.Option(help="max, 1x or 10x; as before when left out.", show_default=False)
     ] = None,
+    family: FamilyOption = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:

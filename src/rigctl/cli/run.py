@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.family import FamilyOption
+
 
 def run(
     procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
@@ -30,6 +32,7 @@ def run(
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of what is random on a simulated bench.")] = None,
     speed: Annotated[str, typer.Option(help="1x; on a bench that is no real one also 10x or max.")] = "1x",
+    family: FamilyOption = None,
     *,
     dry: Annotated[bool, typer.Option("--dry", help="Arm and read, but move nothing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,

@@ -20,12 +20,13 @@ _FILES: Mapping[str, tuple[str, str]] = MappingProxyType(
         "rig": ("rigctl.rig:Rig", "rigctl rig"),
         "model": ("rigctl.model.schema:ModelFile", "rigctl model"),
         "effect": ("rigctl.effects.user.schema:EffectFile", "rigctl effect"),
+        "family": ("rigctl.physics.user.schema:FamilyFile", "rigctl family"),
     }
 )
 
 
 def schema(
-    kind: Annotated[str, typer.Argument(help="procedure, rig, model or effect.", show_default=False)],
+    kind: Annotated[str, typer.Argument(help="procedure, rig, model, effect or family.", show_default=False)],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write it to a file instead of stdout.")
     ] = None,

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.family import FamilyOption
+
 
 def simulate(
     procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
@@ -31,6 +33,7 @@ def simulate(
         list[str] | None,
         typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
     ] = None,
+    family: FamilyOption = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:

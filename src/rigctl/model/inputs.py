@@ -9,6 +9,7 @@ from rigctl.errors import RigctlError
 from rigctl.physics.families import find_family
 from rigctl.physics.family import InputVariable, ModelFamily
 from rigctl.rig.rig import Rig
+from rigctl.units import describe, parse_unit
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ def input_sources(
     Raises
     ------
     RigctlError
-        the heater is a switch whose power the rig does not say.
+        the heater is a switch whose power the rig does not say, or an actuator has another dimension than
+        the input of its name.
     """
     chosen = find_family(family) if isinstance(family, str) else family
     return tuple(_source(item, rig, given or {}) for item in chosen.inputs)
@@ -56,7 +58,7 @@ def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputS
     if actuators:
         return InputSource(item.name, 0.0, actuators)
     if item.name in rig.actuators:
-        return InputSource(item.name, 0.0, ((item.name, 1.0),))
+        return InputSource(item.name, 0.0, ((item.name, _factor(item, rig)),))
     known = {**rig.constants, **given}
     value = float(known.get(item.name, item.value))
     return InputSource(item.name, value, channel=item.name if item.name in rig.channels else None)
@@ -80,6 +82,20 @@ def _of_moves(rig: Rig) -> tuple[tuple[str, float], ...]:
         if role is not None and position:
             factors[role.actuator] = direction / position
     return tuple(factors.items())
+
+
+def _factor(item: InputVariable, rig: Rig) -> float:
+    """What the actuator of the input's name is multiplied by; a switch gives its power."""
+    unit, wanted = parse_unit(rig.actuators[item.name].display_unit), parse_unit(item.unit)
+    if unit.dimension == wanted.dimension:
+        return 1.0
+    if wanted.dimension == parse_unit("W").dimension:
+        return _power(rig, item.name)
+    raise RigctlError(
+        f"the actuator '{item.name}' of the rig '{rig.name}' has another dimension than the model's input",
+        value=rig.actuators[item.name].display_unit,
+        expected=describe(item.unit),
+    )
 
 
 def _power(rig: Rig, name: str) -> float:

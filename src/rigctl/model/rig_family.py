@@ -1,7 +1,8 @@
-"""Which family of models a rig file names, and whether the rig says of it what makes sense."""
+"""Which family of models a rig file names, and whether rig and family mean the same by the same name."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from rigctl.errors import RigctlError, unknown_name
@@ -10,6 +11,10 @@ from rigctl.files.yaml import parse_document
 from rigctl.physics.families import FAMILIES, find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.rig.rig import Rig
+from rigctl.units import describe, parse_unit
+
+#: where something of a rig file is wrong, whether its key is, and the check that refuses it
+_Check = tuple[tuple[str, ...], bool, Callable[[], object]]
 
 
 def family_of(rig: Rig) -> ModelFamily:
@@ -18,33 +23,69 @@ def family_of(rig: Rig) -> ModelFamily:
     Raises
     ------
     RigctlError
-        it names none, or none that there is; or it gives the family a constant of another dimension, or one
-        that the family does not have (`rigctl.rig.checks` has looked at those of families that come with
-        rigctl).
+        it names none, or none that there is; a channel or an actuator has another dimension than the
+        family's output or input of its name; or the rig gives a constant that a user's own family does not
+        have (`rigctl.rig.checks` knows those of the families that come with rigctl).
     """
     if rig.model is None:
         raise RigctlError(
             f"the rig '{rig.name}' names no model family", hint="Add 'model: hydraulic_cylinder', say, to it"
         )
-    if rig.model in FAMILIES:
-        return FAMILIES[rig.model]
-    reader = Reader(parse_document(rig.text, rig.path))
-    family = reader.read(("model",), partial(find_family, rig.model, rig.path))
-    reader.stop_at_errors()
-    assert family is not None  # noqa: S101 - the reader has stopped where it is
-    _check_constants(reader, rig, family)
-    reader.stop_at_errors()
-    return family
+    found = FAMILIES.get(rig.model)
+    if found is None:
+        reader = _reader(rig)
+        found = reader.read(("model",), partial(find_family, rig.model, rig.path))
+        reader.stop_at_errors()
+        assert found is not None  # noqa: S101 - the reader has stopped where it is
+    _check(rig, found)
+    return found
 
 
-def _check_constants(reader: Reader, rig: Rig, family: ModelFamily) -> None:
+def _reader(rig: Rig) -> Reader:
+    return Reader(parse_document(rig.text, rig.path))
+
+
+def _check(rig: Rig, family: ModelFamily) -> None:
+    checks = [*_signals(rig, family)]
+    if family.name not in FAMILIES:
+        checks += _constants(rig, family)
+    wrong: list[_Check] = []
+    for check in checks:
+        try:
+            check[2]()
+        except RigctlError:
+            wrong.append(check)
+    if wrong:  # only then is it worth reading the file again, to say where
+        reader = _reader(rig)
+        for keys, of_key, refused in wrong:
+            reader.read(keys, refused, of_key=of_key)
+        reader.stop_at_errors()
+
+
+def _signals(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
+    units = {item.name: item.unit for item in family.inputs} | {o.name: o.unit for o in family.outputs}
+    for name, channel in rig.channels.items():
+        if name in units:
+            what = f"the model's {name} is in {units[name]}"
+            yield ("channels", name, "unit"), False, partial(_require, what, channel.unit, units[name])
+
+
+def _require(what: str, unit: str, wanted: str) -> None:
+    if parse_unit(unit).dimension != parse_unit(wanted).dimension:
+        raise RigctlError(what, value=unit, expected=f"a unit of {describe(wanted)}")
+
+
+def _constants(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
     units = {item.name: item.unit for item in family.inputs}
     units |= {parameter.name: parameter.unit for parameter in family.parameters}
     units |= {name: units[meant[0]] for name, meant in family.rig_names.items()}
     for part, amounts in (("geometry", rig.geometry), ("constants", rig.constants)):
         for name, amount in amounts.items():
-            if name not in units:
-                error = unknown_name(f"constant of {family.name}", name, units)
-                reader.refuse((part, name), error, of_key=True)
+            if name in units:
+                yield (part, name), False, partial(amount.check, units[name])
             else:
-                reader.read((part, name), partial(amount.check, units[name]))
+                yield (part, name), True, partial(_refuse_constant, name, family, units)
+
+
+def _refuse_constant(name: str, family: ModelFamily, known: dict[str, str]) -> None:
+    raise unknown_name(f"constant of {family.name}", name, known)

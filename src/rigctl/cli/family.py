@@ -1,0 +1,74 @@
+"""`--family`: a user's own family of models for the time of one command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rigctl.rig import Rig
+
+
+@contextmanager
+def family_given(written: str) -> Iterator[None]:
+    """Let a family be known by its name and its file; a Python file is run, because its user names it here.
+
+    Raises
+    ------
+    RigctlError
+        the file is wrong or fails, or its family has a name that is taken.
+    """
+    from rigctl.cli.plans import find_file
+    from rigctl.physics.families import FAMILIES, find_family, is_family_file, using_families
+    from rigctl.physics.user.load import load_family
+    from rigctl.physics.user.program import run_family_file
+
+    if not is_family_file(written):
+        find_family(written)
+        yield
+        return
+    path = find_file(Path(written))
+    python = path.suffix.casefold() == ".py"
+    family = run_family_file(path) if python else load_family(path, FAMILIES)
+    with using_families(family, path=path):
+        yield
+
+
+def use_family(context: typer.Context, written: str | None) -> str | None:
+    """What `--family` does before the command begins, and until it ends."""
+    if written is not None and not context.resilient_parsing:
+        context.with_resource(family_given(written))
+    return written
+
+
+def check_family_of(rig: Rig) -> None:
+    """Require that the rig's own family is there and has what the rig says of it.
+
+    Raises
+    ------
+    RigctlError
+        it is not, or has not; a family that comes with rigctl was checked with the rig file.
+    """
+    from rigctl.rig.constants import CONSTANTS
+
+    if rig.model is not None and rig.model not in CONSTANTS:
+        from rigctl.model.rig_family import family_of
+
+        family_of(rig)
+
+
+#: of commands whose files may name the family
+FamilyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--family",
+        metavar="FILE",
+        callback=use_family,
+        help="Your own family of models that the rig or model file names: YAML, or Python, which is run.",
+        show_default=False,
+    ),
+]
