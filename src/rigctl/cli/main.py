@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
-from rigctl.errors import ExitCode, RigctlError
+from rigctl.errors import ExitCode, RigctlError, unknown_name
 
 
 class LazyGroup(TyperGroup):
@@ -30,8 +30,10 @@ class LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Load the command that is really called."""
-        name, stand_in, rest = super().resolve_command(ctx, args)
-        return name, stand_in and load_command(str(stand_in.name)), rest
+        name = args[0]
+        if name not in BY_NAME:
+            raise unknown_name("command", name, BY_NAME)
+        return name, load_command(name), args[1:]
 
 
 def load_command(name: str) -> Any:
