@@ -16,12 +16,16 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 def pages() -> Iterator[tuple[Path, str]]:
     """Every generated page with its text."""
+    from rigctl.effects.page import effects_page
+    from rigctl.physics.families import FAMILIES
     from rigctl.procedure.steps_page import steps_page
     from rigctl.runner.states_page import run_states_page
 
     yield DOCS / "reference" / "commands.md", commands_page()
     yield DOCS / "reference" / "procedure-steps.md", steps_page()
     yield DOCS / "reference" / "run-states.md", run_states_page()
+    for family in FAMILIES.values():
+        yield DOCS / "reference" / "effects" / f"{family.name}.md", effects_page(family)
 
 
 def commands_page() -> str:
@@ -58,6 +62,7 @@ def main() -> int:
     for path, text in stale:
         print(("out of date: " if "--check" in sys.argv else "written: ") + str(path))
         if "--check" not in sys.argv:
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8", newline="\n")
     return int(bool(stale) and "--check" in sys.argv)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from rigctl.effects.declaration import Effect, EffectParameter
@@ -34,8 +35,8 @@ def effects_page(family: ModelFamily) -> str:
 
 def _of_effect(effect: Effect, family: ModelFamily) -> Iterator[str]:
     yield f"## {effect.name}\n"
-    yield f"{effect.summary} *({effect.kind})*\n"
-    yield f"{effect.equation}\n"
+    yield f"{_plain(effect.summary)} *({effect.kind})*\n"
+    yield f"`{effect.equation}`\n"
     for slot, term in terms_in_symbols(effect, family).items():
         how = "factor" if family.slot(slot).combine == "product" else "term"
         yield f"{how.capitalize()} at `{slot}`:\n\n$$\n{latex_of(term, effect)}\n$$\n"
@@ -43,10 +44,10 @@ def _of_effect(effect: Effect, family: ModelFamily) -> Iterator[str]:
     for parameter in effect.parameters:
         yield _row(parameter)
     for way in effect.other_ways:
-        yield f"| `{way.name}` | | | in {way.unit} | sets `{way.parameter}`: {way.meaning} |"
+        yield f"| `{way.name}` | | | in {way.unit} | sets `{way.parameter}`: {_plain(way.meaning)} |"
     yield ""
     for state in effect.states:
-        yield f"State `{state.name}` [{state.unit}]: {state.meaning}.\n"
+        yield f"State `{state.name}` [{state.unit}]: {_plain(state.meaning)}.\n"
     yield from _told(effect)
 
 
@@ -56,12 +57,14 @@ def _row(parameter: EffectParameter) -> str:
 
     null = "shape" if parameter.null is None else shown(parameter.null)
     bounds = f"{shown(parameter.low)} to {shown(parameter.high)}"
-    return f"| `{parameter.name}` | {null} | {shown(parameter.start)} | {bounds} | {parameter.meaning} |"
+    return (
+        f"| `{parameter.name}` | {null} | {shown(parameter.start)} | {bounds} | {_plain(parameter.meaning)} |"
+    )
 
 
 def _of_base(effect: Effect) -> Iterator[str]:
     yield f"### {effect.name}\n"
-    yield f"{effect.summary} {effect.equation}\n"
+    yield f"{_plain(effect.summary)} `{effect.equation}`\n"
     taken = ", ".join(f"`{name}` = {value:g}" for name, value in effect.base.items())
     yield f"Taken away by {taken} (SI).\n"
     yield from _told(effect)
@@ -69,14 +72,19 @@ def _of_base(effect: Effect) -> Iterator[str]:
 
 def _told(effect: Effect) -> Iterator[str]:
     if effect.looks_like:
-        yield f"**Looks like:** {effect.looks_like}\n"
+        yield f"**Looks like:** {_plain(effect.looks_like)}\n"
     if effect.confused_with:
         yield f"**Confused with:** {_names(effect.confused_with)}.\n"
     if effect.instead_of:
         yield f"**Instead of:** {_names(effect.instead_of)}; a model has one or the other.\n"
     if effect.needs:
-        yield f"**Needs:** {effect.needs}.\n"
-    yield f"**Source:** {effect.source}.\n"
+        yield f"**Needs:** {_plain(effect.needs)}.\n"
+    yield f"**Source:** {_plain(effect.source)}.\n"
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it is, in a table too."""
+    return re.sub(r"([*|<])", r"\\\1", text)
 
 
 def _names(names: tuple[str, ...]) -> str:
@@ -88,7 +96,7 @@ def _slots(family: ModelFamily) -> Iterator[str]:
     yield "| slot | unit | | meaning | its own variables |\n|---|---|---|---|---|"
     for slot in family.slots:
         own = ", ".join(f"`{name}` [{unit}]" for name, unit in slot.local)
-        yield f"| `{slot.name}` | {slot.unit} | {slot.combine} | {slot.meaning} | {own} |"
+        yield f"| `{slot.name}` | {slot.unit} | {slot.combine} | {_plain(slot.meaning)} | {own} |"
     yield ""
 
 
@@ -103,5 +111,5 @@ def _variables(family: ModelFamily) -> Iterator[str]:
     ):
         if items:
             yield f"| {title} | unit | meaning |\n|---|---|---|"
-            yield from (f"| `{item.name}` | {item.unit} | {item.meaning} |" for item in items)
+            yield from (f"| `{item.name}` | {item.unit} | {_plain(item.meaning)} |" for item in items)
             yield ""

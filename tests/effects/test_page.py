@@ -1,0 +1,80 @@
+"""The reference pages of the library: complete, current, and of equations that are sound LaTeX."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rigctl.effects import Effect, library
+from rigctl.effects.document import effect_document, family_document
+from rigctl.effects.equations import latex_of, terms_in_symbols, text_of
+from rigctl.effects.page import effects_page
+from rigctl.effects.user import load_effect
+from rigctl.files.shipped import shipped
+from rigctl.physics.families import FAMILIES, find_family
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "reference" / "effects"
+EVERY = [effect for family in FAMILIES for effect in library(family).values()]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_page_is_current(family: str) -> None:
+    page = (DOCS / f"{family}.md").read_text(encoding="utf-8")
+    assert page == effects_page(find_family(family)), "run 'make docs'"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_page_has_every_effect_slot_and_variable(family: str) -> None:
+    page = effects_page(find_family(family))
+    for effect in library(family).values():
+        assert f"# {effect.name}\n" in page
+    document = family_document(find_family(family))
+    for item in (*document["slots"], *document["variables"]):
+        assert f"| `{item['name']}` |" in page
+
+
+@pytest.mark.parametrize("effect", EVERY, ids=lambda effect: f"{effect.family}-{effect.name}")
+def test_every_equation_is_whole(effect: Effect) -> None:
+    family = find_family(effect.family)
+    for term in terms_in_symbols(effect, family).values():
+        latex = latex_of(term, effect)
+        assert latex.count("{") == latex.count("}")
+        assert latex.count(r"\left(") == latex.count(r"\right)")
+        assert "." not in re.sub(r"\d\.\d", "", latex)  # no qualified name is left
+
+
+def test_a_gaps_viscosity_is_called_viscosity() -> None:
+    effect = library("hydraulic_cylinder")["piston_leakage"]
+    term = terms_in_symbols(effect, find_family(effect.family))["flow_a_to_b"]
+    assert latex_of(term, effect) == r"\frac{\mathrm{conductance} \, \left(p_A - p_B\right)}{\mu}"
+    assert text_of(term, effect, find_family(effect.family)) == (
+        "conductance*(pressure_a - pressure_b)/viscosity"
+    )
+
+
+def test_a_parameter_that_is_called_like_a_variable_keeps_its_full_name() -> None:
+    effect = library("hydraulic_cylinder")["coulomb_friction"]
+    term = terms_in_symbols(effect, find_family(effect.family))["friction"]
+    assert "tanh(velocity/coulomb_friction.velocity)" in text_of(term, effect, find_family(effect.family))
+
+
+def test_a_document_holds_values_in_their_units() -> None:
+    document = effect_document(library("hydraulic_cylinder")["position_offset"])
+    assert document["parameters"] == [
+        {
+            "name": "offset",
+            "unit": "mm",
+            "null": 0.0,
+            "start": 1.0,
+            "low": -50.0,
+            "high": 50.0,
+            "sign": 0,
+            "shape": False,
+            "meaning": "c",
+        }
+    ]
+    own = effect_document(load_effect(shipped("models", "effects", "piston-leakage-eccentric.yaml")))
+    assert own["instead_of"] == ["piston_leakage"]
+    assert own["parameters"][1]["null"] is None
