@@ -1,0 +1,12 @@
+"""Every benchmark that needs no peer of its own: ``make bench``."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+NAMES = ("campaign", "steps", "journal", "report", "engine")
+
+for name in NAMES:
+    print(f"\n=== {name}", flush=True)
+    subprocess.run([sys.executable, "-m", f"benchmarks.{name}"], check=True)

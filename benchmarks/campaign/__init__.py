@@ -1,0 +1,1 @@
+"""The published campaign, from command to page."""
