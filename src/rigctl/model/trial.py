@@ -94,12 +94,13 @@ def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: 
         )
     if rig is not None and _below_noise(seen, rig):
         found.append(f"at its typical size it changes every reading by less than the noise of '{rig.name}'")
-    found += [
-        f"no reading of the standard record tells it from {other.name}; 'instead_of' or 'confused_with' "
-        "should say so"
-        for other in alike
-        if other.likeness > SAME and other.name not in (*effect.instead_of, *effect.confused_with)
-    ]
+    said = {*effect.instead_of, *effect.confused_with}
+    same = [other.name for other in alike if other.likeness > SAME and other.name not in said]
+    if same:
+        found.append(
+            f"no reading of the standard record tells it from {', '.join(same)}: say so in 'confused_with', or "
+            "in 'instead_of'"
+        )
     return found
 
 

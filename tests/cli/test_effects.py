@@ -1,0 +1,229 @@
+"""`rigctl effects`: the library listed, shown and drawn; a user's file checked; the how-to page followed."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.main import app
+from rigctl.effects import library, registry
+from rigctl.errors import RigctlError
+from rigctl.physics.families import FAMILIES
+
+HOW_TO = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "write-an-effect.md"
+EXAMPLE = "models/effects/piston-leakage-eccentric.yaml"
+
+
+def said(*arguments: str) -> str:
+    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def answer(*arguments: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(said("effects", *arguments, "--json"))
+    return document
+
+
+def test_the_list_has_every_effect_of_every_family() -> None:
+    listed = [(each["family"], each["effect"]) for each in answer("list")["effects"]]
+    assert listed == [(family, name) for family in FAMILIES for name in library(family)]
+    text = said("effects", "list", "--family", "heater_board")
+    assert "power_law_convection" in text
+    assert "piston_leakage" not in text
+
+
+def test_slots_say_what_a_term_may_name() -> None:
+    (family,) = answer("list", "--slots", "--family", "hydraulic_cylinder")["families"]
+    slots = {slot["name"]: slot for slot in family["slots"]}
+    assert slots["throttle_area"]["combine"] == "product"
+    assert slots["throttle_area"]["local"] == [{"name": "reynolds", "unit": "1"}]
+    assert {"name": "viscosity", "unit": "Pa*s", "meaning": "oil in the cylinder"} in family["variables"]
+
+
+def test_an_effect_is_shown_with_its_picture() -> None:
+    text = said("effects", "show", "piston_leakage")
+    for piece in (
+        "Q_AB = k·(p_A − p_B)/µ",
+        "adds at flow_a_to_b [m^3/s]: conductance*(pressure_a - pressure_b)/viscosity",
+        "0 m^3 to 2e-13 m^3",
+        "looks like: ",
+        "confused with: rod_leakage, cap_leakage, valve_leakage",
+        "source: Merritt",
+        "wait 0.2 s, extend 1.05 s, hold closed 1 s, retract 1.5 s",
+        "oil_temperature: no change",
+    ):
+        assert piece in text, piece
+    assert len(re.findall(r"│[\u2800-\u28ff]{60}$", text, re.MULTILINE)) == 16
+
+
+def test_the_picture_is_data_too() -> None:
+    document = answer("show", "position_offset")
+    seen = document["signature"]
+    assert len(seen["time"]) == 376
+    assert seen["outputs"]["position"]["difference"] == pytest.approx([1.0] * 376)
+    assert seen["outputs"]["position"]["unit"] == "mm"
+    assert [name for name, output in seen["outputs"].items() if output["changes"]] == ["position"]
+    assert document["terms"][0]["latex"] == r"\mathrm{offset}"
+    assert "signature" not in answer("show", "position_offset", "--no-picture")
+
+
+def test_base_physics_is_shown_by_taking_it_away() -> None:
+    text = said("effects", "show", "spool_lag")
+    assert "taken away by spool_time = 0.001 (SI)" in text
+    assert "position: largest +7." in text
+
+
+def test_an_effect_that_needs_another_is_shown_beside_it() -> None:
+    assert "no influence on any reading by itself" in said("effects", "show", "barus")
+    assert "position: largest -" in said("effects", "show", "barus", "--with", "piston_leakage")
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_a_figure_is_written(tmp_path: Path, ending: str) -> None:
+    file = tmp_path / f"leak.{ending}"
+    assert f"Wrote {file}" in said("effects", "show", "piston_leakage", "--figure", str(file))
+    start = file.read_bytes()[:200]
+    assert (b"PNG" if ending == "png" else b"<svg") in start or b"<?xml" in start
+
+
+def test_the_family_of_a_name_can_be_chosen() -> None:
+    assert answer("show", "heater_lag", "--no-picture")["family"] == "hydraulic_cylinder"
+    assert answer("show", "heater_lag", "--no-picture", "-f", "heater_board")["family"] == "heater_board"
+    assert answer("show", "radiation", "--no-picture")["family"] == "heater_board"
+
+
+def test_the_shipped_example_is_sound() -> None:
+    text = said("effects", "check", EXAMPLE, "--rig", "rigs/hl32-bench.yaml")
+    assert "piston_leakage_eccentric (hydraulic_cylinder, process) is sound" in text
+    assert re.search(r"changes position by up to 0\.\d+ mm, \d+(\.\d+)? times the noise", text)
+    assert "warning" not in text
+    document = answer("check", EXAMPLE)
+    assert document["sound"] is True
+    assert document["indistinguishable"] == ["piston_leakage"]
+    assert document["alike"][0]["effect"] == "piston_leakage"
+    assert document["warnings"] == []
+    assert document["signature"]["outputs"]["pressure_a"]["changes"] is True
+
+
+def test_an_effect_without_influence_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "blind.yaml"
+    file.write_text(
+        "effect: blind\nsummary: A reading that the bench does not have.\nslot: pressure_a_reading\n"
+        "term: error\nparameters: {error: {null_value: 0 bar, start: 1 bar, bounds: [-9 bar, 9 bar]}}\n",
+        encoding="utf-8",
+    )
+    text = said("effects", "check", str(file), "--rig", "rigs/hl32-bench.yaml")
+    assert "warning: by itself blind has no influence on anything that rig 'HL32 bench' reads" in text
+    assert answer("check", str(file))["signature"]["silent"] is False
+
+
+def test_a_term_that_the_record_breaks_is_told_at_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "root.yaml"
+    file.write_text(
+        "effect: root\nsummary: A root.\nslot: friction\nterm: size*sqrt((0.05 m/s + velocity)/(1 m/s))\n"
+        "parameters: {size: {null_value: 0 N, start: 1 N, bounds: [0 N, 9 N]}}\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(RigctlError, match=r"root\.yaml:4:7: the term has no value at velocity = -0\."):
+        said("effects", "check", str(file))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["show", "piston_leek"], "did you mean 'piston_leakage'"),
+        (["show", "piston_leakage", "-f", "heater_board"], "unknown effect"),
+        (["show", "piston_leakage", "--figure", "x.pdf"], r"expected a name ending in \.png or \.svg"),
+        (["show", "piston_leakage", "--with", "barrus"], "did you mean 'barus'"),
+        (["show", EXAMPLE, "--with", "piston_leakage"], "contradict one another"),
+        (["show", "radiation", "--rig", "rigs/hl32-bench.yaml", "-f", "heater_board"], "another family"),
+        (["check", "nowhere.yaml"], "nowhere.yaml"),
+        (["list", "-f", "heater_bord"], "did you mean 'heater_board'"),
+    ],
+)
+def test_mistakes_are_told_plainly(arguments: list[str], message: str) -> None:
+    with pytest.raises(RigctlError, match=message):
+        said("effects", *arguments)
+
+
+def test_the_schema_describes_the_shipped_example() -> None:
+    from jsonschema import Draft202012Validator
+
+    from rigctl.files.shipped import shipped
+    from rigctl.files.yaml import read_document
+
+    schema = json.loads(said("schema", "effect"))
+    Draft202012Validator.check_schema(schema)
+    document = read_document(shipped(EXAMPLE)).data
+    Draft202012Validator(schema).validate(document)
+    assert list(Draft202012Validator(schema).iter_errors({**document, "slott": "friction"}))
+
+
+# the how-to page: every file it shows is written, every command it shows is given
+
+_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registry.installed_effects.cache_clear()
+    yield tmp_path
+    sys.modules.pop("my_effects", None)
+    monkeypatch.undo()
+    registry.installed_effects.cache_clear()
+
+
+def test_the_how_to_page_can_be_followed_literally(workplace: Path) -> None:
+    blocks = _BLOCK.findall(HOW_TO.read_text(encoding="utf-8"))
+    assert [kind for kind, _ in blocks].count("console") == 8
+    for kind, text in blocks:
+        if kind == "console":
+            command, expected = text.split("\n", 1)
+            follow(command, expected)
+        else:
+            name = text.split("\n", 1)[0].removeprefix("# ")
+            (workplace / name).write_text(text, encoding="utf-8")
+            if name == "pyproject.toml":
+                install(workplace, tomllib.loads(text))
+    assert (workplace / "cold-seal.svg").exists()
+    assert len(list((workplace / "runs").glob("*/samples.parquet"))) == 2
+
+
+def follow(command: str, expected: str) -> None:
+    """Give a command; its output must have the lines of the page, with anything where the page has '…'."""
+    prompt, program, *arguments = shlex.split(command)
+    assert (prompt, program) == ("$", "rigctl")
+    try:
+        found = said(*arguments)
+    except RigctlError as error:
+        found = f"rigctl: {error}\n"
+    lines = [" ".join(line.split()) for line in found.splitlines()]
+    wanted = [" ".join(line.split()) for line in expected.splitlines()]
+    pattern = "\n".join(r"[\s\S]*?" if line == "…" else re.escape(line).replace("…", ".*") for line in wanted)
+    assert re.fullmatch(pattern, "\n".join(lines).strip()), f"{command}\n{found}"
+
+
+def install(folder: Path, project: dict[str, Any]) -> None:
+    """What an installer leaves behind of a project: its name and entry points."""
+    name, version = project["project"]["name"], project["project"]["version"]
+    metadata = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8"
+    )
+    points = project["project"]["entry-points"]["rigctl.effects"]
+    text = "\n".join(f"{key} = {target}" for key, target in points.items())
+    (metadata / "entry_points.txt").write_text(f"[rigctl.effects]\n{text}\n", encoding="utf-8")
+    registry.installed_effects.cache_clear()
