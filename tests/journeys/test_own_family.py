@@ -1,0 +1,132 @@
+"""The page about one's own family of models, followed literally; and what it must not let happen."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+from follow_page import File, follow, steps_of
+from rigctl.cli.main import app
+from rigctl.dataset import open_run
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+
+Vector = NDArray[np.float64]
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-a-model-family.md"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project that comes of following the page."""
+    folder = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        follow(PAGE, patch)
+    return folder / "tank-bench"
+
+
+@pytest.fixture
+def here(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(bench)
+    return bench
+
+
+def test_the_page_shows_the_family_that_is_shipped() -> None:
+    shown = {step.name: step.text for step in steps_of(PAGE.read_text("utf-8")) if isinstance(step, File)}
+    family = shipped("models", "families", "water-tank.yaml").read_text(encoding="utf-8")
+    assert shown["families/water-tank.yaml"] == family
+
+
+def at_the_end(start: Vector, rest: float, flow: float, area: float, evaporation: float) -> Vector:
+    """Level in m and temperature in degC after 4 min of filling and heating, and `rest` s of neither."""
+    density, heat, base = 998.0, 4180.0, 0.05
+    state = start
+    for inflow, power, seconds in ((flow / 60e3, 1000.0, 240.0), (0.0, 0.0, rest)):
+
+        def rates(t: float, y: Vector, inflow: float = inflow, power: float = power) -> list[float]:
+            head = 0.5 * (y[0] + np.hypot(y[0], 1e-3))
+            outflow = 0.61 * area * np.sqrt(2.0 * 9.80665 * head)
+            balance = power - (3.0 + evaporation) * (y[1] - 20.0)
+            balance += density * heat * inflow * (15.0 - y[1])
+            return [(inflow - outflow) / base, balance / (density * heat * base * head)]
+
+        state = solve_ivp(rates, (0.0, seconds), state, method="Radau", rtol=1e-9, atol=1e-10).y[:, -1]
+    return state
+
+
+@pytest.mark.parametrize(
+    ("options", "area", "evaporation"),
+    [
+        ([], 20e-6, 0.0),
+        (["--with", "effects/evaporation.yaml:conductance=20 W/K"], 20e-6, 20.0),
+        (["--plant", "models/water-tank.yaml"], 30e-6, 8.0),
+    ],
+)
+def test_the_tank_obeys_its_equations(
+    here: Path, options: list[str], area: float, evaporation: float
+) -> None:
+    arguments = ["simulate", "procedures/fill-and-drain.yaml", "--no-noise", "--json", *options]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    run = open_run(json.loads(result.stdout)["path"])
+    for record, flow in enumerate((2.0, 4.0)):
+        time, level, kelvin = (run.signals(name, record) for name in ("time", "level", "temperature"))
+        start = np.array([level[0], kelvin[0] - 273.15])
+        expected = at_the_end(start, time[-1] - time[0] - 240.0, flow, area, evaporation)
+        # both ends are known to within half a step of the converter
+        assert level[-1] == pytest.approx(expected[0], abs=0.16e-3)
+        assert kelvin[-1] - 273.15 == pytest.approx(expected[1], abs=0.04)
+
+
+def test_python_that_a_file_names_does_not_run(here: Path) -> None:
+    trap = here / "families" / "trap.py"
+    trap.write_text("from pathlib import Path\nPath('sprung').write_text('')\n", encoding="utf-8")
+    rig = (here / "rigs" / "leaky-tank.yaml").read_text(encoding="utf-8")
+    rig = rig.replace("model: leaky_tank", "model: families/trap.py")
+    (here / "rigs" / "trap.yaml").write_text(rig, encoding="utf-8")
+    (here / "effects" / "trap.yaml").write_text(
+        (here / "effects" / "evaporation.yaml").read_text("utf-8").replace("water-tank.yaml", "trap.py"),
+        encoding="utf-8",
+    )
+    (here / "models" / "trap.yaml").write_text("model: families/trap.py\n", encoding="utf-8")
+    for arguments in (
+        ["check", "procedures/fill.yaml", "--rig", "rigs/trap.yaml"],
+        ["simulate", "procedures/fill.yaml", "--rig", "rigs/trap.yaml"],
+        ["effects", "check", "effects/trap.yaml"],
+        ["simulate", "procedures/fill-and-drain.yaml", "--plant", "models/trap.yaml"],
+        ["simulate", "procedures/fill-and-drain.yaml", "--with", "effects/trap.yaml"],
+    ):
+        result = CliRunner().invoke(app, arguments)
+        assert isinstance(result.exception, RigctlError), result.output
+        assert "a Python file is not run because another file names it" in str(result.exception)
+        assert "--family" in str(result.exception)
+        assert "trap.yaml:" in str(result.exception)
+    assert not (here / "sprung").exists()
+
+
+def test_a_file_given_on_purpose_is_known_by_its_path_too(here: Path) -> None:
+    rig = (here / "rigs" / "leaky-tank.yaml").read_text(encoding="utf-8")
+    rig = rig.replace("model: leaky_tank", "model: ../families/leaky_tank.py")
+    (here / "rigs" / "by-path.yaml").write_text(rig, encoding="utf-8")
+    arguments = ["check", "procedures/fill.yaml", "--rig", "rigs/by-path.yaml", "--json"]
+    result = CliRunner().invoke(app, [*arguments, "--family", "families/leaky_tank.py"])
+    assert result.exit_code == 0, result.output
+    # what is given ends with its command
+    assert isinstance(CliRunner().invoke(app, arguments).exception, RigctlError)
+
+
+def test_a_rig_is_held_to_its_family(here: Path) -> None:
+    rig = (here / "rigs" / "water-tank.yaml").read_text(encoding="utf-8")
+    broken = rig.replace("orifice_area: 20 mm^2", "orifice_aera: 20 mm^2").replace("0.05 m^2", "0.05 m")
+    (here / "rigs" / "broken.yaml").write_text(broken, encoding="utf-8")
+    result = CliRunner().invoke(app, ["check", "procedures/fill-and-drain.yaml", "--rig", "rigs/broken.yaml"])
+    said = str(result.exception)
+    assert "broken.yaml:29:14: wrong dimension, got '0.05 m'" in said
+    assert "broken.yaml:30:3: unknown constant of water_tank, got 'orifice_aera'" in said
+    assert "did you mean 'orifice_area'?" in said
