@@ -83,7 +83,7 @@ def test_a_terminal_with_few_characters(monkeypatch: pytest.MonkeyPatch, encodin
     assert b"28 records" in written.getvalue()
 
 
-@pytest.mark.parametrize("kind", ["procedure", "rig", "model"])
+@pytest.mark.parametrize("kind", ["procedure", "rig", "model", "effect", "family"])
 def test_schemas(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str) -> None:
     assert call(monkeypatch, "schema", kind) == 0
     schema = json.loads(capsys.readouterr().out)

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
+import rigctl
 from rigctl.cli.init import create_project
 from rigctl.cli.main import app
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
+from rigctl.physics.families import using_families
+from rigctl.physics.user.program import run_family_file
 
 Vector = NDArray[np.float64]
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-a-model-family.md"
@@ -139,3 +142,15 @@ def test_a_rig_is_held_to_its_family(here: Path) -> None:
     assert "broken.yaml:29:14: wrong dimension, got '0.05 m'" in said
     assert "broken.yaml:30:3: unknown constant of water_tank, got 'orifice_aera'" in said
     assert "did you mean 'orifice_area'?" in said
+
+
+def test_from_python_a_family_has_its_name_inside_its_context(here: Path) -> None:
+    family = run_family_file(here / "families" / "leaky_tank.py")
+    with using_families(family):
+        run = rigctl.simulate("procedures/fill.yaml", noise=False).run
+    time, level = run.signals("time", 0), run.signals("level", 0)
+    assert level[0] == pytest.approx(0.1, abs=1e-3)  # the family says so, where the rig does not
+    rising = 5e-5 / 0.02 * 300.0  # m, where it ends
+    elapsed = time - time[0]
+    expected = rising + (level[0] - rising) * np.exp(-elapsed / 300.0)
+    assert level == pytest.approx(expected, abs=0.16e-3)
