@@ -1,0 +1,74 @@
+"""The documentation is true: links lead somewhere, generated pages are current, commands do what is shown."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from doc_page import PageRun, blocks, steps
+from rigctl.cli.init import create_project
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+#: followed by tests/cli/test_effects.py, which also installs the package that the page shows
+_ELSEWHERE = "write-an-effect.md"
+CARRIED_OUT = [
+    path
+    for path in PAGES
+    if (path.parent.name in ("tutorial", "how-to") and path.name != _ELSEWHERE) or path.name == "python.md"
+]
+_LINK = re.compile(r"\]\(([^)\s]+)\)")
+_HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
+
+
+def named(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def anchors(path: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    headings = _HEADING.findall(path.read_text(encoding="utf-8"))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_links_lead_somewhere(page: Path) -> None:
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for link in _LINK.findall(prose):
+        if re.match(r"[a-z]+:", link):
+            continue
+        file, _, anchor = link.partition("#")
+        target = (page.parent / file).resolve() if file else page
+        assert target.exists(), f"{named(page)} links to {link}"
+        assert not anchor or anchor in anchors(target), f"{named(page)} links to {link}: no such heading"
+
+
+def test_every_page_is_reached_from_the_start_page() -> None:
+    start = ROOT / "docs" / "README.md"
+    listed = {(start.parent / link).resolve() for link in _LINK.findall(start.read_text(encoding="utf-8"))}
+    pages = {path for path in PAGES if path.parent.name in ("tutorial", "how-to", "reference", "explanation")}
+    assert pages <= listed
+
+
+def test_generated_pages_are_current() -> None:
+    pages = runpy.run_path(str(ROOT / "tools" / "generate_docs.py"))["pages"]
+    stale = [named(path) for path, text in pages() if path.read_text(encoding="utf-8") != text]
+    assert not stale, "'make docs' writes them"
+
+
+@pytest.mark.parametrize("page", CARRIED_OUT, ids=named)
+def test_a_page_can_be_followed(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every command of the page, in order; a page that makes no project of its own begins in a new one."""
+    for name in ("USER", "LOGNAME", "USERNAME", "LNAME"):
+        monkeypatch.setenv(name, "ada")
+    found = list(blocks(page.read_text(encoding="utf-8")))
+    begins = [step.command for block in found if block.kind == "console" for step in steps(block)][:1]
+    own = bool(begins) and begins[0].startswith("rigctl init")
+    if not own:
+        create_project(tmp_path / "my-bench")
+    run = PageRun(tmp_path, "." if own else "my-bench")
+    for block in found:
+        run.carry_out(block)
