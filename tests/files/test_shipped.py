@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import rigctl
+import rigctl.errors
 from rigctl.files.shipped import shipped
 
 
@@ -17,5 +17,5 @@ def test_in_a_checkout_the_repository_ships_its_own_files() -> None:
 def test_an_installed_package_brings_them_along(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = tmp_path / "site-packages" / "rigctl"
     (package / "shipped" / "rigs").mkdir(parents=True)
-    monkeypatch.setattr(rigctl, "__file__", str(package / "__init__.py"))
+    monkeypatch.setattr(rigctl.errors, "__file__", str(package / "errors.py"))
     assert shipped("rigs") == package / "shipped" / "rigs"

@@ -98,8 +98,8 @@ def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: 
     same = [other.name for other in alike if other.likeness > SAME and other.name not in said]
     if same:
         found.append(
-            f"no reading of the standard record tells it from {', '.join(same)}: say so in 'confused_with', or "
-            "in 'instead_of'"
+            f"no reading of the standard record tells it from {', '.join(same)}: say so in 'confused_with' "
+            "or in 'instead_of'"
         )
     return found
 

@@ -40,7 +40,9 @@ class Rig(Part):
     name: str = Field(min_length=1, description="what the bench is called")
     description: str = Field(default="", description="for reports")
     backend: Backend = Field(default=Backend(), description="how the bench is reached by default")
-    model: str | None = Field(default=None, description="model family, e.g. hydraulic_cylinder, or a family file")
+    model: str | None = Field(
+        default=None, description="model family, e.g. hydraulic_cylinder, or a family file"
+    )
     oil: str | None = Field(default=None, description="the fluid, e.g. HL32")
     channels: dict[Name, Channel] = Field(min_length=1, description="what is measured")
     actuators: dict[Name, Actuator] = Field(default_factory=dict, description="what is switched or set")
