@@ -18,7 +18,8 @@ _ELSEWHERE = "write-an-effect.md"
 CARRIED_OUT = [
     path
     for path in PAGES
-    if (path.parent.name in ("tutorial", "how-to") and path.name != _ELSEWHERE) or path.name == "python.md"
+    if path.name not in (_ELSEWHERE, "README.md")
+    and re.search(r"^```(console|pycon)$", path.read_text(encoding="utf-8"), re.MULTILINE)
 ]
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
