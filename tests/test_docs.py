@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 from pathlib import Path
 
 import pytest
 
+import rigctl
 from doc_page import PageRun, blocks, steps
 from rigctl.cli.init import create_project
+from rigctl.dataset import annotate
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -56,8 +59,29 @@ def test_every_page_is_reached_from_the_start_page() -> None:
 
 def test_generated_pages_are_current() -> None:
     pages = runpy.run_path(str(ROOT / "tools" / "generate_docs.py"))["pages"]
-    stale = [named(path) for path, text in pages() if path.read_text(encoding="utf-8") != text]
+    stale = [
+        named(path)
+        for path, text in pages()
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
     assert not stale, "'make docs' writes them"
+
+
+def test_the_dataset_page_names_everything_that_is_in_a_run(tmp_path: Path) -> None:
+    run = rigctl.simulate(ROOT / "procedures" / "quick-check.yaml", runs=tmp_path).run
+    annotate(run.folder, "a note")
+    tables = {name: run.table(name).schema for name in ("samples", "records", "events")}
+    own = {*run.layout.channels, *run.layout.commands, "supply", "stroke", "stroke_passed"}
+    there = {file.name for file in run.folder.iterdir()} | set(rigctl.open_run(run.folder).info)
+    there |= {name for schema in tables.values() for name in schema.names} - own
+    there |= {key.decode() for schema in tables.values() for field in schema for key in field.metadata or {}}
+    there |= {key.decode() for schema in tables.values() for key in schema.metadata or {}}
+    there |= set(run.events["kind"]) | {key for data in run.events["data"] for key in json.loads(data)}
+    there |= {key for session in run.info["sessions"] for key in session}
+    there |= {key for measure in run.info["measures"] for key in measure}
+    page = (ROOT / "docs" / "reference" / "dataset.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"`([^`\n]+)`", page))
+    assert there <= told, f"dataset.md says nothing of {sorted(there - told)}"
 
 
 @pytest.mark.parametrize("page", CARRIED_OUT, ids=named)

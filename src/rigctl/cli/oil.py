@@ -46,7 +46,7 @@ def oil(
 
     Example: rigctl oil --temperature "20:80:20 degC" --pressure "0, 50 bar"
 
-    Example: rigctl oil --points "20 degC=7.3856e-2 Pa*s, 40 degC=2.89e-2 Pa*s, 100 degC=4.697e-3 Pa*s"
+    Example: rigctl oil --points "20 degC=85.19 cSt, 40 degC=33.81 cSt, 100 degC=5.74 cSt"
     """
     from rigctl.physics.oil import HL32, find_oil, misfit, oil_table, published_viscosity
 
