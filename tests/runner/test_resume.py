@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -148,3 +149,13 @@ def test_a_changed_procedure_is_refused(plan_file: Path, tmp_path: Path) -> None
     plan_file.write_text(plan_file.read_text(encoding="utf-8") + "# a note\n", encoding="utf-8")
     with pytest.raises(RigctlError, match="procedure has changed"):
         open_interrupted(cut.folder)
+
+
+def test_a_bench_that_obeys_other_equations_is_refused(plan_file: Path, tmp_path: Path) -> None:
+    cut = launch_until(plan_file, tmp_path, 60.0)
+    before = open_interrupted(cut.folder)
+    other = how(tmp_path)
+    other = replace(other, options={**other.options, "noise": "on"})
+    with pytest.raises(RigctlError, match=r"another bench .*got 'noise: on'; expected off"):
+        relaunch(before, other)
+    assert relaunch(before, how(tmp_path)).status == "finished"

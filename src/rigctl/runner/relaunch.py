@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from rigctl.rig import Rig, load_rig
 from rigctl.runner.launch import Launch, carry_out, header_of, held, opened
 from rigctl.runner.resume import Resume, record_paths
 from rigctl.runner.session import RunResult
+
+#: of what a bench says of itself: what may not change within a run; faults and seed may
+_SAME = ("kind", "plant", "noise")
 
 
 @dataclass(frozen=True)
@@ -57,13 +61,26 @@ def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
     Raises
     ------
     RigctlError
-        as `rigctl.runner.launch.launch`.
+        as `rigctl.runner.launch.launch`; or the bench is another one than before.
     """
     plan = run_before.plan
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
         header = replace(header_of(plan, backend, how), id=run_before.history.header.id)
+        _require_same_bench(run_before.history.header.backend, header.backend)
         writer = RunWriter.reopen(run_before.folder, header)
         return carry_out(plan, backend, writer, lock, how, run_before.done)
+
+
+def _require_same_bench(before: Mapping[str, str], now: Mapping[str, str]) -> None:
+    """Refuse a bench that obeys other equations: records of one run must not follow two truths."""
+    for key in _SAME:
+        if before.get(key) != now.get(key):
+            raise RigctlError(
+                "this is another bench than the run began on",
+                value=f"{key}: {now.get(key, 'none')}",
+                expected=before.get(key, "none"),
+                hint="Begin a new run; a simulated bench is resumed as the rig file describes it",
+            )
 
 
 def _same_rig(history: History) -> Rig:
