@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 _SQUARES = Squares()
 _FIRST_DAMPING = 1e-2
 _STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a longer step
-_LEAST_DAMPING, _MOST_DAMPING = 1e-14, 1e12
+_LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Options:
     step: float = 1e-8
     gradient: float = 1e-10
     iterations: int = 100
-    largest_step: float = 0.5
+    largest_step: float = 0.3
 
 
 def least_squares(
@@ -252,8 +252,7 @@ class _Search:
         if accepted and not isinstance(blocks, Refused):
             self.point, self.cost = trial, float(cost)
             self._linearise(blocks)
-            self.damping = max(_LEAST_DAMPING, self.damping * max(1 / 3, 1.0 - (2.0 * gain - 1.0) ** 3))
-            self.growth = 2.0
+            self._relax(gain)
             return 0.25 < gain <= _STRETCHED, None
         if 0.0 <= expected <= 1e-6 * self.cost and self.damping < 1.0:
             return False, (Outcome.COST, "The cost falls no further than the model is exact")
@@ -261,6 +260,13 @@ class _Search:
         if self.damping > _MOST_DAMPING:
             return False, (Outcome.STALLED, "No step lowers the cost")
         return False, None
+
+    def _relax(self, gain: float) -> None:
+        """Less damping after a step that went as the linear model expected (Nielsen's rule)."""
+        if gain <= _STRETCHED:
+            factor = max(1 / 3, 1.0 - (2.0 * gain - 1.0) ** 3)
+            self.damping = max(_LEAST_DAMPING, self.damping * factor)
+        self.growth = 2.0
 
     def _ahead(self, step: Vector, factor: float) -> Vector:
         flat = self.point.flat() + factor * step.flat()
