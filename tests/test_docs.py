@@ -60,9 +60,7 @@ def test_every_page_is_reached_from_the_start_page() -> None:
 def test_generated_pages_are_current() -> None:
     pages = runpy.run_path(str(ROOT / "tools" / "generate_docs.py"))["pages"]
     stale = [
-        named(path)
-        for path, text in pages()
-        if not path.exists() or path.read_text(encoding="utf-8") != text
+        named(path) for path, text in pages() if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
     assert not stale, "'make docs' writes them"
 
