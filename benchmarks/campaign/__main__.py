@@ -1,7 +1,7 @@
 """Whole commands, as a user types them: ``python -m benchmarks.campaign``.
 
-The published campaign on the simulated bench, its page, and the overview of the commands, each beside the time
-that the same would take otherwise: the bench's own time, and a bare interpreter.
+The published campaign on the simulated bench, its page, and the overview of the commands, each beside the
+time that the same would take otherwise: the bench's own time, and a bare interpreter.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ def main() -> None:
         page = command_seconds([command, "report", "latest", "-o", "page.html"], RUNS, folder)
         size = (folder / "page.html").stat().st_size
         run = open_run("latest", folder / "runs")
-        bench_time, rows = float(run.info["duration"]), int(run.info["rows"])
+        bench_time, rows, records = float(run.info["duration"]), int(run.info["rows"]), len(run.records)
     bare = command_seconds([sys.executable, "-c", "pass"], RUNS)
     overview = command_seconds([command, "--help"], RUNS)
     table(
-        f"The published campaign: {len(run.records)} records, {rows} samples, {bench_time:.0f} s of bench time",
+        f"The published campaign: {records} records, {rows} samples, {bench_time:.0f} s of bench time",
         [
             ("", "seconds", "beside"),
             (

@@ -1,0 +1,1 @@
+"""The engine beside what people use instead of it."""

@@ -1,0 +1,47 @@
+"""What every way of simulating the benchmark's campaign shares.
+
+All read the printed equations of the one model, so they solve the same problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.symbols import to_text
+from rigctl.engine.system import System
+
+Floats = NDArray[np.float64]
+
+
+class Peer(Protocol):
+    """One way to simulate the campaign."""
+
+    name: str
+    packages: tuple[str, ...]
+
+    def simulate(self) -> Floats:
+        """Outputs (records, samples, outputs)."""
+        ...
+
+    def jacobian(self, columns: Sequence[str]) -> Floats:
+        """∂outputs/∂parameters (records, samples, outputs, columns)."""
+        ...
+
+
+def equations(system: System, result: str) -> str:
+    """The source of ``rhs(y, u, q)``; `result` says how the derivatives are put together: ``"({})"``."""
+    lines = ["def rhs(y, u, q):"]
+    for array, names in (("y", system.state_names), ("u", system.input_names), ("q", system.parameter_names)):
+        lines += [f"    {name} = {array}[{place}]" for place, name in enumerate(names)]
+    terms = ", ".join(to_text(expr) for expr in system.rhs)
+    return "\n".join([*lines, f"    return {result.format(terms)}"])
+
+
+def shown(system: System, states: Any, offset: Any) -> Any:
+    """The outputs of the benchmark's model from its states (..., states), for numpy and jax alike."""
+    places = [system.state_names.index(name) for name in system.output_names]
+    return states[..., np.array(places)] + offset * np.array([0.0, 1.0, 0.0, 1.0])
