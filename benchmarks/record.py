@@ -54,9 +54,9 @@ def command_seconds(command: Sequence[str], runs: int = 5, cwd: Path | None = No
     )
 
 
-def keep(folder: Path, results: Mapping[str, Any], *packages: str) -> Path:
+def keep(folder: Path, results: Mapping[str, Any], *packages: str, name: str = "results") -> Path:
     """Write the results beside the benchmark, with machine and versions."""
-    path = folder / "results.json"
+    path = folder / f"{name}.json"
     content = {"machine": machine(), "versions": versions(*packages), "results": results}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
     return path

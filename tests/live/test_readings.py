@@ -32,7 +32,7 @@ def test_values_commands_and_limits_are_in_display_units(rig: Rig) -> None:
     assert "below 90 degC" in lines["oil_temperature"]
     assert "30.2 bar" in lines["supply_pressure"]
     assert "77.4 mm" in lines["position"]
-    assert "-3 … 245 mm" in lines["position"]
+    assert "-3 … 240 mm" in lines["position"]
     assert lines["heater"].split() == ["heater", "on"]
     assert lines["valve"].split() == ["valve", "neutral"]
     assert lines["relief_valve"].split() == ["relief_valve", "30", "bar"]

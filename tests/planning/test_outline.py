@@ -106,6 +106,6 @@ def test_the_document(previewed: See) -> None:
     assert document["warnings"][-1]["message"] == "old"
     point = document["steps"][0]["steps"][0]["steps"][1]
     assert point["values"] == {"oil": "30 degC"}
-    assert point["steps"][0]["where"] == "test.yaml:6:11"
+    assert point["steps"][0]["where"] == "test.yaml:6:9"
     failure = document["steps"][0]["steps"][0]["steps"][-1]
     assert failure["only_if_needed"] is True

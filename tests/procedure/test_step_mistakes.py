@@ -42,7 +42,7 @@ MISTAKES: list[tuple[str, str, list[str]]] = [
     ("- extend: {until: position + 1 mm}", "3:21", ["a condition, e.g. 'position < 1 mm'"]),
     ("- extend: {until: 3}", "3:21", ["no condition", "'3'"]),
     ("- extend: {until: position.real < 1 mm}", "3:21", ["until: "]),
-    ("- extend: {to: 260 mm}", "3:18", ["'over_travel'", "'260 mm'", "at most 245 mm"]),
+    ("- extend: {to: 260 mm}", "3:18", ["'over_travel'", "'260 mm'", "at most 240 mm"]),
     ("- extend: {to: -2 mm}", "3:18", ["outside the stroke", "0 mm to 250 mm"]),
     ("- hold: {for: 1 s, channel: position, within: 1 bar}", "3:49", ["wrong dimension", "a length"]),
     ("- hold: {for: 1 s, channel: presure, within: 1 bar}", "3:31", ["unknown channel", "'presure'"]),

@@ -155,7 +155,7 @@ def test_a_tripped_interlock_stops_the_run_before_the_next_step(do: Do) -> None:
     done = do(steps)
     assert done.result.status == "failed"
     assert "position is 2" in done.result.reason
-    assert "above the limit of 245 mm" in done.result.reason
+    assert "above the limit of 240 mm" in done.result.reason
     assert asked(done) == []
     trip = next(e["time"] for e in done.events("alarm"))
     assert [value for _, value in done.commands("valve")] == [1.0, 0.0, -1.0, 0.0]
