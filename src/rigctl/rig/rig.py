@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import date
 from functools import cached_property
 from hashlib import sha256
@@ -21,6 +22,9 @@ from rigctl.rig.limit import Limit
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
+
+#: what a rig works out once, of its fields and its text
+_WORKED_OUT = ("layout", "sha256")
 
 
 class Backend(Part):
@@ -56,6 +60,10 @@ class Rig(Part):
     )
     monitor_rate: Annotated[float, Q("Hz", positive=True)] = Field(
         default=10.0, description="how often the bench is read between records"
+    )
+    moving_rate: Annotated[float, Q("Hz", positive=True)] = Field(
+        default=100.0,
+        description="how often it is read between records while a directional valve is not in its safe state",
     )
     stale_after: Annotated[float, Q("s", positive=True)] = Field(
         default=1.0, description="a bench that sends nothing for so long is at fault"
@@ -101,6 +109,13 @@ class Rig(Part):
             ),
             differences=frozenset(name for name, channel in self.channels.items() if channel.difference),
         )
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Rig:
+        """A copy with some fields changed; what was worked out from the old ones is forgotten."""
+        copy = super().model_copy(update=update, deep=deep)
+        for name in _WORKED_OUT:
+            copy.__dict__.pop(name, None)
+        return copy
 
     def warnings(self, today: date) -> list[str]:
         """What is not wrong but worth saying before a run, e.g. a calibration that is out of date."""

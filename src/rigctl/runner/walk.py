@@ -257,7 +257,7 @@ class Walker:
         try:
             bench.writer.close_record(bench.now, outcome.value)
             if bench.reachable:
-                bench.start(bench.rig.monitor_rate)
+                bench.start(bench.watching_rate)
         except Exception as error:  # noqa: BLE001 - as for a step
             ending = ending_for(error, bench)
             self._secure(ending)
