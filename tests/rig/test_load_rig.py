@@ -60,6 +60,16 @@ def test_it_survives_a_copy(small: str) -> None:
     assert rig.model_copy(update={"monitor_rate": 5.0}).channels == rig.channels
 
 
+def test_a_copy_has_a_layout_of_its_own(small: str) -> None:
+    rig = parse_rig(small)
+    before = rig.layout
+    channels = dict(list(rig.channels.items())[:1])
+    copy = rig.model_copy(update={"channels": channels})
+    assert copy.layout.channels == tuple(channels)
+    assert rig.layout is before
+    assert copy.sha256 == rig.sha256  # still the hash of the text it was read from
+
+
 def test_it_cannot_be_changed(small: str) -> None:
     with pytest.raises(ValueError, match="frozen"):
         parse_rig(small).name = "other"  # type: ignore[misc]
