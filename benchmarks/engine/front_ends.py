@@ -44,7 +44,7 @@ def main() -> None:
     results["whole process, model in the cache"] = cached_process(runs)
     ours = results["build"]["rigctl"]
     rows = [("front end", "seconds", "ratio")]
-    rows += [(name, f"{took:.4f}", f"{took / ours:.0f}x") for name, took in results["build"].items()]
+    rows += [(name, f"{took:.4f}", f"{took / ours:.1f}x") for name, took in results["build"].items()]
     table("equations to straight-line source, with exact derivatives", rows)
     rows = [("way to machine code", "seconds")]
     rows += [(name, f"{took:.2f}") for name, took in results["compile"].items()]
