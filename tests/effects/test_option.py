@@ -44,10 +44,11 @@ def test_every_effect_can_be_hidden_by_its_name() -> None:
         ("coulomb_friction:forse=3 N", "did you mean 'force'"),
         ("piston_leakage:clearence=3 um", "did you mean 'clearance'"),
         ("coulomb_friction:force=3 bar", "expected a force|wrong dimension"),
-        ("coulomb_friction:force=3", "the unit is missing"),
+        ("coulomb_friction:force=3", "coulomb_friction: force: the unit is missing"),
+        ("piston_leakage:clearance=30", "piston_leakage: clearance: the unit is missing, got '30'"),
         ("coulomb_friction:force", "expected 'parameter=value'"),
         ("coulomb_friction:force=-3 N", "out of bounds, got '-3 N'; expected 0 N to 2000 N"),
-        ("piston_leakage:clearance=1 mm", "piston_leakage.conductance is out of bounds"),
+        ("piston_leakage:clearance=1 mm", "clearance: out of bounds, got '1 mm'; expected what makes the conductance 0 m"),
         ("spool_lag", "base physics"),
     ],
 )

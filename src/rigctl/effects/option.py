@@ -104,22 +104,37 @@ def read_parameter(
     for way in effect.other_ways:
         if way.name == name:
             known = {p.name: p.value for p in family.parameters} | dict(family_parameters or {})
-            return _bounded(effect, way.parameter, way.value_of(read_si(written, way.unit), known), written)
+            size = way.value_of(_read(effect, name, written, way.unit), known)
+            return _bounded(effect, name, way.parameter, size, written)
     names = [p.name for p in effect.parameters] + [way.name for way in effect.other_ways]
     if name not in names:
         raise unknown_name(f"parameter of {effect.name}", name, names)
     parameter = effect.parameter(name)
-    return _bounded(effect, name, read_si(written, parameter.unit, difference=parameter.difference), written)
+    size = _read(effect, name, written, parameter.unit, difference=parameter.difference)
+    return _bounded(effect, name, name, size, written)
 
 
-def _bounded(effect: Effect, name: str, value: float, written: str | Quantity) -> dict[str, float]:
+def _read(
+    effect: Effect, name: str, written: str | Quantity, unit: str, *, difference: bool = False
+) -> float:
+    """The SI value that was written; a refusal says of which parameter."""
+    try:
+        return read_si(written, unit, difference=difference)
+    except RigctlError as error:
+        error.what = f"{effect.name}: {name}: {error.what}"
+        raise
+
+
+def _bounded(effect: Effect, way: str, name: str, value: float, written: str | Quantity) -> dict[str, float]:
+    """The parameter `name` with its SI value, that was written as `way`."""
     parameter = effect.parameter(name)
     if not parameter.low <= value <= parameter.high:
         low, high = (
             show(end, parameter.unit, difference=parameter.difference)
             for end in (parameter.low, parameter.high)
         )
+        meant = "" if way == name else f"what makes the {name} "
         raise RigctlError(
-            f"{effect.name}.{name} is out of bounds", value=str(written), expected=f"{low} to {high}"
+            f"{effect.name}: {way}: out of bounds", value=str(written), expected=f"{meant}{low} to {high}"
         )
     return {name: value}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
@@ -144,14 +145,13 @@ class ForStep(Block):
         with context.located("for", name):
             if not values:
                 raise RigctlError("this sweep is empty", value=name, expected="at least one value")
-            first = values[0]
-            for value in values:
-                if value.unit.dimension != first.unit.dimension:
-                    raise RigctlError(
-                        "the values of a sweep have different dimensions",
-                        value=str(value),
-                        expected=f"a value like {first}",
-                    )
+        for index, value in enumerate(values):
+            with (
+                context.located("for", name)
+                if isinstance(sweep, str)
+                else context.located("for", name, index)
+            ):
+                _check_dimension(value, values)
         return values
 
     def _spaced(self, context: Context, name: str, sweep: Spaced) -> list[Quantity]:
@@ -167,3 +167,14 @@ class ForStep(Block):
         with context.located("for", name, "count"):
             context.allow(count)
             return spaced(first, stop, count)
+
+
+def _check_dimension(value: Quantity, values: Sequence[Quantity]) -> None:
+    """Refuse a value that is another quantity than the first one with a unit."""
+    measured = next((other for other in values if other.unit.text), values[0])
+    if value.unit.dimension != measured.unit.dimension:
+        raise RigctlError(
+            "the values of a sweep have different dimensions" if value.unit.text else "the unit is missing",
+            value=str(value),
+            expected=f"a value like '{measured}'",
+        )
