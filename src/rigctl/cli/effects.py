@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
+    add_completion=False,
     help="The library of effects, and your own.\n\n"
     "An effect is one piece of physics that a model may lack: a term at one place of its equations, with "
     "parameters whose null values switch it off exactly.",

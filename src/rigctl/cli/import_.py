@@ -61,4 +61,7 @@ def import_(
         typer.echo(to_json({"run": done.run, "path": str(done.path), **counts}))
     else:
         typer.echo(done.run)
-        typer.echo(f"{done.records} records, {done.rows} rows in {done.path}", err=True)
+        typer.echo(
+            f"{done.records} record{'' if done.records == 1 else 's'}, {done.rows} rows in {done.path}",
+            err=True,
+        )

@@ -36,7 +36,7 @@ def resume(
     before = open_interrupted(find_run(run))
     header = before.history.header
     kind = header.backend.get("kind", before.plan.rig.backend.kind)
-    typer.echo(f"{header.id}: {before.left} records left", err=True)
+    typer.echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
     how = Launch(
         runs=before.folder.parent,
         operator=AutomaticOperator(),

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
+    add_completion=False,
     help="List, show, verify, annotate, exclude and query runs.\n\n"
     "A RUN is given by its id, an unambiguous start of it, its path, or 'latest'.",
 )
@@ -79,7 +80,7 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
 
 @app.command()
 def verify(
-    runs: Annotated[list[str] | None, typer.Argument(metavar="[RUN]...", help="All when left out.")] = None,
+    runs: Annotated[list[str] | None, typer.Argument(metavar="RUN", help="All when left out.")] = None,
     *,
     as_json: Json = False,
 ) -> None:

@@ -128,7 +128,9 @@ def _summary(points: Sequence[PreviewNode]) -> Text:
     labels = [point.label for point in points]
     named = ", ".join(labels) if len(labels) <= 3 else f"{labels[0]} … {labels[-1]}"
     text = f"{len(points)} more: {named}  {_MARKS[max(p.basis for p in points)]}{clock_time(seconds)}"
-    return Text(printable(f"{text}, {records} records" if records else text), "dim")
+    return Text(
+        printable(f"{text}, {records} record{'' if records == 1 else 's'}" if records else text), "dim"
+    )
 
 
 def _limits(preview: Preview) -> Iterator[Text]:

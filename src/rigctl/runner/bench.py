@@ -48,6 +48,7 @@ class Bench:
         self.commanded: dict[str, float] = {}
         self.pulses: dict[str, Pulse] = {}
         self.values: dict[str, float] = {}  #: measures and operators' answers, by name
+        self.missed: list[str] = []  #: what lay outside its limits while the procedure went on
         self.question: Question | None = None
         self.reachable = True
         self.trouble: RigctlError | None = None  #: the first event that could not be written

@@ -222,8 +222,10 @@ class _Session:
     def _verdict(self, ending: Ending | None) -> tuple[str, str, str | None, ExitCode]:
         """Status, event of the state machine, reason, exit code."""
         if ending is None:
-            if self._walker.missed:
-                return "finished", "succeed", "a measure lay outside its limits", ExitCode.FAILED
+            if missed := self._bench.missed:
+                more = f", and {len(missed) - 1} more" if len(missed) > 1 else ""
+                reason = f"a measure lay outside its limits: {missed[0]}{more}"
+                return "finished", "succeed", reason, ExitCode.FAILED
             return "finished", "succeed", None, ExitCode.DONE
         if ending.aborted:
             code = ending.exit_code if ending.exit_code is not ExitCode.FAILED else ExitCode.INTERRUPTED

@@ -54,7 +54,6 @@ class Walker:
         self._again = False  # the record in progress will be measured again if samples are lost
         self._hopeless = False  # no further cleanup block can be carried out
         self.limit = math.inf  #: s, when the step in progress has to be over
-        self.missed = False  #: a measure lay outside its limits and the procedure went on
         self.baseline: dict[str, float] = {}  #: what was commanded when the step in progress began
 
     def plan(self, plan: Plan) -> Waiting:
@@ -194,7 +193,6 @@ class Walker:
             bench.event("step", f"{leaf.label}: {ending.reason}", state="end", outcome=ending.outcome.value)
             self._secure(ending)
             raise ending from None
-        self.missed = self.missed or outcome is Outcome.MISSED
         bench.log(bench.now, "step", path=path, state="end", outcome=outcome.value)
         self._progress.end(bench.now)
 

@@ -34,6 +34,7 @@ def measure(action: Measure, bench: Bench) -> Behaviour:
     if action.missed is Missed.FAIL:
         raise StepFailed(text, outcome=Outcome.MISSED)
     bench.event("note", text)
+    bench.missed.append(text)
     return Outcome.MISSED
 
 
