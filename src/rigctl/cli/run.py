@@ -13,11 +13,11 @@ from rigctl.cli.family import FamilyOption
 def run(
     procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
     recording: Annotated[
-        str | None, typer.Argument(metavar="[RUN]", help="With '--backend replay': the run to play.")
+        str | None, typer.Argument(metavar="RUN", help="With '--backend replay': the run to play.")
     ] = None,
     backend: Annotated[
         str | None,
-        typer.Option(help="serial, simulated, emulated or replay; the rig file names the default."),
+        typer.Option(help="simulated or replay; the rig file names the default."),
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
     rig: Annotated[Path | None, typer.Option(help="Another rig file than the procedure names.")] = None,
@@ -44,7 +44,7 @@ def run(
 
     Examples:
 
-      rigctl run procedures/quick-check.yaml --port /dev/ttyACM0
+      rigctl run procedures/quick-check.yaml --operator Ada
 
       rigctl run procedures/quick-check.yaml --dry
     """

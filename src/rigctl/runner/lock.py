@@ -88,8 +88,7 @@ class RigLock:
                 owner = read_owner(self._path)
                 if owner is not None and owner.alive:
                     raise RigctlError(
-                        f"'{self._rig}' is in use by {owner.purpose}",
-                        value=f"process {owner.pid} on {owner.host}",
+                        f"'{self._rig}' is in use by {owner.purpose} (process {owner.pid} on {owner.host})",
                         hint="Wait until it ends, or end it with 'rigctl abort'",
                         exit_code=ExitCode.FAILED,
                     )
