@@ -23,6 +23,12 @@ def test_without_a_marker_it_is_the_current_folder(tmp_path: Path, monkeypatch: 
     assert find_project() == Project(tmp_path, tmp_path / "runs")
 
 
+def test_it_may_name_its_rig(tmp_path: Path) -> None:
+    (tmp_path / "rigctl.toml").write_text('rig = "rigs/press.yaml"\n', encoding="utf-8")
+    project = find_project(tmp_path)
+    assert (project.runs, project.rig) == (tmp_path / "runs", tmp_path / "rigs" / "press.yaml")
+
+
 def test_runs_may_be_kept_elsewhere(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     (tmp_path / "rigctl.toml").write_text(f"runs = '{elsewhere}'\n", encoding="utf-8")
@@ -35,6 +41,7 @@ def test_runs_may_be_kept_elsewhere(tmp_path: Path) -> None:
         (b"runs = ", "not valid TOML"),
         (b"rusn = 'x'", "unknown setting, got 'rusn'; did you mean 'runs'?"),
         (b"runs = 3", "runs: wrong kind of value, got '3'; expected a folder"),
+        (b"rig = 3", "rig: wrong kind of value, got '3'; expected a rig file"),
         (b"runs = ''", "runs: wrong kind of value"),
         (b"runs = '\xff'", "not UTF-8"),
     ],

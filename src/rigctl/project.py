@@ -9,15 +9,19 @@ from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.files.shipped import shipped
 
 MARKER = "rigctl.toml"
-_SETTINGS = ("runs",)
+_SETTINGS = ("runs", "rig")
 
 
 @dataclass(frozen=True)
 class Project:
-    """A folder with rigs, procedures and models, and the folder its runs are kept in."""
+    """A folder with rigs, procedures and models, and the folder its runs are kept in.
+
+    `rig` is the rig file that is meant when a command names none.
+    """
 
     root: Path
     runs: Path
+    rig: Path | None = None
 
     def resolve(self, path: str | Path, relative_to: Path | None = None) -> Path:
         """The file that a path in a file means.
@@ -44,7 +48,8 @@ def find_project(start: Path | None = None) -> Project:
     """The project around `start` (the current folder by default).
 
     The nearest folder upwards that holds ``rigctl.toml`` is its root; without one, `start` itself. Runs are
-    kept in ``runs/`` under it, or where ``runs = "..."`` in ``rigctl.toml`` says.
+    kept in ``runs/`` under it, or where ``runs = "..."`` in ``rigctl.toml`` says; ``rig = "..."`` names the
+    rig file of commands that are given none.
 
     Raises
     ------
@@ -55,12 +60,14 @@ def find_project(start: Path | None = None) -> Project:
     for folder in (here, *here.parents):
         marker = folder / MARKER
         if marker.is_file():
-            return Project(folder, folder / _read_runs(marker))
+            settings = _read_settings(marker)
+            rig = settings.get("rig")
+            return Project(folder, folder / settings.get("runs", "runs"), folder / rig if rig else None)
     return Project(here, here / "runs")
 
 
-def _read_runs(marker: Path) -> Path:
-    """The runs folder that the project file names."""
+def _read_settings(marker: Path) -> dict[str, Path]:
+    """The paths that the project file names."""
     import tomllib
 
     where = Location(marker)
@@ -72,13 +79,15 @@ def _read_runs(marker: Path) -> Path:
         raise RigctlError("the file is not UTF-8 text", expected="UTF-8", where=where) from problem
     except OSError as problem:
         raise RigctlError(f"cannot read the file: {problem.strerror or problem}", where=where) from problem
-    for name in settings:
+    found = {}
+    for name, written in settings.items():
         if name not in _SETTINGS:
             raise unknown_name("setting", name, _SETTINGS, where=where)
-    runs = settings.get("runs", "runs")
-    if not isinstance(runs, str) or not runs:
-        raise RigctlError("runs: wrong kind of value", value=str(runs), expected="a folder", where=where)
-    return _expanded(runs)
+        if not isinstance(written, str) or not written:
+            kind = "a folder" if name == "runs" else "a rig file"
+            raise RigctlError(f"{name}: wrong kind of value", value=str(written), expected=kind, where=where)
+        found[name] = _expanded(written)
+    return found
 
 
 def _expanded(path: str | Path) -> Path:

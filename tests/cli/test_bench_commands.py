@@ -116,6 +116,7 @@ def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
         (["abort", "20990101"], ""),
         (["jog", "valv", "extend"], "did you mean 'valve'"),
         (["jog", "valve", "sideways"], "unknown position"),
+        (["jog", "valve", "extend", "--speed", "max"], "nobody answers that fast"),
         (["jog", "heater", "on", "--for", "5 bar"], "wrong dimension"),
         (["monitor", "--for", "soon"], "not a quantity"),
     ],
@@ -153,6 +154,36 @@ def test_jog_and_off_leave_everything_safe(rigctl: Rigctl) -> None:
     assert told(rigctl("off", "--json"))["rig"] == "HL32 bench"
 
 
+def test_jog_with_nobody_there_ends_at_once(rigctl: Rigctl) -> None:
+    done = rigctl("jog", "heater", "on", "--json")
+    assert done.exit_code == 1
+    assert told(done)["reason"].startswith("nobody can answer 'heater is at on; Enter brings it back'")
+    assert "heater off" in done.stderr
+
+
+def test_jog_of_what_is_turned_by_hand_asks_the_simulated_operator(rigctl: Rigctl) -> None:
+    done = rigctl("jog", "relief_valve", "30 bar", "--speed", "max", "--json")
+    assert told(done)["status"] == "finished"
+
+
+def test_the_project_names_the_rig_that_is_meant(rigctl: Rigctl) -> None:
+    Path("rigs/other.yaml").write_text("", encoding="utf-8")
+    refused = str(rigctl("off").exception)
+    assert "which rig?; expected --rig rigs/bench.yaml or --rig rigs/other.yaml" in refused
+    Path("rigctl.toml").write_text('rig = "rigs/bench.yaml"', encoding="utf-8")
+    assert told(rigctl("off", "--json"))["rig"] == "HL32 bench"
+
+
+def test_a_missed_measure_is_named(rigctl: Rigctl) -> None:
+    limits = "low: 90 mm, missed: continue}"
+    measure = f"      - measure: {{name: way, value: last(position) - first(position), unit: mm, {limits}\n"
+    text = PROCEDURE.replace("  - retract", measure + "  - retract")
+    Path("stroke.yaml").write_text(text, encoding="utf-8")
+    reason = told(rigctl("simulate", "stroke.yaml", "--json", "--no-noise"))["reason"]
+    assert reason.startswith("a measure lay outside its limits: way is ")
+    assert reason.endswith("mm, expected at least 90 mm")
+
+
 def test_jog_until_enter(rigctl: Rigctl) -> None:
     done = rigctl("jog", "heater", "on", typed="\n")
     assert done.exit_code == 0, done.output
@@ -162,7 +193,7 @@ def test_jog_until_enter(rigctl: Rigctl) -> None:
 def test_jog_stops_at_a_limit(rigctl: Rigctl) -> None:
     done = rigctl("jog", "valve", "extend", "--for", "5 s", "--speed", "max")
     assert done.exit_code == 1
-    assert "The piston is about to reach its end stop" in done.stdout
+    assert "failed: The piston is about to reach its end stop" in done.stdout
 
 
 def test_monitor_for_people_and_for_programs(rigctl: Rigctl) -> None:

@@ -22,6 +22,7 @@ class Typed:
     """Keys from a list."""
 
     interactive = True
+    ended = False
 
     def __init__(self, *typed: str) -> None:
         self.waiting = list(typed)
@@ -92,6 +93,14 @@ def test_a_file_of_answers_is_read_ahead_and_keeps_its_order() -> None:
         assert answer is not None
         values.append(answer.value)
     assert values == [12.0, 13.0]
+
+
+def test_a_question_that_nobody_can_answer_is_not_waited_for() -> None:
+    with Console("me", write=None, keys=open_keys(io.StringIO(""))) as console:
+        give_up = time.monotonic() + 10.0
+        with pytest.raises(RigctlError, match=r"nobody can answer 'Flow time\?'"):
+            while time.monotonic() < give_up:
+                assert console.ask(TIME) is None
 
 
 def test_bare_numbers_are_in_the_questions_unit() -> None:

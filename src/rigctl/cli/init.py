@@ -15,6 +15,9 @@ _MARKER = """\
 
 # where runs are kept
 runs = "runs"
+
+# the rig that 'rigctl off', 'jog' and 'monitor' mean when no --rig is given
+rig = "rigs/hl32-bench.yaml"
 """
 
 _README = """\

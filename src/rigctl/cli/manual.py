@@ -21,11 +21,9 @@ if TYPE_CHECKING:
     from rigctl.runner.manual import Reading
 
 RigFile = Annotated[
-    Path | None, typer.Option(help="The rig file; the only one in rigs/ when left out.", show_default=False)
+    Path | None, typer.Option(help="The rig file; by default the project's.", show_default=False)
 ]
-Backend = Annotated[
-    str | None, typer.Option(help="serial, simulated or emulated; by default the rig file's.")
-]
+Backend = Annotated[str | None, typer.Option(help="Which backend; by default the rig file's.")]
 Port = Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")]
 Speed = Annotated[str, typer.Option(help="Of a bench that is no real one: 1x, 10x or max.")]
 
@@ -58,6 +56,8 @@ def jog(
     backend: Backend = None,
     port: Port = None,
     speed: Speed = "1x",
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Move one actuator by hand, within its range and under the interlocks; everything is safe afterwards.
 
@@ -68,12 +68,20 @@ def jog(
     from rigctl.cli.running import tell
     from rigctl.runner.console import Console
     from rigctl.runner.manual import jog as carry_out
+    from rigctl.runner.manual import needs_person
 
     bench = _open_rig(rig)
+    how = _how(bench, backend, port, speed)
+    by_person = needs_person(bench, actuator, duration, how)
+    if by_person and speed == "max":
+        raise RigctlError(
+            f"{actuator}: nobody answers that fast", expected="--for, or --speed 1x", value=speed
+        )
     with Console("operator") as console:
-        how = replace(_how(bench, backend, port, speed), operator=console, controls=(console,))
+        operator = console if by_person else how.operator
+        how = replace(how, operator=operator, controls=(console,))
         result = carry_out(bench, actuator, value, duration, how, partial(_print_event, bench))
-    tell(result, as_json=False)
+    tell(result, as_json=as_json)
 
 
 def monitor(
@@ -126,20 +134,24 @@ def _open_rig(path: Path | None) -> Rig:
     Raises
     ------
     RigctlError
-        none is named, and there is not exactly one in the project.
+        none is named, neither here nor in the project file, and there is not exactly one in the project.
     """
     from rigctl.cli.plans import find_file
-    from rigctl.project import find_project
+    from rigctl.project import MARKER, find_project
     from rigctl.rig import load_rig
 
-    if path is not None:
-        return load_rig(find_file(path))
-    found = sorted((find_project().root / "rigs").glob("*.yaml"))
+    project = find_project()
+    chosen = path or project.rig
+    if chosen is not None:
+        return load_rig(find_file(chosen))
+    found = sorted((project.root / "rigs").glob("*.yaml"))
     if len(found) == 1:
         return load_rig(found[0])
     raise RigctlError(
         "which rig?",
-        expected="--rig " + (" or --rig ".join(str(rig) for rig in found) if found else "FILE"),
+        expected=" or ".join(f"--rig {rig.relative_to(project.root).as_posix()}" for rig in found)
+        or "--rig FILE",
+        hint=f'{MARKER} can name one for good: rig = "rigs/my-bench.yaml"',
     )
 
 

@@ -85,6 +85,7 @@ def say_warnings(warnings: Sequence[str]) -> None:
 
 
 def _typing_possible() -> bool:
+    """Whether a person can type here: stdin is a terminal."""
     try:
         return sys.stdin is not None and sys.stdin.isatty()
     except ValueError:  # closed

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
-from rigctl.errors import RigctlError
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.runner.keys import Keys, open_keys
 from rigctl.runner.operator import Answer, Question, read_answer
 from rigctl.runner.requests import Order, Request
@@ -73,12 +73,19 @@ class Console:
         self._keys.close()
 
     def ask(self, question: Question) -> Answer | None:
-        """Show the question once, then hand over the first answer that fits it."""
+        """Show the question once, then hand over the first answer that fits it.
+
+        Raises
+        ------
+        RigctlError
+            nobody is there to answer: there is no terminal, and no further line will come.
+        """
         if question is not self._question:
             self._question, self.typed = question, ""
             self._write(f"{question}{chr(10) if question.notice else ' '}")
         if question.notice:
             return None
+        ended = self._keys.ended  # before what was typed is read, so that no last line is lost
         self._read()
         while self._lines:
             line = self._lines.pop(0)
@@ -90,6 +97,12 @@ class Console:
             else:
                 self._question, self.typed = None, ""
                 return answer
+        if ended:
+            raise RigctlError(
+                f"nobody can answer '{question.text}'",
+                hint="Call it in a terminal, or give what it asks for beforehand",
+                exit_code=ExitCode.FAILED,
+            )
         return None
 
     def withdraw(self, question: Question) -> None:

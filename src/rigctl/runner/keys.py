@@ -15,6 +15,7 @@ class Keys(Protocol):
     """Characters as they are typed."""
 
     interactive: bool
+    ended: bool  #: nothing more can be typed
 
     def read(self) -> str:
         """What was typed since the last call; returns at once."""
@@ -53,6 +54,7 @@ class _PosixKeys:
     """A terminal that hands over every key at once and does not show it."""
 
     interactive = True
+    ended = False
 
     def __init__(self, descriptor: int) -> None:
         import codecs
@@ -85,6 +87,7 @@ class _WindowsKeys:
     """The console's own key functions."""
 
     interactive = True
+    ended = False
 
     def __init__(self) -> None:
         import importlib
@@ -113,13 +116,15 @@ class _Lines:
 
     def __init__(self, stream: TextIO | None) -> None:
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
-        if stream is not None and not stream.closed:
+        self.ended = stream is None or stream.closed
+        if stream is not None and not self.ended:
             threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: TextIO) -> None:
         with suppress(OSError, ValueError):
             for line in stream:
                 self._lines.put(line if line.endswith("\n") else line + "\n")
+        self.ended = True
 
     def read(self) -> str:
         typed = ""

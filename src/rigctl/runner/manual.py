@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from rigctl.procedure import Plan, expand, parse_procedure
 from rigctl.rig import Rig
 from rigctl.runner.control import send
 from rigctl.runner.interlocks import Alarm, Interlocks
-from rigctl.runner.launch import Launch, held, opened
+from rigctl.runner.launch import UNREAL, Launch, held, opened
 from rigctl.runner.lock import RigLock
 from rigctl.runner.recorder import Unrecorded
 from rigctl.runner.requests import Request
@@ -23,6 +24,9 @@ from rigctl.runner.signals import Signals
 
 #: s of wall time that Ctrl-C may have to wait
 _RESPONSE = 0.1
+
+#: line and column at the start of a reason
+_PLACE = re.compile(r"^\d+:\d+: ")
 
 OnEvent = Callable[[float, str, Mapping[str, Any]], None]
 
@@ -71,7 +75,7 @@ def jog(
     plan = _plan_of_jog(rig, actuator, value, duration)
     with held(rig, f"'rigctl jog {actuator}'", how) as lock, opened(rig, how) as backend:
         controls = [*how.controls, *([lock] if lock is not None else [])]
-        return run(
+        result = run(
             plan,
             backend,
             Unrecorded(on_event),
@@ -79,6 +83,21 @@ def jog(
             controls=controls,
             observer=how.observer,
         )
+    # a place in the procedure that was made up here helps nobody
+    return replace(result, reason=_PLACE.sub("", result.reason)) if result.reason else result
+
+
+def needs_person(rig: Rig, actuator: str, duration: str | None, how: Launch) -> bool:
+    """Whether somebody has to answer during a jog: to end it, or because the actuator is turned by hand.
+
+    The operator of a bench that is no real one is simulated along with it.
+    """
+    known = rig.actuators.get(actuator)
+    if known is None:
+        return False
+    if known.by == "operator":
+        return (how.backend or rig.backend.kind) not in UNREAL
+    return duration is None
 
 
 def watch(rig: Rig, how: Launch, rate: float) -> Generator[Reading, None, None]:
