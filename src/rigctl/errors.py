@@ -75,6 +75,20 @@ class RigctlError(Exception):
         self.where = self.where.or_else(where)
         return self
 
+    def as_dict(self) -> dict[str, object]:
+        """The parts of the message by name, for programs; what is not known is None."""
+        return {
+            "message": str(self),
+            "file": str(self.where.file) if self.where.file else None,
+            "line": self.where.line,
+            "column": self.where.column,
+            "what": self.what,
+            "value": self.value,
+            "expected": self.expected,
+            "nearest": self.nearest,
+            "hint": self.hint,
+        }
+
     def __str__(self) -> str:
         place = str(self.where)
         text = f"{place}: {self.what}" if place else self.what

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -46,6 +48,40 @@ def test_a_misspelt_command_names_the_nearest() -> None:
     )
     assert done.returncode == 2
     assert done.stderr == "rigctl: unknown command, got 'simulat'; did you mean 'simulate'?\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "exit_code", "message"),
+    [
+        (["check", "nowhere.yaml"], 2, "there is no such file, got 'nowhere.yaml'"),
+        (["check"], 2, "Missing argument"),
+        (["runs", "lst"], 2, "No such command 'lst'. Did you mean 'list'?"),
+        (["simulat"], 2, "unknown command, got 'simulat'; did you mean 'simulate'?"),
+        (["pause"], 1, "no run is in progress"),
+    ],
+)
+def test_a_program_is_told_of_a_mistake_in_json(
+    tmp_path: Path, words: list[str], exit_code: int, message: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "rigctl", *words, "--json"],
+        capture_output=True, text=True, check=False, cwd=tmp_path, encoding="utf-8",
+    )  # fmt: skip
+    told = json.loads(done.stdout)
+    assert done.returncode == told["exit_code"] == exit_code
+    assert message in told["error"]["message"]
+    assert done.stderr
+
+
+def test_a_mistake_in_a_file_has_its_place_in_json(tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("procedure: x\nrigg: y\nsteps: [{wait: 1 s}]\n", encoding="utf-8")
+    command = [sys.executable, "-m", "rigctl", "check", "p.yaml", "--json"]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=tmp_path, encoding="utf-8"
+    )
+    error = json.loads(done.stdout)["error"]
+    assert (error["file"], error["line"], error["column"]) == ("p.yaml", 2, 1)
+    assert (error["value"], error["nearest"]) == ("rigg", "rig")
 
 
 def test_python_dash_m_is_the_same_program() -> None:

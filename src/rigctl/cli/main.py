@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
-from rigctl.errors import ExitCode, RigctlError, unknown_name
+from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 
 
 class LazyGroup(TyperGroup):
@@ -86,11 +87,36 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             # a terminal that has no '±' shows a '?' instead of a traceback
             stream.reconfigure(errors="replace")
+    wanted = "--json" in sys.argv[1:]
     try:
         app()
     except RigctlError as error:
-        print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
-        sys.exit(error.exit_code)
+        _refuse(error, as_json=wanted)
     except RecursionError:
-        print("rigctl: the input is nested too deeply", file=sys.stderr)  # noqa: T201
-        sys.exit(ExitCode.USAGE)
+        _refuse(RigctlError("the input is nested too deeply"), as_json=wanted)
+    except OSError as problem:  # a disk that is full or gone, anywhere
+        name = Path(problem.filename) if isinstance(problem.filename, str) else None
+        text = problem.strerror or str(problem)
+        _refuse(RigctlError(text, where=Location(name), exit_code=ExitCode.FAILED), as_json=wanted)
+    except SystemExit as end:
+        # the call itself was wrong, and stderr has said how
+        say = getattr(end.__context__, "format_message", None)
+        if wanted and end.code == ExitCode.USAGE and say is not None:
+            _print_refusal(RigctlError(say()))
+        raise
+
+
+def _refuse(error: RigctlError, *, as_json: bool) -> NoReturn:
+    """One message on stderr, one document on stdout where a program asked for it, and the exit code."""
+    print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
+    if as_json:
+        _print_refusal(error)
+    sys.exit(error.exit_code)
+
+
+def _print_refusal(error: RigctlError) -> None:
+    """The error as a JSON document."""
+    import json
+
+    told = {"error": error.as_dict(), "exit_code": int(error.exit_code)}
+    print(json.dumps(told, ensure_ascii=False))  # noqa: T201
