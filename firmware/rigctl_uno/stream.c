@@ -2,6 +2,8 @@
  * is left out, and its number with it. */
 #include "board.h"
 
+#define LATE 8 /* periods that an answer may delay the stream by; each sample bears the time it was taken */
+
 static uint32_t period, next;
 static uint16_t sequence;
 static bool overrun;
@@ -26,9 +28,11 @@ void stream_tick(void) {
     if (!period || (int32_t)(now - next) < 0)
         return;
     next += period;
-    while ((int32_t)(now - next) > 0) { /* late by a whole period */
-        next += period;
-        sequence++;
+    if ((int32_t)(now - next) > (int32_t)(LATE * period)) { /* too busy for this rate: leave samples out */
+        while ((int32_t)(now - next) > 0) {
+            next += period;
+            sequence++;
+        }
         tell_overrun();
     }
     line_begin('@');
