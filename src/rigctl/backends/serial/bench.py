@@ -78,6 +78,7 @@ class SerialBench:
         self._why_lost = ""
         self._next_try = self._retry = 0.0
         self._next_ping = 0.0
+        self._trip_told = False
         self._ends: dict[str, float] = {}  # pulses that are timed here
         self._intake = Intake(self._translation, clock)
 
@@ -134,6 +135,9 @@ class SerialBench:
         deadline = self.clock.now() + timeout
         while not self._intake.samples:
             if self._intake.tripped:
+                if not self._trip_told:  # the notice and the receipts of the trip are fetched first
+                    self._trip_told = True
+                    return None
                 raise BackendLost(f"the board has tripped: {self._intake.tripped}")
             if self.clock.now() >= deadline:
                 return None
@@ -207,7 +211,7 @@ class SerialBench:
         board.line.switched.clear()
         self.identity = {**self.identity, **board.identity}
         self._board = board
-        self._intake.tripped = ""
+        self._intake.tripped, self._trip_told = "", False
         known_commands = dict.fromkeys(self._rig.actuators, 0.0) | self._intake.commanded
         self._intake.commanded = known_commands | self._resting()
         self._next_ping = self.clock.now() + PING_INTERVAL
