@@ -11,10 +11,11 @@ from rigctl.backends.emulated.library import load_libraries
 from rigctl.backends.emulated.port import EmulatedPort
 from rigctl.backends.options import read_flag, refuse_unknown
 from rigctl.backends.serial.bench import SerialBench
+from rigctl.backends.serial.create import BAUD
 from rigctl.backends.serial.port import Port
 from rigctl.backends.serial.wiring import wiring_of
 from rigctl.backends.simulated.create import OPTIONS as OF_THE_BENCH
-from rigctl.backends.simulated.create import prepare
+from rigctl.backends.simulated.create import Prepared, prepare
 from rigctl.backends.simulated.link import Link
 from rigctl.clock import Clock
 from rigctl.rig import Rig
@@ -39,12 +40,9 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench
     """
     refuse_unknown("option of the emulated backend", options, OPTIONS)
     load_libraries()
-    wiring = wiring_of(rig, options)
-    baud = options.get("baud") or rig.backend.baud or 115200
-    baud = baud if isinstance(baud, int) else 0
-    image = options.get("image")
-    program = read_intel_hex(Path(str(image)) if image else shipped_image(baud))
-    bench = prepare(rig, {name: value for name, value in options.items() if name in OF_THE_BENCH})
+    wiring, baud = wiring_of(rig, options), _baud(rig, options)
+    program = _program(options, baud)
+    bench = _bench(rig, options)
     switched_on: list[tuple[EmulatedBoard, float]] = []
 
     def connect() -> Port:
@@ -72,3 +70,31 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench
         identity=bench.identity,
         by_hand=by_hand,
     )
+
+
+def make_board(rig: Rig, options: Mapping[str, object]) -> EmulatedBoard:
+    """The board alone, switched on, for a client of one's own; options as for `create`.
+
+    Raises
+    ------
+    RigctlError
+        as `create`.
+    """
+    refuse_unknown("option of the emulated backend", options, OPTIONS)
+    load_libraries()
+    program = _program(options, _baud(rig, options))
+    return EmulatedBoard(rig, wiring_of(rig, options), program, _bench(rig, options).switch_on())
+
+
+def _baud(rig: Rig, options: Mapping[str, object]) -> int:
+    baud = options.get("baud") or rig.backend.baud or BAUD
+    return baud if isinstance(baud, int) else 0
+
+
+def _program(options: Mapping[str, object], baud: int) -> bytes:
+    image = options.get("image")
+    return read_intel_hex(Path(str(image)) if image else shipped_image(baud))
+
+
+def _bench(rig: Rig, options: Mapping[str, object]) -> Prepared:
+    return prepare(rig, {name: value for name, value in options.items() if name in OF_THE_BENCH})
