@@ -28,9 +28,10 @@ imports: $(VENV)/.installed-dev
 unit: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
-# Debian packages that the tests use: a browser to open the report in. Elsewhere: install Chromium by hand.
+# Debian packages that the tests use: a browser to open the report in, an emulator of the board's microcontroller
+# and the compiler for its program. Elsewhere: install Chromium, simavr and avr-gcc by hand.
 system:
-	sh tools/install-system-packages chromium
+	sh tools/install-system-packages chromium libsimavr2 gcc-avr binutils-avr avr-libc
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks

@@ -12,7 +12,9 @@ from rigctl.rig import Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
 _MODULES: Mapping[str, str] = {
+    "emulated": "rigctl.backends.emulated.create",
     "replay": "rigctl.backends.replay.create",
+    "serial": "rigctl.backends.serial.create",
     "simulated": "rigctl.backends.simulated.create",
 }
 #: kinds that a rig file may name already

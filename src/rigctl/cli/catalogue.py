@@ -44,6 +44,12 @@ ENTRIES = (
     Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
     Entry("effects", "rigctl.cli.effects:app", PHYSICS, "The library of effects, and your own."),
+    Entry(
+        "emulate",
+        "rigctl.cli.emulate:emulate",
+        TOOLS,
+        "The board's firmware emulated, its port for any client.",
+    ),
     Entry("schema", "rigctl.cli.schema:schema", TOOLS, "JSON Schema of the files a user writes."),
     Entry("doctor", "rigctl.cli.doctor:doctor", TOOLS, "What is installed, what is missing, how to get it."),
 )

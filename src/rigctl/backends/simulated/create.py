@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from rigctl.backends.options import read_flag, read_texts, refuse_unknown
 from rigctl.backends.simulated.bench import SimulatedBench
 from rigctl.backends.simulated.device import Device
-from rigctl.backends.simulated.faults import parse_fault
+from rigctl.backends.simulated.faults import Fault, parse_fault
 from rigctl.backends.simulated.imperfections import Imperfections
 from rigctl.backends.simulated.initial import initial_commands, initial_values
 from rigctl.backends.simulated.link import Link
@@ -45,6 +46,30 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBe
     RigctlError
         an option is unknown or wrong.
     """
+    bench = prepare(rig, options)
+    return SimulatedBench(rig, clock, bench.switch_on, Link(bench.faults), bench.identity)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A simulated bench without host or clock, ready to be switched on.
+
+    The emulated board has its pins on one.
+    """
+
+    switch_on: Callable[[], Device]
+    faults: tuple[Fault, ...]
+    identity: Mapping[str, str]
+
+
+def prepare(rig: Rig, options: Mapping[str, object]) -> Prepared:
+    """The bench's side for the options that `create` knows.
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong.
+    """
     refuse_unknown("option of the simulated bench", options, OPTIONS)
     flaws = Imperfections(
         seed=_seed(options.get("seed"), rig.simulation.seed),
@@ -65,7 +90,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBe
         "noise": "on" if flaws.noise else "off",
         "faults": ", ".join(str(fault) for fault in flaws.faults) or "none",
     }
-    return SimulatedBench(rig, clock, switch_on, Link(flaws.faults), identity)
+    return Prepared(switch_on, flaws.faults, identity)
 
 
 def _seed(given: object, default: int) -> int:

@@ -1,0 +1,63 @@
+/* The serial line, both ways through rings that interrupts fill and empty. */
+#include <avr/interrupt.h>
+#include <avr/wdt.h>
+
+#include "board.h"
+
+#define DIVISOR ((F_CPU + BAUD * 4UL) / (BAUD * 8UL) - 1UL) /* double speed */
+
+static volatile uint8_t received[128], to_send[256];
+static volatile uint8_t rx_head, rx_tail, tx_head, tx_tail, lost;
+
+ISR(USART_RX_vect) {
+    uint8_t status = UCSR0A, byte = UDR0, next = (rx_head + 1) & 127;
+    if (status & _BV(DOR0))
+        lost = 1;
+    if (next == rx_tail) {
+        lost = 1;
+    } else {
+        received[rx_head] = byte;
+        rx_head = next;
+    }
+}
+
+ISR(USART_UDRE_vect) {
+    if (tx_head == tx_tail) {
+        UCSR0B &= ~_BV(UDRIE0);
+        return;
+    }
+    UDR0 = to_send[tx_tail];
+    tx_tail++;
+}
+
+void uart_start(void) {
+    UCSR0A = _BV(U2X0);
+    UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
+    UBRR0H = DIVISOR >> 8;
+    UBRR0L = DIVISOR & 255;
+    UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
+}
+
+bool uart_read(uint8_t *byte) {
+    if (rx_tail == rx_head)
+        return false;
+    *byte = received[rx_tail];
+    rx_tail = (rx_tail + 1) & 127;
+    return true;
+}
+
+bool uart_overrun(void) {
+    bool was = lost;
+    lost = 0;
+    return was;
+}
+
+uint8_t uart_free(void) { return (uint8_t)(tx_tail - tx_head - 1); }
+
+void uart_put(char c) {
+    while (!uart_free()) /* always ends: the line sends without anybody's leave */
+        wdt_reset();
+    to_send[tx_head] = c;
+    tx_head++;
+    UCSR0B |= _BV(UDRIE0);
+}

@@ -1,0 +1,207 @@
+"""An ATmega328P under simavr: program in, serial bytes and pins in and out, time in cycles.
+
+The inner loop stays in C: ``lfind(key, base, &n, 0, f)`` calls ``f(key, base)`` until it returns 0, and
+``avr_run(avr)`` returns the core's state, which is 0 only in limbo. A cycle timer puts it there at the cycle
+that was asked for, so one call runs a whole slice. One call per instruction would be ten times slower.
+"""
+
+from __future__ import annotations
+
+import ctypes as c
+from collections.abc import Callable
+from typing import Any
+
+from rigctl.backends.emulated.library import (
+    CRASHED,
+    DONE,
+    LIMBO,
+    RUNNING,
+    STOPPED,
+    Core,
+    IrqCallback,
+    TimerCallback,
+    address_of,
+    ioctl_code,
+    load_libraries,
+)
+from rigctl.errors import ExitCode, RigctlError
+
+FREQUENCY = 16_000_000  #: Hz, the Uno's crystal
+SUPPLY_MV = 5000
+_SLICE_CYCLES = 2000  # simavr looks at its timers at least this often
+_BITS = 11  # simavr 1.6 always counts a parity bit; at 10 its receiver overflows
+
+# registers of the ATmega328P in data space
+_UCSR0A, _UBRR0L, _UBRR0H = 0xC0, 0xC4, 0xC5
+_TCCR1A, _OCR1AL, _OCR1AH = 0x80, 0x88, 0x89
+
+
+class Avr:
+    """One microcontroller.
+
+    Parameters
+    ----------
+    program: the flash from address 0.
+    pin_changed: told (port letter, bit, level, cycle) when an output pin changes.
+    """
+
+    def __init__(self, program: bytes, pin_changed: Callable[[str, int, bool, int], None]) -> None:
+        libraries = load_libraries()
+        self._sim, self._libc = libraries.simavr, libraries.libc
+        self._core = self._sim.avr_make_mcu_by_name(b"atmega328p")
+        if not self._core:
+            raise RigctlError("this simavr does not know the ATmega328P")
+        self._state: Core = self._core.contents
+        self._sim.avr_init(self._core)
+        self._check_layout()
+        self._state.frequency = FREQUENCY
+        self._state.vcc = self._state.avcc = self._state.aref = SUPPLY_MV
+        # simavr would sleep in real time; this function of its own only adds up
+        self._state.sleep = address_of(self._sim.avr_pending_sleep_usec)
+        self._sim.avr_loadcode(self._core, program, len(program), 0)
+        self._state.codeend = len(program)
+        flags = c.c_uint32(0)  # no echo on stdout, no polling pause
+        self._sim.avr_ioctl(self._core, ioctl_code("uas0"), c.byref(flags))
+        self._callbacks: list[Any] = []  # what C holds must not be collected here
+        self._sent = bytearray()
+        self._arriving = bytearray()
+        self._receiving = False
+        self._listen("uar0", 1, lambda value: self._sent.append(value & 0xFF))
+        for port in "BD":
+            for bit in range(8):
+                self._listen(f"iog{port}", bit, self._watcher(port, bit, pin_changed))
+        self._uart_in = self._irq("uar0", 0)
+        self._adc = [self._irq("adc ", channel) for channel in range(6)]
+        self._run = address_of(self._sim.avr_run)
+        self._stopper = TimerCallback(self._stop)
+        self._receiver = TimerCallback(self._receive)
+        self._held = RUNNING
+        self.resets = 0  #: how often it was restarted, by its watchdog or from outside
+
+    @property
+    def cycle(self) -> int:
+        """Cycles since power-on."""
+        return int(self._state.cycle)
+
+    def close(self) -> None:
+        """Give its memory back."""
+        if self._core is not None:
+            self._sim.avr_terminate(self._core)
+            self._core = None
+
+    def run_to(self, cycle: int) -> None:
+        """Run until `cycle`.
+
+        Raises
+        ------
+        RigctlError
+            the program crashed.
+        """
+        state, count = self._state, c.c_size_t(0)
+        while state.cycle < cycle:
+            if state.state in (DONE, CRASHED, STOPPED):
+                raise RigctlError(
+                    "the emulated board's program crashed",
+                    value=f"address {state.pc:#x}",
+                    exit_code=ExitCode.FAILED,
+                )
+            state.run_cycle_limit = _SLICE_CYCLES
+            left = cycle - state.cycle
+            self._sim.avr_cycle_timer_register(self._core, left, self._stopper, None)
+            # a reset wipes every cycle timer, this one too; each call advances one cycle at least
+            count.value = left + 1
+            self._libc.lfind(self._core, self._core, c.byref(count), 0, self._run)
+            if state.state == LIMBO:
+                state.state = self._held
+            elif state.run_cycle_limit == 1:  # only a reset sets that
+                self._restarted()
+
+    def reset(self) -> None:
+        """What the reset button does."""
+        self._sim.avr_reset(self._core)
+        self._restarted()
+
+    def send(self, data: bytes) -> None:
+        """Bytes for its receiver, which arrive one per character time, as on a wire."""
+        self._arriving += data
+        if not self._receiving and self._arriving:
+            self._receiving = True
+            self._sim.avr_cycle_timer_register(self._core, self._character, self._receiver, None)
+
+    def take(self) -> bytes:
+        """What it has sent since the last call."""
+        sent = bytes(self._sent)
+        self._sent.clear()
+        return sent
+
+    @property
+    def baud(self) -> float:
+        """Bits per second that the program has set."""
+        return FREQUENCY * _BITS / self._character
+
+    def put_voltage(self, channel: int, millivolt: int) -> None:
+        """Put an analog input to a voltage, 0 to 5000 mV."""
+        self._sim.avr_raise_irq(self._adc[channel], min(max(millivolt, 0), SUPPLY_MV))
+
+    @property
+    def pwm(self) -> float:
+        """Duty cycle of OC1A, 0 to 1."""
+        if not self._register(_TCCR1A) & 0x80:
+            return 0.0
+        return (self._register(_OCR1AL) | self._register(_OCR1AH) << 8) / 1023
+
+    @property
+    def _character(self) -> int:
+        divisor = (self._register(_UBRR0L) | self._register(_UBRR0H) << 8) + 1
+        return int(_BITS * divisor * (8 if self._register(_UCSR0A) & 2 else 16))
+
+    def _register(self, address: int) -> int:
+        return int(c.cast(self._state.data, c.POINTER(c.c_uint8))[address])
+
+    def _irq(self, kind: str, index: int) -> int:
+        irq = self._sim.avr_io_getirq(self._core, ioctl_code(kind), index)
+        if not irq:
+            raise RigctlError("this simavr lacks a part of the ATmega328P", value=f"{kind}{index}")
+        return int(irq)
+
+    def _listen(self, kind: str, index: int, told: Callable[[int], None]) -> None:
+        callback = IrqCallback(lambda _irq, value, _parameter: told(value))
+        self._callbacks.append(callback)
+        self._sim.avr_irq_register_notify(self._irq(kind, index), callback, None)
+
+    def _watcher(
+        self, port: str, bit: int, told: Callable[[str, int, bool, int], None]
+    ) -> Callable[[int], None]:
+        return lambda value: told(port, bit, bool(value), int(self._state.cycle))
+
+    def _stop(self, _core: Any, _when: int, _parameter: Any) -> int:
+        self._held = self._state.state
+        self._state.state = LIMBO
+        return 0
+
+    def _receive(self, _core: Any, when: int, _parameter: Any) -> int:
+        if not self._arriving:
+            self._receiving = False
+            return 0
+        self._sim.avr_raise_irq(self._uart_in, self._arriving.pop(0))
+        return when + self._character
+
+    def _restarted(self) -> None:
+        self.resets += 1
+        self._receiving = False
+        self._arriving.clear()
+
+    def _check_layout(self) -> None:
+        state = self._state
+        fits = (
+            state.mmcu.startswith(b"atmega328")
+            and (state.ramend, state.flashend) == (0x8FF, 0x7FFF)
+            and (state.frequency, state.run_cycle_limit) == (1_000_000, 1)
+            and state.run == address_of(self._sim.avr_callback_run_raw)
+            and state.sleep == address_of(self._sim.avr_callback_sleep_raw)
+        )
+        if not fits:
+            raise RigctlError(
+                "this simavr is laid out otherwise than version 1.6 on 64-bit Linux",
+                hint="The emulated board cannot use it; '--backend simulated' needs none",
+            )

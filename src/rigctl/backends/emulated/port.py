@@ -1,0 +1,65 @@
+"""The emulated board's line without a second process: reading lets its time pass with the clock."""
+
+from __future__ import annotations
+
+import math
+
+from rigctl.backends.emulated.board import SLICE, EmulatedBoard
+from rigctl.backends.serial.port import PortLost
+from rigctl.backends.simulated.link import Link
+from rigctl.clock import Clock
+
+
+class EmulatedPort:
+    """A `Port` in step with an injected clock.
+
+    On a virtual clock two runs with the same seed and calls give identical bytes.
+
+    Parameters
+    ----------
+    board: what is at the other end.
+    clock: what both sides wait on.
+    origin: bench time at which the board was switched on.
+    link: when the line is dead.
+    """
+
+    name = "the emulated board"
+
+    def __init__(self, board: EmulatedBoard, clock: Clock, origin: float, link: Link) -> None:
+        self._board = board
+        self._clock = clock
+        self._origin = origin
+        self._link = link
+
+    def write(self, data: bytes) -> None:
+        """Send `data`, now."""
+        self._check()
+        self._follow()
+        self._board.avr.send(data)
+
+    def read(self, until: float) -> bytes:
+        """What the board has sent, waiting until bench time `until`."""
+        while True:
+            self._check()
+            self._follow()
+            data = self._board.avr.take()
+            if data and not self._link.silent(self._clock.now() - self._origin):
+                return data
+            now = self._clock.now()
+            if now >= until:
+                return b""
+            self._clock.sleep_until(min(until, now + SLICE))
+
+    def close(self) -> None:
+        """The board goes on by itself."""
+
+    def _follow(self) -> None:
+        self._board.run_to(self._clock.now() - self._origin)
+
+    def _check(self) -> None:
+        now = self._clock.now() - self._origin
+        if not self._link.perfect and self._link.back_at(now) > now:
+            self._follow()
+            self._board.avr.take()
+            gone = "for good" if math.isinf(self._link.back_at(now)) else "for a while"
+            raise PortLost(f"{self.name} cannot be reached: injected fault, {gone}")

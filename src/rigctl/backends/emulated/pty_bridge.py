@@ -1,0 +1,116 @@
+"""The emulated board on a pseudo-terminal that any client opens as its serial port."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import sys
+from pathlib import Path
+
+from rigctl.backends.emulated.board import SLICE, EmulatedBoard
+from rigctl.clock import Clock
+
+_BAUD_TOLERANCE = 0.045  # a receiver gives up beyond it
+_FARTHEST_BEHIND = 0.25  # s that a slow computer may lag before time is let go
+
+
+class PtyBridge:
+    """Carries bytes between a pty and a board, and lets both follow a clock.
+
+    What nobody reads is dropped, as on a wire. A client with another baud rate gets, and gives, garbage.
+
+    Parameters
+    ----------
+    board: what is at the other end.
+    clock: real, or faster.
+
+    Attributes
+    ----------
+    port: the path that a client opens.
+    """
+
+    def __init__(self, board: EmulatedBoard, clock: Clock) -> None:
+        if sys.platform == "win32":  # pragma: no cover - simavr has refused before
+            raise NotImplementedError
+        import tty
+
+        self._board = board
+        self._clock = clock
+        self._ahead = board.time - clock.now()
+        self._master, slave = os.openpty()
+        tty.setraw(slave)  # a cooked one would echo answers back as commands
+        self.port = os.ttyname(slave)
+        os.close(slave)  # so that a hang-up on the master means: nobody has it open
+        os.set_blocking(self._master, False)
+        self._poll = select.poll()
+        self._poll.register(self._master, select.POLLIN)
+
+    def step(self) -> None:
+        """Let one slice pass."""
+        client = self._has_client()
+        received = self._read() if client else b""
+        sound = self._sound_baud() if client else True
+        if received:
+            self._board.avr.send(received if sound else _garbled(received))
+        self._board.run_to(self._board.time + SLICE)
+        sent = self._board.avr.take()
+        if sent and client:
+            self._write(sent if sound else _garbled(sent))
+        self._keep_pace()
+
+    def close(self) -> None:
+        """Take the port away, as when its plug is pulled."""
+        os.close(self._master)
+
+    def link(self, path: Path) -> None:
+        """Give the port a name of one's own."""
+        path.unlink(missing_ok=True)
+        path.symlink_to(self.port)
+
+    def _keep_pace(self) -> None:
+        due = self._board.time - self._ahead
+        late = self._clock.now() - due
+        if late > _FARTHEST_BEHIND:
+            self._ahead -= late
+        else:
+            self._clock.sleep_until(due)
+
+    def _has_client(self) -> bool:
+        events = self._poll.poll(0)
+        return not (events and events[0][1] & select.POLLHUP)
+
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._master, 4096)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            if error.errno == errno.EIO:  # the client has just gone
+                return b""
+            raise
+
+    def _write(self, data: bytes) -> None:
+        try:
+            os.write(self._master, data)
+        except (BlockingIOError, OSError):
+            return  # full, or the client has just gone: lost, as on a wire
+
+    def _sound_baud(self) -> bool:
+        """Whether the client's speed is the board's; both ends of a pty share their settings."""
+        import termios
+
+        code = termios.tcgetattr(self._master)[5]
+        set_to = next(
+            (int(name[1:]) for name in dir(termios) if _is_speed(name) and getattr(termios, name) == code), 0
+        )
+        return not set_to or abs(set_to - self._board.avr.baud) <= _BAUD_TOLERANCE * self._board.avr.baud
+
+
+def _is_speed(name: str) -> bool:
+    return name[0] == "B" and name[1:].isdigit()
+
+
+def _garbled(data: bytes) -> bytes:
+    """What a receiver of another speed makes of it."""
+    return bytes((byte * 37 + 11) & 0xFF for byte in data)

@@ -1,0 +1,97 @@
+"""From the board's microseconds to the bench's clock.
+
+A query of the board's time, sent at s and answered at r, says that the board read b somewhere in [s, r], less
+the time that the characters need on the line. The narrowest of these intervals give offset and rate by
+weighted least squares: ``t = h0 + rate·(b − b0)``. The map is corrected by its slope, never by a step, so
+that the distances of samples stay true; only a restart of the board makes it jump.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+_ROLL_OVER = 1 << 32
+_KEPT = 64  # time queries
+_RATE_SPAN = 20.0  # s of queries from which a rate can be told
+_RATE_LIMIT = 0.01  # a ceramic resonator is within 0.5 %
+_CORRECTION_TIME = 5.0  # s in which an error of the offset is worked off
+_STEEPEST = 2e-3  # that it may change the slope by
+_LOST_TRACK = 0.05  # s; a larger error is no drift
+
+
+@dataclass(frozen=True, slots=True)
+class _Exchange:
+    board: float  # s, unwrapped
+    host: float  # s, middle of the interval
+    half: float  # s, half of its width
+
+
+class ClockMap:
+    """Maps board time to bench time, both in s.
+
+    Attributes
+    ----------
+    uncertainty: half-width of the interval that holds the true time of something the board stamped, s.
+    """
+
+    def __init__(self) -> None:
+        self._exchanges: deque[_Exchange] = deque(maxlen=_KEPT)
+        self._last_us = 0
+        self._board = 0.0
+        self._b0 = self._h0 = 0.0
+        self._rate = 1.0
+        self.uncertainty = 0.0
+
+    def unwrap(self, board_us: int) -> float:
+        """Board time in s, through its roll-overs of 71.6 min; whatever came before is less than half of one
+        away."""
+        step = (board_us - self._last_us) % _ROLL_OVER
+        if step >= _ROLL_OVER // 2:
+            step -= _ROLL_OVER
+        time = self._board + step * 1e-6
+        if step > 0:
+            self._last_us, self._board = board_us, time
+        return time
+
+    def to_host(self, board_us: int) -> float:
+        """Bench time of a stamp of the board, s."""
+        return self._h0 + self._rate * (self.unwrap(board_us) - self._b0)
+
+    def add(self, sent: float, board_us: int, received: float) -> bool:
+        """Learn from an exchange; False when the board's time cannot be what it was (it was restarted)."""
+        board = self.unwrap(board_us)
+        exchange = _Exchange(board, 0.5 * (sent + received), 0.5 * max(received - sent, 0.0))
+        if self._exchanges:
+            expected = self._h0 + self._rate * (board - self._b0)
+            if abs(expected - exchange.host) > exchange.half + _LOST_TRACK:
+                return False
+        first = not self._exchanges
+        self._exchanges.append(exchange)
+        rate, host = self._fit(board)
+        if first or len(self._exchanges) <= 8:  # nothing hangs on it yet
+            self._b0, self._h0, self._rate = board, host, rate
+        else:
+            now = self._h0 + self._rate * (board - self._b0)
+            correction = (host - now) / _CORRECTION_TIME
+            self._b0, self._h0 = board, now
+            self._rate = rate + min(max(correction, -_STEEPEST), _STEEPEST)
+        best = min(one.half for one in list(self._exchanges)[-16:])
+        error = abs(self._h0 - host)
+        self.uncertainty = best + error
+        return True
+
+    def _fit(self, board: float) -> tuple[float, float]:
+        """Rate, and bench time at `board`."""
+        exchanges = self._exchanges
+        if board - exchanges[0].board < _RATE_SPAN:
+            best = min(exchanges, key=lambda one: one.half)
+            return 1.0, best.host + (board - best.board)
+        weights = [1.0 / max(one.half, 1e-5) ** 2 for one in exchanges]
+        total = sum(weights)
+        b = sum(w * one.board for w, one in zip(weights, exchanges, strict=True)) / total
+        h = sum(w * one.host for w, one in zip(weights, exchanges, strict=True)) / total
+        spread = sum(w * (one.board - b) ** 2 for w, one in zip(weights, exchanges, strict=True))
+        product = sum(w * (one.board - b) * (one.host - h) for w, one in zip(weights, exchanges, strict=True))
+        rate = min(max(product / spread, 1.0 - _RATE_LIMIT), 1.0 + _RATE_LIMIT)
+        return rate, h + rate * (board - b)

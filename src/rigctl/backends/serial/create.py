@@ -1,0 +1,52 @@
+"""Make a bench on a serial port from a rig file and the options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.backends.options import read_flag, refuse_unknown
+from rigctl.backends.serial.bench import SerialBench
+from rigctl.backends.serial.port import Port
+from rigctl.backends.serial.wiring import wiring_of
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+
+OPTIONS = ("port", "baud", "inputs", "outputs", "clear_trips")
+BAUD = 115200
+
+
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench:
+    """A bench on a serial port, not yet open.
+
+    Parameters
+    ----------
+    rig: its ``backend`` part names port and baud where the options do not.
+    clock: real.
+    options: any of
+        ``port`` (a device or a pyserial URL), ``baud``;
+        ``inputs``, ``outputs`` (what is connected where, as `wiring_of` reads them);
+        ``clear_trips`` (on or off).
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong, or no port is named.
+    """
+    refuse_unknown("option of the serial backend", options, OPTIONS)
+    port = options.get("port") or rig.backend.port
+    if not isinstance(port, str):
+        raise RigctlError("which port is the bench on?", expected="e.g. '--port /dev/ttyACM0'")
+    baud = options.get("baud") or rig.backend.baud or BAUD
+    if not isinstance(baud, int) or isinstance(baud, bool):
+        raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 115200")
+
+    def connect() -> Port:
+        from rigctl.backends.serial.pyserial_port import PyserialPort
+
+        return PyserialPort(port, baud, clock)
+
+    clear = read_flag("clear_trips", options.get("clear_trips"), default=False)
+    return SerialBench(
+        rig, clock, connect, wiring_of(rig, options), kind="serial", baud=baud, clear_trips=clear
+    )

@@ -1,0 +1,114 @@
+"""What the board sends of its own accord, turned into samples, receipts and notices."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from rigctl.backends.protocol import CommandReceipt, Notice, Sample
+from rigctl.backends.serial.board import Board, trip_causes
+from rigctl.backends.serial.messages import Reading, Switched
+from rigctl.backends.serial.translation import Translation
+from rigctl.clock import Clock
+
+_NUMBERS = 1 << 16
+
+
+class Intake:
+    """Checks sequence numbers, puts the board's times on the bench's clock, and keeps what came.
+
+    Attributes
+    ----------
+    samples, receipts, notices: what has not been fetched yet.
+    commanded: what each actuator was told last, SI; what the board reports is entered here as well.
+    tripped: why the board has switched off; empty while it has not.
+    heard: when the stream was heard last, s.
+    wanted: whether anybody has asked for samples.
+    """
+
+    def __init__(self, translation: Translation, clock: Clock) -> None:
+        self._translation = translation
+        self._clock = clock
+        self._sequence: int | None = None
+        self._damaged = 0
+        self._last_time = -math.inf
+        self.samples: deque[Sample] = deque()
+        self.receipts: list[CommandReceipt] = []
+        self.notices: list[Notice] = []
+        self.commanded: dict[str, float] = {}
+        self.tripped = ""
+        self.heard = 0.0
+        self.wanted = False
+
+    def restart(self, board: Board) -> None:
+        """The board has just answered that its stream begins anew; what came before is of the old one."""
+        for _ in range(board.line.readings_at_reply):
+            self._take_reading(board, board.line.readings.popleft())
+        self._sequence = None
+        self._damaged = board.line.damaged
+        self.heard = self._clock.now()
+
+    def take(self, board: Board) -> None:
+        """Take everything that has arrived."""
+        line = board.line
+        while line.switched:
+            self.take_switched(board, line.switched.popleft())
+        while line.readings:
+            self._take_reading(board, line.readings.popleft())
+        if line.damaged > self._damaged:
+            more, self._damaged = line.damaged - self._damaged, line.damaged
+            self.notice("note", f"{more} damaged lines", lines=more)
+
+    def take_switched(self, board: Board, event: Switched) -> None:
+        """A switch that nobody here has just commanded: the end of a pulse, or a trip."""
+        time = board.clock_map.to_host(event.board_us)
+        if event.kind == "T":
+            if event.value:
+                self._trip(time, event.value)
+            return
+        actuator = self._translation.actuator_of(event.kind)
+        if actuator is None:
+            return
+        value = self._translation.value(actuator, event.value)
+        self.commanded[actuator] = value
+        self.receipts.append(CommandReceipt(time, actuator, value, board.clock_map.uncertainty))
+
+    def notice(self, kind: str, message: str, *, time: float | None = None, **fields: object) -> None:
+        """Something that belongs into the run's events, now unless another time is given."""
+        self.notices.append(Notice(self._clock.now() if time is None else time, kind, message, fields))
+
+    def gap(self, missing: int) -> None:
+        """Samples that will not come."""
+        now = self._clock.now()
+        self.notice("gap", f"{missing} samples missing before {now:.3f} s", samples=missing)
+
+    def missing_since(self, lost_at: float, rate: float) -> int:
+        """How many samples a loss of the line has cost by now, at the least one."""
+        since = self._last_time if math.isfinite(self._last_time) else lost_at
+        return max(1, round((self._clock.now() - since) * rate) - 1)
+
+    def _trip(self, time: float, causes: int) -> None:
+        text = ", ".join(trip_causes(causes))
+        if text != self.tripped:
+            self.tripped = text
+            self.notice("alarm", f"the board has tripped: {text}", time=time, trips=causes)
+
+    def _take_reading(self, board: Board, reading: Reading) -> None:
+        self.heard = self._clock.now()
+        step = 1 if self._sequence is None else (reading.sequence - self._sequence) % _NUMBERS
+        if step == 0 or step > _NUMBERS // 2:
+            self.notice("note", f"sample {reading.sequence} came twice or late, left out")
+            return
+        if step > 1:
+            self.gap(step - 1)
+        self._sequence = reading.sequence
+        time = board.clock_map.to_host(reading.board_us)
+        if reading.trips:
+            self._trip(time, reading.trips)
+        if not self.wanted or time < self._last_time:
+            return
+        self._last_time = time
+        translation = self._translation
+        self.samples.append(
+            Sample(time, translation.values(reading), translation.commands(reading, self.commanded))
+        )

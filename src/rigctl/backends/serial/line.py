@@ -1,0 +1,107 @@
+"""The line to the board: tagged questions and their answers, with the stream going on beside them."""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import count
+
+from rigctl.backends.serial.messages import LineReader, Reading, Reply, Switched, with_checksum
+from rigctl.backends.serial.port import Port, PortLost
+from rigctl.clock import Clock
+
+_TRIES = 3
+_BITS = 10  # start, eight, stop
+
+
+class Refused(Exception):
+    """The board did not carry out a command; SCPI's number and text."""
+
+    def __init__(self, command: str, number: int, text: str) -> None:
+        super().__init__(f"the board refuses '{command}': {text} ({number})")
+        self.number = number
+
+
+class Line:
+    """One open port to a board.
+
+    Attributes
+    ----------
+    readings, switched: what the board sent of its own accord, oldest first.
+    damaged: lines that arrived damaged; counts up.
+    """
+
+    def __init__(self, port: Port, clock: Clock, baud: int) -> None:
+        self.port = port
+        self._clock = clock
+        self._character = _BITS / baud
+        self._reader = LineReader()
+        self._tags = count(1)
+        self._reply: Reply | None = None
+        self.readings: deque[Reading] = deque()
+        self.switched: deque[Switched] = deque()
+        self.readings_at_reply = 0  #: how many of `readings` came before the last answer
+        self.heard = False  #: anything at all
+
+    @property
+    def damaged(self) -> int:
+        """Lines that arrived damaged."""
+        return self._reader.damaged
+
+    def poll(self, until: float) -> bool:
+        """Take in what arrives by bench time `until`; False when nothing did."""
+        data = self.port.read(until)
+        if not data:
+            return False
+        self.heard = True
+        for message in self._reader.feed(data):
+            if isinstance(message, Reading):
+                self.readings.append(message)
+            elif isinstance(message, Switched):
+                self.switched.append(message)
+            else:
+                self._reply = message
+                self.readings_at_reply = len(self.readings)
+        return True
+
+    def ask(self, command: str, timeout: float = 0.4) -> str:
+        """The board's answer; a question that was lost is asked again, so that it must do no harm twice.
+
+        Raises
+        ------
+        Refused
+            it answers with an error.
+        PortLost
+            it does not answer.
+        """
+        return self.exchange(command, timeout)[1]
+
+    def exchange(self, command: str, timeout: float = 0.4, tries: int = _TRIES) -> tuple[float, str, float]:
+        """When the command had been received at the earliest, the answer, and when it was given at the
+        latest: the characters' time on the line is taken off."""
+        for _ in range(tries):
+            tag = next(self._tags)
+            data = with_checksum(f"#{tag} {command}")
+            self._reply = None
+            sent = self._clock.now()
+            self.port.write(data)
+            reply = self._await(tag, sent + timeout)
+            if reply is None:
+                continue
+            received = self._clock.now()
+            text = reply.text
+            if text.startswith("!"):
+                number, _, words = text[1:].partition(",")
+                raise Refused(command, int(number), words.strip('"'))
+            characters = len(f"#{tag} {text}*0000\n")
+            earliest = sent + len(data) * self._character
+            return earliest, text, max(received - characters * self._character, earliest)
+        raise PortLost(f"{self.port.name}: the board does not answer '{command}'")
+
+    def _await(self, tag: int, deadline: float) -> Reply | None:
+        while True:
+            reply = self._reply
+            if reply is not None and reply.tag == tag:
+                return reply
+            if self._clock.now() >= deadline:
+                return None
+            self.poll(deadline)

@@ -1,0 +1,107 @@
+"""Lines of the board: each ends with LF and carries the CRC-16/XMODEM of what stands before its ``*``."""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from dataclasses import dataclass
+from typing import TypeAlias
+
+_LONGEST = 512  # bytes; without a line's end in so many it is garbage
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One line of the stream.
+
+    Parameters
+    ----------
+    sequence: its number, modulo 2^16.
+    board_us: the board's microseconds, modulo 2^32.
+    counts: A0, A1, A2.
+    outputs: bit 0 heater, 1 extend, 2 retract, 3 PWM.
+    trips: the latched causes.
+    """
+
+    sequence: int
+    board_us: int
+    counts: tuple[int, int, int]
+    outputs: int
+    trips: int
+
+
+@dataclass(frozen=True, slots=True)
+class Switched:
+    """What happened on the board at an exact time: kind ``H``, ``V``, ``P`` or ``T``."""
+
+    number: int
+    board_us: int
+    kind: str
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The answer to a tagged command: `text` is ``OK``, a value, or ``!number,"text"``."""
+
+    tag: int
+    text: str
+
+
+Message: TypeAlias = Reading | Switched | Reply
+
+
+class LineReader:
+    """Bytes in, messages out; begins anywhere, and what is no whole line is counted and left out."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._synchronised = False  # the first line may have begun before we listened
+        self.damaged = 0  #: lines that were none, since the last look at it
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages that are complete with `data`."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > _LONGEST:
+            self._rest = self._rest[-_LONGEST:]
+        messages: list[Message] = []
+        for line in lines:
+            message = parse_line(line)
+            if message is not None:
+                messages.append(message)
+            elif line.strip() and self._synchronised:
+                self.damaged += 1
+            self._synchronised = True
+        return messages
+
+
+def with_checksum(text: str) -> bytes:
+    """A command as it is sent."""
+    body = text.encode("ascii")
+    return b"%s*%04X\n" % (body, crc_hqx(body, 0))
+
+
+def parse_line(line: bytes) -> Message | None:
+    """The message in a line without its LF; None when it is damaged or of another kind."""
+    body, star, checksum = line.rpartition(b"*")
+    if not star or not body or len(checksum) != 4:
+        return None
+    try:
+        if int(checksum, 16) != crc_hqx(body, 0):
+            return None
+        text = body.decode("ascii")
+        return _parse(text[0], text[1:])
+    except ValueError:
+        return None
+
+
+def _parse(kind: str, text: str) -> Message | None:
+    if kind == "@":
+        sequence, micros, a0, a1, a2, outputs, trips = map(int, text.split(","))
+        return Reading(sequence, micros, (a0, a1, a2), outputs, trips)
+    if kind == "!":
+        number, at, what, value = text.split(",")
+        return Switched(int(number), int(at), what, int(value))
+    if kind == "#":
+        tag, _, answer = text.partition(" ")
+        return Reply(int(tag), answer)
+    return None

@@ -1,0 +1,35 @@
+"""What a line needs of a port, real or emulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+
+class PortLost(Exception):
+    """The port is gone, or nobody answers on it; it may come back."""
+
+
+class Port(Protocol):
+    """Bytes both ways. Times are s on the bench's clock."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in messages."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send `data`; raises `PortLost`."""
+        ...
+
+    def read(self, until: float) -> bytes:
+        """What has arrived, waiting for something until bench time `until`; raises `PortLost`."""
+        ...
+
+    def close(self) -> None:
+        """Let it go; never raises."""
+        ...
+
+
+#: opens the port; raises `PortLost` where it is not there, `RigctlError` where it never will be
+Connect = Callable[[], Port]

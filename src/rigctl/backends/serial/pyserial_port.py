@@ -1,0 +1,86 @@
+"""A port that pyserial opens: a device, or any of its URLs."""
+
+from __future__ import annotations
+
+import errno
+from contextlib import suppress
+from typing import Any
+
+from rigctl.backends.serial.port import PortLost
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+
+_LONGEST_WAIT = 0.5  # s of wall time in one read, so that a lost port is noticed
+
+
+class PyserialPort:
+    """An open serial port, held so that nobody else can command the bench through it.
+
+    Parameters
+    ----------
+    url: ``/dev/ttyACM0``, ``COM3``, ``socket://host:port``, …
+    baud: bits per second.
+    clock: what waits are counted on; of a real bench, real.
+
+    Raises
+    ------
+    PortLost
+        there is no such port now.
+    RigctlError
+        it may not be opened: rights, somebody else, or no port at all by its name.
+    """
+
+    def __init__(self, url: str, baud: int, clock: Clock) -> None:
+        import serial
+
+        self.name = url
+        self._clock = clock
+        self._lost: tuple[type[BaseException], ...] = (serial.SerialException, OSError, TypeError)
+        try:
+            self._serial: Any = serial.serial_for_url(
+                url, baudrate=baud, timeout=0, write_timeout=1.0, exclusive=True
+            )
+        except ValueError as error:
+            raise RigctlError("not a serial port", value=url, hint=str(error)) from None
+        except (serial.SerialException, OSError) as error:
+            raise _refusal(url, error) from None
+
+    def write(self, data: bytes) -> None:
+        """Send `data`."""
+        try:
+            self._serial.write(data)
+        except self._lost as error:
+            raise PortLost(f"{self.name}: {error}") from None
+
+    def read(self, until: float) -> bytes:
+        """What has arrived by bench time `until`, as soon as something has."""
+        left = (until - self._clock.now()) / self._clock.speed
+        try:
+            self._serial.timeout = min(max(left, 0.0), _LONGEST_WAIT)
+            first: bytes = self._serial.read(1)
+            if not first:
+                return b""
+            rest: bytes = self._serial.read(self._serial.in_waiting or 0)
+        except self._lost as error:  # TypeError: pyserial's own, when the port is closed under it
+            raise PortLost(f"{self.name}: {error}") from None
+        return first + rest
+
+    def close(self) -> None:
+        """Let it go."""
+        with suppress(*self._lost):
+            self._serial.close()
+
+
+def _refusal(url: str, error: Exception) -> Exception:
+    """Whether it is worth trying again."""
+    number = getattr(error, "errno", None)
+    text = str(error)
+    if number == errno.EACCES or "PermissionError" in text:
+        return RigctlError(
+            "no right to open this port, or somebody else has it",
+            value=url,
+            hint="On Linux: 'sudo usermod -aG dialout $USER', then log in again",
+        )
+    if number in (errno.EBUSY, errno.EAGAIN) or "lock" in text:
+        return RigctlError("somebody else has this port open", value=url, hint="Close the other program")
+    return PortLost(f"{url}: {text}")

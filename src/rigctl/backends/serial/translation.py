@@ -1,0 +1,90 @@
+"""Between the rig's SI values and what the board knows: counts, bits and words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.backends.serial.messages import Reading
+from rigctl.backends.serial.wiring import Wiring
+from rigctl.rig import Rig
+
+_LONGEST_PULSE = 60.0  # s that the board times by itself
+_FULL = 1023  # counts of the PWM
+_EVENT_KINDS = {"heater": "H", "valve": "V", "pressure": "P"}
+_OUTPUT_OF_KIND = {kind: output for output, kind in _EVENT_KINDS.items()}
+_VALVE_WORDS = {-1: "RET", 0: "OFF", 1: "EXT"}
+
+
+class Translation:
+    """What a rig's channels and actuators are on a board that is wired like this."""
+
+    def __init__(self, rig: Rig, wiring: Wiring) -> None:
+        self._rig = rig
+        self._wiring = wiring
+        self._sensors = tuple(zip(rig.channels.values(), wiring.inputs, strict=True))
+
+    def event_kind(self, actuator: str) -> str:
+        """The letter under which the board reports an actuator's switches."""
+        return _EVENT_KINDS[self._wiring.output_of(actuator)]
+
+    def actuator_of(self, event_kind: str) -> str | None:
+        """The actuator that a reported switch belongs to; None where nothing is connected."""
+        return self._wiring.outputs.get(_OUTPUT_OF_KIND.get(event_kind, ""))
+
+    def times_pulse(self, actuator: str, duration: float) -> bool:
+        """Whether the board ends a pulse by itself."""
+        return self._wiring.output_of(actuator) == "valve" and duration <= _LONGEST_PULSE
+
+    def raw(self, actuator: str, value: float) -> int:
+        """The number by which the board knows an SI value."""
+        part = self._rig.actuators[actuator]
+        if part.kind != "level":
+            return int(value)
+        low, high = float(part.low or 0.0), float(part.high or 0.0)
+        return round(_FULL * (value - low) / (high - low))
+
+    def value(self, actuator: str, raw: int) -> float:
+        """The SI value of such a number."""
+        part = self._rig.actuators[actuator]
+        if part.kind != "level":
+            return float(raw)
+        low, high = float(part.low or 0.0), float(part.high or 0.0)
+        return low + raw / _FULL * (high - low)
+
+    def text(self, actuator: str, value: float, duration: float | None) -> str:
+        """The command that switches an actuator."""
+        output, raw = self._wiring.output_of(actuator), self.raw(actuator, value)
+        if output == "heater":
+            return f"OUTP:HEAT {'ON' if raw else 'OFF'}"
+        if output == "pressure":
+            return f"SOUR:PRES {raw}"
+        pulse = f",{duration * 1e3:.3f}" if duration is not None and raw else ""
+        return f"VALV {_VALVE_WORDS[raw]}{pulse}"
+
+    def safe_texts(self) -> tuple[str, ...]:
+        """Commands for the outputs whose safe value is not off; `OUTP:SAFE` sees to the others."""
+        actuators = self._rig.actuators
+        return tuple(
+            self.text(name, float(value), None)
+            for name, value in self._rig.safe_state.items()
+            if actuators[name].by == "driven" and self.raw(name, float(value)) != 0
+        )
+
+    def values(self, reading: Reading) -> tuple[float, ...]:
+        """The channels' SI values, in the order of the rig's layout."""
+        return tuple(
+            channel.value_from_raw(channel.raw.low + reading.counts[pin] * channel.raw.step)
+            for channel, pin in self._sensors
+        )
+
+    def commands(self, reading: Reading, commanded: Mapping[str, float]) -> tuple[float, ...]:
+        """The outputs as they were when the reading was taken; a level as it was last set."""
+        bits, wired = reading.outputs, self._wiring.outputs
+        now = dict(commanded)
+        if "heater" in wired:
+            now[wired["heater"]] = float(bits & 1)
+        if "valve" in wired:
+            now[wired["valve"]] = float((bits >> 1 & 1) - (bits >> 2 & 1))
+        if "pressure" in wired and not bits & 8:
+            now[wired["pressure"]] = self.value(wired["pressure"], 0)
+        return tuple(now[name] for name in self._rig.layout.commands)

@@ -1,0 +1,112 @@
+"""Which channel and which actuator of a rig is on which connection of the board."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.rig import Rig
+
+#: the board's inputs, and what is on them where the rig file does not say
+INPUTS = ("A0", "A1", "A2")
+_QUANTITIES = {"pressure": "A0", "position": "A1", "temperature": "A2"}
+#: the board's outputs, and the kind of actuator that each can be
+OUTPUTS = {"heater": "switch", "valve": "directional_valve", "pressure": "level"}
+BITS = 10  #: of the board's converter
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Connections of a rig to the board.
+
+    Parameters
+    ----------
+    inputs: for each channel of the rig's layout, the index of its input.
+    outputs: the board's output -> the actuator on it.
+    """
+
+    inputs: tuple[int, ...]
+    outputs: Mapping[str, str]
+
+    def output_of(self, actuator: str) -> str:
+        """The board's output that an actuator is on."""
+        return next(output for output, name in self.outputs.items() if name == actuator)
+
+
+def wiring_of(rig: Rig, options: Mapping[str, object]) -> Wiring:
+    """The connections that the backend's options ``inputs`` and ``outputs`` name, and else the usual ones.
+
+    Usual are: the only pressure on A0, position on A1, temperature on A2; a driven switch on the heater's
+    relay, a driven directional valve on the solenoids, a driven level on the relief valve's PWM.
+
+    Raises
+    ------
+    RigctlError
+        a channel or a driven actuator has no connection, or two share one.
+    """
+    inputs = _inputs(rig, _mapping("inputs", options.get("inputs")))
+    outputs = _outputs(rig, _mapping("outputs", options.get("outputs")))
+    return Wiring(tuple(INPUTS.index(inputs[name]) for name in rig.layout.channels), outputs)
+
+
+def _mapping(name: str, given: object) -> Mapping[str, str]:
+    if given is None:
+        return {}
+    if isinstance(given, Mapping) and all(isinstance(value, str) for value in given.values()):
+        return {str(key): str(value) for key, value in given.items()}
+    raise RigctlError(
+        f"{name} says what is on which connection", value=str(given), expected="{position: A1, …}"
+    )
+
+
+def _inputs(rig: Rig, given: Mapping[str, str]) -> dict[str, str]:
+    for name, wanted in given.items():
+        if name not in rig.channels:
+            raise unknown_name("channel", name, rig.channels)
+        if wanted not in INPUTS:
+            raise unknown_name("input of the board", wanted, INPUTS)
+    chosen: dict[str, str] = {}
+    for name, channel in rig.channels.items():
+        pin: str | None = given.get(name) or _QUANTITIES.get(channel.quantity)
+        if pin is None or pin in chosen.values():
+            taken = f"{pin} is taken by '{next(n for n, p in chosen.items() if p == pin)}'" if pin else ""
+            raise RigctlError(
+                "a channel that is on no input of the board",
+                value=name,
+                expected=f"'inputs: {{{name}: A0}}' in the backend's options, one channel on each",
+                hint=taken or None,
+            )
+        if channel.raw.bits != BITS:
+            raise RigctlError(
+                f"channel '{name}': the board's converter has {BITS} bits",
+                value=f"{channel.raw.bits} bits",
+                hint="Use a rig file for the board, e.g. rigs/hl32-bench-uno.yaml",
+            )
+        chosen[name] = pin
+    return chosen
+
+
+def _outputs(rig: Rig, given: Mapping[str, str]) -> dict[str, str]:
+    for name, output in given.items():
+        if name not in rig.actuators:
+            raise unknown_name("actuator", name, rig.actuators)
+        if output not in OUTPUTS:
+            raise unknown_name("output of the board", output, OUTPUTS)
+    chosen: dict[str, str] = {}
+    for name, actuator in rig.actuators.items():
+        if actuator.by == "operator":
+            continue
+        output = given.get(name) or next(o for o, kind in OUTPUTS.items() if kind == actuator.kind)
+        if OUTPUTS[output] != actuator.kind or output in chosen:
+            raise RigctlError(
+                "an actuator that is on no output of the board",
+                value=name,
+                expected="one switch, one directional valve and one level at the most",
+            )
+        if actuator.kind == "level" and (actuator.low is None or actuator.high is None):
+            raise RigctlError(
+                "a level on the board's PWM needs its range", value=name, expected="low and high"
+            )
+        chosen[output] = name
+    return chosen

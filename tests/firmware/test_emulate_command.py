@@ -1,0 +1,55 @@
+"""`rigctl emulate` and `rigctl run --backend emulated`, as a person types them."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.main import app
+from rigctl.files.shipped import shipped
+
+
+def test_any_client_can_talk_to_the_emulated_board(tmp_path: Path) -> None:
+    import serial
+
+    link = tmp_path / "ttyRIG"
+    command = [sys.executable, "-m", "rigctl", "emulate", "--link", str(link)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == f"{link} at 115200 baud; Ctrl-C ends it\n"
+            with serial.Serial(str(link), 115200, timeout=5) as port:
+                port.write(b"*IDN?\n")
+                assert port.readline() == b"RIGCTL,RIG-UNO,0,1.0.0\n"
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+    assert not link.is_symlink()
+
+
+def test_a_procedure_runs_on_the_emulated_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    procedure = shipped("procedures", "quick-check.yaml")
+    rig = shipped("rigs", "hl32-bench-uno.yaml")
+    arguments = [
+        "run",
+        str(procedure),
+        "--rig",
+        str(rig),
+        "--backend",
+        "emulated",
+        "--speed",
+        "max",
+        "--json",
+    ]
+    result = CliRunner().invoke(app, arguments)
+    told = json.loads(result.stdout)
+    assert (told["status"], told["records"], told["exit_code"]) == ("finished", 2, 0)

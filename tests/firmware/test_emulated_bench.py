@@ -1,0 +1,224 @@
+"""The emulated board behind the backend's protocol, in step with a virtual clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import pytest
+
+from rigctl.backends.emulated import library
+from rigctl.backends.emulated.create import create
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.protocol import Notice, Sample
+from rigctl.backends.serial.bench import SerialBench
+from rigctl.clock import VirtualClock
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import Rig, load_rig
+
+Make = Callable[..., SerialBench]
+
+
+@pytest.fixture
+def make_bench(uno_rig: Rig) -> Iterator[Make]:
+    """Makes and opens an emulated bench with the plain plant."""
+    made: list[SerialBench] = []
+
+    def make(**options: object) -> SerialBench:
+        made.append(create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1, **options}))
+        made[-1].open()
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def read_until(bench: SerialBench, time: float) -> list[Sample]:
+    samples: list[Sample] = []
+    while bench.clock.now() < time:
+        sample = bench.next_sample(0.1)
+        if sample is not None:
+            samples.append(sample)
+    return samples
+
+
+def kinds(notices: list[Notice]) -> list[str]:
+    return [notice.kind for notice in notices]
+
+
+def test_it_says_what_it_is(make_bench: Make) -> None:
+    identity = make_bench().identity
+    assert identity["kind"] == "emulated"
+    assert identity["firmware"] == "RIG-UNO 1.0.0"
+    assert "pressure_trip=675" in identity["board"]
+
+
+def test_the_same_seed_gives_the_same_samples(make_bench: Make) -> None:
+    def record() -> list[Sample]:
+        bench = make_bench()
+        bench.start(100.0)
+        bench.command("valve", 1.0, duration=0.3)
+        return read_until(bench, 1.0)
+
+    assert record() == record()
+
+
+def test_samples_are_regular_and_values_are_what_the_bench_has(make_bench: Make) -> None:
+    bench = make_bench(noise="off")
+    bench.start(100.0)
+    samples = read_until(bench, 3.0)
+    assert all(b.time - a.time == pytest.approx(0.01, abs=1e-3) for a, b in pairwise(samples))
+    temperature, pressure, position = samples[-1].values
+    assert temperature == pytest.approx(293.15, abs=0.1)
+    assert pressure == pytest.approx(20e5, abs=0.07e5)
+    assert position == pytest.approx(0.0, abs=0.15e-3)
+    assert bench.take_notices() == []
+
+
+def test_a_pulse_is_timed_by_the_board_and_stamped_within_the_stated_uncertainty(make_bench: Make) -> None:
+    bench = make_bench()
+    assert bench.timed
+    bench.start(100.0)
+    receipt = bench.command("valve", 1.0, duration=1.05)
+    read_until(bench, receipt.time + 1.2)
+    (end,) = bench.take_receipts()
+    assert (end.actuator, end.value) == ("valve", 0.0)
+    assert end.time - receipt.time == pytest.approx(1.05, abs=1e-4)
+    assert 0.0 < receipt.uncertainty < 2e-3
+    # what the plant saw, to the cycle, is the time base of the clock here
+    assert receipt.time == pytest.approx(_switch_times(bench)[0], abs=receipt.uncertainty)
+    assert end.time == pytest.approx(_switch_times(bench)[1], abs=receipt.uncertainty)
+
+
+def _switch_times(bench: SerialBench) -> list[float]:
+    port = bench._board.line.port  # type: ignore[union-attr]
+    return list(port._board.valve_times)  # type: ignore[attr-defined]
+
+
+def test_heater_and_operator_are_commanded_too(make_bench: Make) -> None:
+    bench = make_bench(noise="off")
+    bench.start(10.0)
+    bench.command("heater", 1.0)
+    bench.command("relief_valve", 40e5)
+    (*_, last) = read_until(bench, 5.0)
+    assert last.commands == (1.0, 0.0, 40e5)
+    assert last.values[1] == pytest.approx(40e5, abs=0.1e5)
+    bench.command("heater", 0.0)
+    asked = bench.clock.now() + 0.5
+    assert bench.command("valve", -1.0, at=asked).time == pytest.approx(asked, abs=0.02)
+    bench.safe()
+    assert read_until(bench, 7.0)[-1].commands == (0.0, 0.0, 40e5)
+
+
+def test_a_host_that_reads_keeps_the_outputs_on(make_bench: Make) -> None:
+    bench = make_bench()
+    bench.start(1.0)
+    bench.command("heater", 1.0)
+    assert read_until(bench, 20.0)[-1].commands[0] == 1.0
+
+
+def test_a_trip_ends_the_run_by_its_cause(make_bench: Make) -> None:
+    bench = make_bench(faults=["sensor_open:supply_pressure@2 s"])
+    bench.start(100.0)
+    bench.command("heater", 1.0)
+    with pytest.raises(BackendLost, match="the board has tripped: sensor open or shorted"):
+        read_until(bench, 3.0)
+    assert bench.clock.now() == pytest.approx(2.0, abs=0.1)
+    assert "alarm" in kinds(bench.take_notices())
+    assert [(r.actuator, r.value) for r in bench.take_receipts()] == [("heater", 0.0)]
+    with pytest.raises(RigctlError, match=r"the board refuses 'OUTP:HEAT ON'.*has tripped: sensor open"):
+        bench.command("heater", 1.0)
+
+
+def test_a_lost_line_comes_back_with_outputs_off_and_a_gap(make_bench: Make) -> None:
+    bench = make_bench(faults=["backend_lost@1 s..4 s"])
+    bench.start(100.0)
+    bench.command("heater", 1.0)
+    samples = read_until(bench, 6.0)
+    notices = bench.take_notices()
+    assert kinds([n for n in notices if n.kind != "note"])[:2] == ["fault", "gap"]
+    (gap,) = [n for n in notices if n.kind == "gap"]
+    lost = max(b.time - a.time for a, b in pairwise(samples))
+    assert gap.fields["samples"] == pytest.approx(lost * 100, abs=40)
+    assert any("host silent; cleared" in n.message for n in notices)
+    assert samples[-1].commands[0] == 0.0
+
+
+def test_a_line_that_stays_away_is_given_up(make_bench: Make) -> None:
+    bench = make_bench(faults=["backend_lost@1 s"])
+    bench.start(10.0)
+    with pytest.raises(BackendLost, match="did not come back within 30 s"):
+        read_until(bench, 60.0)
+    with pytest.raises(BackendLost):
+        bench.safe()
+
+
+def test_a_board_that_restarts_mid_record_is_noticed_and_taken_up_again(make_bench: Make) -> None:
+    bench = make_bench()
+    bench.start(100.0)
+    read_until(bench, 2.0)
+    bench._board.line.port._board.avr.reset()  # type: ignore[union-attr, attr-defined]
+    read_until(bench, 4.0)
+    notices = bench.take_notices()
+    assert any("restarted" in n.message for n in notices)
+    assert "gap" in kinds(notices)
+    assert len(read_until(bench, 5.0)) == pytest.approx(100, abs=2)
+
+
+def test_no_sample_is_lost_in_minutes_at_100_hz(make_bench: Make) -> None:
+    bench = make_bench(noise="off")
+    bench.start(100.0)
+    begun = bench.clock.now()
+    samples = read_until(bench, begun + 180.0)
+    assert len(samples) == pytest.approx(18_000, abs=3)
+    assert max(b.time - a.time for a, b in pairwise(samples)) < 0.0115
+    assert bench.take_notices() == []
+
+
+@pytest.mark.parametrize(("baud", "rate"), [(115200, 240), (500000, 1000)])
+def test_the_line_carries_95_percent_of_what_it_can(make_bench: Make, baud: int, rate: int) -> None:
+    bench = make_bench(baud=baud, noise="off")
+    bench.start(float(rate))
+    begun = bench.clock.now()
+    samples = read_until(bench, begun + 10.0)
+    assert len(samples) == pytest.approx(10 * rate, abs=0.02 * rate)
+    assert bench.take_notices() == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"port": "/dev/ttyACM0"}, "unknown option of the emulated backend"),
+        ({"baud": 9600}, "no firmware image for this speed"),
+        ({"inputs": {"position": "A7"}}, "unknown input of the board, got 'A7'"),
+        ({"inputs": {"positon": "A1"}}, "did you mean 'position'?"),
+        ({"inputs": {"position": "A0"}}, "a channel that is on no input of the board"),
+        ({"outputs": {"valve": "heater"}}, "an actuator that is on no output of the board"),
+    ],
+)
+def test_wrong_options_are_refused(make_bench: Make, options: dict[str, object], message: str) -> None:
+    with pytest.raises(RigctlError) as refused:
+        make_bench(**options)
+    assert message in str(refused.value)
+
+
+def test_a_rig_with_another_converter_is_refused() -> None:
+    with pytest.raises(RigctlError, match=r"the board's converter has 10 bits.*hl32-bench-uno"):
+        create(load_rig(shipped("rigs", "hl32-bench.yaml")), VirtualClock(), {})
+
+
+@pytest.mark.parametrize(
+    ("platform", "message"), [("win32", "runs on Linux only"), ("linux", "apt-get install libsimavr2")]
+)
+def test_a_missing_emulator_is_explained(
+    monkeypatch: pytest.MonkeyPatch, platform: str, message: str
+) -> None:
+    def missing(name: str) -> None:
+        raise OSError(name)
+
+    monkeypatch.setattr(library.sys, "platform", platform)
+    monkeypatch.setattr(library.c, "CDLL", missing)
+    with pytest.raises(RigctlError, match=message):
+        library.load_libraries.__wrapped__()

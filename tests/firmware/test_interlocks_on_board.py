@@ -1,0 +1,150 @@
+"""What the board guards without any host."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from firmware_build import FIRMWARE, needs_compiler
+
+if TYPE_CHECKING:
+    from tests.firmware.conftest import Chip
+
+
+@pytest.mark.parametrize(
+    ("counts", "cause", "bit"),
+    [
+        ((200, 500, 640), "over-temperature", 1),
+        ((680, 500, 300), "over-pressure", 2),
+        ((0, 500, 300), "sensor open or shorted", 16),
+        ((200, 0, 300), "sensor open or shorted", 16),
+        ((200, 1023, 300), "sensor open or shorted", 16),
+        ((200, 500, 5), "sensor open or shorted", 16),
+    ],
+)
+def test_an_interlock_switches_off_within_20_ms_says_why_and_latches(
+    chip: Chip, counts: tuple[int, int, int], cause: str, bit: int
+) -> None:
+    chip.send("OUTP:HEAT ON\nVALV EXT\nSOUR:PRES 500")
+    assert chip.pins["heater"]
+    assert chip.pins["extend"]
+    chip.put(*counts)
+    began = chip.time
+    chip.run(0.05)
+    assert [name for _, name, level in chip.edges[-2:] if not level] == ["heater", "extend"]
+    assert chip.edges[-1][0] - began < 0.02
+    assert chip.avr.pwm == 0.0
+    assert chip.ask("SYST:TRIP?") == f'{bit},"{cause}"'
+    assert chip.ask("SYST:ERR?").endswith(f'"Trip;{cause}"')
+
+    assert chip.ask("#1 SYST:TRIP:CLE") == '#1 !-221,"Settings conflict"', "while the cause lasts"
+    chip.put(200, 500, 300)
+    chip.run(0.02)
+    for refused in ("OUTP:HEAT ON", "VALV RET", "SOUR:PRES 1"):
+        assert "-221" in chip.ask(f"#2 {refused}"), "latched after the cause is gone"
+    chip.send("*RST\n*CLS")
+    assert chip.ask("SYST:TRIP?").startswith(str(bit)), "not cleared by the way"
+    assert chip.ask("#3 SYST:TRIP:CLE") == "#3 OK"
+    assert chip.ask("#4 VALV RET") == "#4 OK"
+
+
+def test_one_disturbed_reading_does_not_trip(chip: Chip) -> None:
+    chip.put(1000, 500, 300)
+    chip.run(0.0005)
+    chip.put(200, 500, 300)
+    chip.run(0.05)
+    assert chip.ask("SYST:TRIP?") == '0,""'
+
+
+def test_a_silent_host_is_noticed_within_two_seconds(chip: Chip) -> None:
+    chip.send("OUTP:HEAT ON")
+    for _ in range(5):
+        chip.send("SYST:PING", 1.2)
+    assert chip.pins["heater"], "a host that speaks keeps it on"
+    last = chip.time
+    chip.run(2.0)
+    (_, _, _), (off, name, level) = chip.edges
+    assert (name, level) == ("heater", False)
+    assert off - last < 2.0
+    assert chip.ask("SYST:TRIP?") == '4,"host silent"'
+
+
+def test_a_silent_host_with_everything_off_is_none_of_its_business(chip: Chip) -> None:
+    chip.run(3.0)
+    assert chip.ask("SYST:TRIP?") == '0,""'
+
+
+def test_garbage_is_no_sign_of_life(chip: Chip) -> None:
+    chip.send("VALV EXT")
+    for _ in range(20):
+        chip.avr.send(b"VALV EXT*0000\n" + bytes(range(128, 180)))
+        chip.run(0.1)
+    assert not chip.pins["extend"]
+    assert chip.ask("\n#1 SYST:TRIP?").startswith("#1 4")
+
+
+def test_a_program_that_hangs_is_restarted_with_everything_off(chip: Chip) -> None:
+    chip.send("OUTP:HEAT ON\nVALV EXT\nDIAG:HANG", 0.02)
+    assert chip.pins["extend"]
+    chip.run(0.4)
+    assert chip.avr.resets == 1
+    assert chip.ask("SYST:TRIP?") == '8,"restarted by the MCU watchdog"'
+    assert chip.ask("MEAS:ALL?").split(",")[4] == "0"
+
+
+def test_a_trip_outlasts_the_reset_button(chip: Chip) -> None:
+    chip.put(680, 500, 300)
+    chip.run(0.02)
+    chip.put(200, 500, 300)
+    chip.avr.reset()
+    chip.run(0.05)
+    assert chip.ask("SYST:TRIP?") == '2,"over-pressure"'
+
+
+def test_a_storm_of_commands_neither_wears_nor_shorts_the_solenoids(chip: Chip) -> None:
+    both = False
+    for turn in range(150):
+        chip.avr.send(b"VALV EXT\n" if turn % 2 else b"VALV RET\n")
+        chip.run(0.007)
+        both |= chip.pins["extend"] and chip.pins["retract"]
+    chip.send("VALV OFF")
+    assert not both
+    switched_on = [time for time, name, level in chip.edges if level]
+    released = [time for time, name, level in chip.edges if not level]
+    assert len(switched_on) < 25
+    assert all(on - max(off for off in released if off < on) >= 0.049 for on in switched_on[1:])
+
+
+def test_the_latest_of_the_waiting_commands_counts(chip: Chip) -> None:
+    chip.send("VALV EXT\nVALV RET\nVALV EXT,200", 0.1)
+    assert chip.pins == {"heater": False, "extend": True, "retract": False}
+    chip.run(0.3)
+    assert not chip.pins["extend"]
+
+
+def test_the_heater_rests_between_two_times_on(chip: Chip) -> None:
+    chip.send("OUTP:HEAT ON\nOUTP:HEAT OFF")
+    assert chip.ask("#1 OUTP:HEAT ON") == '#1 !-221,"Settings conflict"'
+    chip.run(2.1)
+    assert chip.ask("#2 OUTP:HEAT ON") == "#2 OK"
+
+
+@needs_compiler
+def test_the_heater_has_a_limited_credit(make_chip: Callable[[Path], Chip], tmp_path: Path) -> None:
+    subprocess.run(
+        ["make", "-C", str(FIRMWARE), f"BUILD={tmp_path}", "BAUDS=115200", "EXTRA=-DHEATER_CREDIT_S=3"],
+        check=True,
+        capture_output=True,
+    )
+    chip = make_chip(tmp_path / "rigctl-uno-115200.hex")
+    chip.send("OUTP:HEAT ON")
+    began = chip.time
+    for _ in range(6):
+        chip.send("SYST:PING", 1.0)
+    (_, _, _), (off, _, _) = chip.edges
+    assert 3.0 <= off - began <= 4.1
+    assert chip.ask("SYST:TRIP?") == '32,"heater on for too long"'

@@ -1,0 +1,148 @@
+"""The serial backend on a real pseudo-terminal, with the emulated board in another thread, in real time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from rigctl.backends.emulated.board import EmulatedBoard
+from rigctl.backends.emulated.image import read_intel_hex, shipped_image
+from rigctl.backends.emulated.pty_bridge import PtyBridge
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.serial.bench import SerialBench
+from rigctl.backends.serial.create import create
+from rigctl.backends.serial.wiring import wiring_of
+from rigctl.backends.simulated.create import prepare
+from rigctl.clock import ScaledClock, real_clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+
+
+class Emulation:
+    """A board on a pty, running until it is stopped; its plug can be pulled and put back."""
+
+    def __init__(self, rig: Rig, name: Path) -> None:
+        device = prepare(rig, {"plant": "roles", "noise": "off", "seed": 1}).switch_on()
+        self.board = EmulatedBoard(rig, wiring_of(rig, {}), read_intel_hex(shipped_image(115200)), device)
+        self.name = name
+        self._clock = real_clock()
+        self._end = threading.Event()
+        self.plug()
+
+    def plug(self) -> None:
+        self._end.clear()
+        self._bridge = PtyBridge(self.board, self._clock)
+        self._bridge.link(self.name)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        self._end.set()
+        self._thread.join()
+        self._bridge.close()
+        self.name.unlink()
+
+    def _run(self) -> None:
+        while not self._end.is_set():
+            self._bridge.step()
+
+
+@pytest.fixture
+def emulation(uno_rig: Rig, tmp_path: Path) -> Iterator[Emulation]:
+    made = Emulation(uno_rig, tmp_path / "ttyRIG")
+    yield made
+    if made.name.is_symlink():
+        made.unplug()
+    made.board.close()
+
+
+@contextmanager
+def opened(rig: Rig, port: Path, **options: object) -> Iterator[SerialBench]:
+    bench = create(rig, ScaledClock(), {"port": str(port), **options})
+    bench.open()
+    try:
+        yield bench
+    finally:
+        bench.close()
+
+
+def wait_for(condition: Callable[[], bool], bench: SerialBench) -> None:
+    """Read samples until it is so; the timeout of the tests is the limit."""
+    while not condition():
+        bench.next_sample(0.05)
+
+
+def test_samples_and_exact_pulses_in_real_time(uno_rig: Rig, emulation: Emulation) -> None:
+    with opened(uno_rig, emulation.name) as bench:
+        assert bench.identity["firmware"] == "RIG-UNO 1.0.0"
+        bench.start(100.0)
+        receipt = bench.command("valve", 1.0, duration=0.3)
+        samples = [bench.next_sample(2.0) for _ in range(60)]
+        assert all(samples)
+        (end,) = bench.take_receipts()
+        assert end.time - receipt.time == pytest.approx(0.3, rel=0.01)
+        seen = [s.time for s in samples if s is not None and s.commands[1] == 1.0]
+        assert receipt.time - 0.02 <= seen[0]
+        assert seen[-1] <= end.time + 0.02
+
+
+def test_a_pulled_plug_is_put_back(uno_rig: Rig, emulation: Emulation) -> None:
+    with opened(uno_rig, emulation.name) as bench:
+        bench.start(50.0)
+        bench.command("heater", 1.0)
+        assert bench.next_sample(2.0)
+        emulation.unplug()
+        notices = []
+
+        def lost() -> bool:
+            notices.extend(bench.take_notices())
+            return any(n.kind == "fault" for n in notices)
+
+        wait_for(lost, bench)
+        emulation.plug()
+
+        def back() -> bool:
+            notices.extend(bench.take_notices())
+            return any(n.kind == "gap" for n in notices)
+
+        wait_for(back, bench)
+        sample = bench.next_sample(2.0)
+        assert sample is not None
+        assert sample.commands[0] == 0.0
+
+
+def test_two_hosts_on_one_port(uno_rig: Rig, emulation: Emulation) -> None:
+    with (
+        opened(uno_rig, emulation.name),
+        pytest.raises((RigctlError, BackendLost), match="somebody else has this port open"),
+        opened(uno_rig, emulation.name),
+    ):
+        pass
+
+
+def test_another_baud_rate_is_named_as_the_likely_cause(uno_rig: Rig, emulation: Emulation) -> None:
+    bench = create(uno_rig, ScaledClock(), {"port": str(emulation.name), "baud": 9600})
+    with pytest.raises(BackendLost, match="answer"):
+        bench.open()
+
+
+def test_a_port_that_is_not_there(uno_rig: Rig, tmp_path: Path) -> None:
+    bench = create(uno_rig, ScaledClock(), {"port": str(tmp_path / "nothing")})
+    with pytest.raises(BackendLost, match="cannot be reached"):
+        bench.open()
+
+
+def test_a_killed_host_leaves_the_outputs_off(uno_rig: Rig, emulation: Emulation) -> None:
+    bench = create(uno_rig, ScaledClock(), {"port": str(emulation.name)})
+    bench.open()
+    bench.command("heater", 1.0)
+    assert emulation.board.outputs[0]
+    bench._board.line.port.close()  # type: ignore[union-attr]  # as the kernel does for a dead process
+    began = emulation.board.time
+    while emulation.board.outputs[0]:
+        threading.Event().wait(0.01)
+    assert emulation.board.time - began < 2.1
