@@ -82,9 +82,7 @@ def measure(peer: Peer, reference: tuple[Floats, Floats], runs: int, *, all_colu
     found = {
         "simulate": median_seconds(peer.simulate, runs),
         "columns_8": median_seconds(lambda: peer.jacobian(EIGHT), few, warm_up=0),
-        "columns_28": median_seconds(lambda: peer.jacobian(ALL), few)
-        if all_columns
-        else None,
+        "columns_28": median_seconds(lambda: peer.jacobian(ALL), few) if all_columns else None,
     }
     exact, slopes = reference
     peak = np.abs(exact).max(axis=(0, 1))

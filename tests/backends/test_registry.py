@@ -22,12 +22,6 @@ def test_the_rig_file_names_the_default(rig: Rig) -> None:
     ("choice", "options", "message"),
     [
         ("simulatd", {}, "unknown backend, got 'simulatd'; did you mean 'simulated'?"),
-        (
-            "serial",
-            {},
-            "this version of rigctl has no serial backend, got 'serial'; expected replay or simulated",
-        ),
-        ("emulated", {}, "no emulated backend"),
         ("simulated", {"nois": "off"}, "did you mean 'noise'?"),
         ("simulated", {"noise": "loud"}, "noise is switched on or off, got 'loud'"),
         ("simulated", {"seed": -1}, "not a seed, got '-1'"),

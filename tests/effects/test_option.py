@@ -48,7 +48,10 @@ def test_every_effect_can_be_hidden_by_its_name() -> None:
         ("piston_leakage:clearance=30", "piston_leakage: clearance: the unit is missing, got '30'"),
         ("coulomb_friction:force", "expected 'parameter=value'"),
         ("coulomb_friction:force=-3 N", "out of bounds, got '-3 N'; expected 0 N to 2000 N"),
-        ("piston_leakage:clearance=1 mm", "clearance: out of bounds, got '1 mm'; expected what makes the conductance 0 m"),
+        (
+            "piston_leakage:clearance=1 mm",
+            "clearance: out of bounds, got '1 mm'; expected what makes the conductance 0 m",
+        ),
         ("spool_lag", "base physics"),
     ],
 )

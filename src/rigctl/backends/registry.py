@@ -7,7 +7,7 @@ from importlib import import_module
 
 from rigctl.backends.protocol import Backend
 from rigctl.clock import Clock
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import unknown_name
 from rigctl.rig import Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
@@ -17,8 +17,6 @@ _MODULES: Mapping[str, str] = {
     "serial": "rigctl.backends.serial.create",
     "simulated": "rigctl.backends.simulated.create",
 }
-#: kinds that a rig file may name already
-_NOT_YET = ("emulated", "serial")
 
 
 def backend_names() -> tuple[str, ...]:
@@ -45,13 +43,6 @@ def create_backend(
         there is no such backend, or an option is unknown or wrong.
     """
     name = choice or rig.backend.kind
-    if name in _NOT_YET:
-        raise RigctlError(
-            f"this version of rigctl has no {name} backend",
-            value=name,
-            expected=" or ".join(sorted(_MODULES)),
-            hint="'--backend simulated' carries it out on the simulated bench",
-        )
     if name not in _MODULES:
         raise unknown_name("backend", name, _MODULES)
     from_rig = rig.backend.options if name == rig.backend.kind else {}
