@@ -7,17 +7,24 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from rigctl.clock import VirtualClock
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.rig import load_rig
 from rigctl.runner import lock as locks
+from rigctl.runner.launch import Launch
 from rigctl.runner.lock import RigLock, read_owner
+from rigctl.runner.manual import switch_off, watch
+from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.requests import Request
 from rigctl.runner.view import View
 
 NAME = "HL32 bench"
+RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
 
 
 def owner_file(folder: Path) -> Path:
@@ -118,3 +125,39 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     blocked.write_text("", encoding="utf-8")
     with pytest.raises(RigctlError, match="cannot lock the bench"):
         RigLock(NAME, "me", blocked / "locks").__enter__()
+
+
+def test_making_safe_takes_the_bench_from_whoever_has_it(tmp_path: Path) -> None:
+    with RigLock(NAME, "a jog", tmp_path) as other:
+        other.beat()
+        with RigLock(NAME, "off", tmp_path, at_any_cost=True):
+            pass
+        other._next_beat = 0.0
+        other.beat()
+        assert [order.request for order in other.poll()] == [Request.ABORT]
+        assert other.poll() == ()
+
+
+def test_making_safe_needs_no_folder(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("", encoding="utf-8")
+    with RigLock(NAME, "off", blocked / "locks", at_any_cost=True):
+        pass
+
+
+def test_a_monitor_keeps_its_bench_and_ends_when_it_is_taken_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_BEAT", 0.0)
+    rig = load_rig(RIG)
+    how = Launch(tmp_path, AutomaticOperator(), options={"plant": "roles"}, lock_folder=tmp_path)
+    readings = watch(rig, replace(how, clock=VirtualClock()), 10.0)
+    next(readings)
+    pretend(tmp_path, beat=0.0)
+    next(readings)
+    owner = read_owner(owner_file(tmp_path))
+    assert owner is not None
+    assert owner.alive
+    assert switch_off(rig, replace(how, clock=VirtualClock())).startswith("outputs are safe")
+    with pytest.raises(RigctlError, match="taken the bench"):
+        list(readings)

@@ -62,12 +62,17 @@ class RigLock:
     rig: the bench's name.
     purpose: what it is needed for, told to others who ask.
     folder: where locks lie; the user's state folder by default.
+    at_any_cost: take it from whoever has it, and go on without it where it cannot be written: to make a bench
+        safe. The owner notices at its next heartbeat, and ends.
     """
 
-    def __init__(self, rig: str, purpose: str, folder: Path | None = None) -> None:
+    def __init__(
+        self, rig: str, purpose: str, folder: Path | None = None, *, at_any_cost: bool = False
+    ) -> None:
         self._rig = rig
         self._purpose = purpose
         self._path = (folder or _state_folder()) / f"{slug(rig)}.json"
+        self._at_any_cost = at_any_cost
         self._token = uuid4().hex
         self._next_beat = 0.0
         self._lost = False
@@ -86,17 +91,20 @@ class RigLock:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._guard():
                 owner = read_owner(self._path)
-                if owner is not None and owner.alive:
+                if owner is not None and owner.alive and not self._at_any_cost:
                     raise RigctlError(
                         f"'{self._rig}' is in use by {owner.purpose} (process {owner.pid} on {owner.host})",
-                        hint="Wait until it ends, or end it with 'rigctl abort'",
+                        hint="Wait until it ends, or end it with 'rigctl off'",
                         exit_code=ExitCode.FAILED,
                     )
                 self._write()
         except OSError as problem:
+            if self._at_any_cost:
+                return self
             raise RigctlError(
                 f"cannot lock the bench: {problem.strerror or problem}",
                 where=Location(self._path),
+                hint="Make that folder writable; without a lock two programs could command one bench",
                 exit_code=ExitCode.FAILED,
             ) from problem
         self._held = True
@@ -126,13 +134,19 @@ class RigLock:
 
     def publish(self, view: View) -> None:
         """Beat when it is due."""
+        self.beat()
+
+    def beat(self) -> None:
+        """Write that the owner is alive, when it is time to; or find out that the bench was taken over."""
         now = time.monotonic()
         if not self._held or now < self._next_beat:
             return
         self._next_beat = now + _BEAT
         with suppress(OSError), self._guard():  # a full disk must not end a run; the owner's process is seen
             owner = read_owner(self._path)
-            if owner is not None and owner.token != self._token:
+            # a file that is gone was taken over, and given back since
+            gone = not self._path.exists()
+            if gone or (owner is not None and owner.token != self._token):
                 self._lost, self._held = True, False
             else:
                 self._write()

@@ -42,7 +42,8 @@ class Reading:
 def switch_off(rig: Rig, how: Launch) -> str:
     """Bring every output to the safe state, now; what was done, in one sentence.
 
-    A run in progress on this bench is asked to end: its own first act is the same.
+    A run in progress on this bench is asked to end: its own first act is the same. Whoever else has the bench
+    loses it.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def switch_off(rig: Rig, how: Launch) -> str:
     owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
     if owner is not None and owner.run:
         return f"{Path(owner.run).name}: {send(Path(owner.run), Request.ABORT)}"
-    with held(rig, "'rigctl off'", how), opened(rig, how) as backend:
+    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True), opened(rig, how) as backend:
         backend.safe()
     states = ", ".join(
         f"{name} {rig.actuators[name].show(float(value))}" for name, value in rig.safe_state.items()
@@ -109,11 +110,15 @@ def watch(rig: Rig, how: Launch, rate: float) -> Generator[Reading, None, None]:
         the bench cannot be reached, or has gone silent.
     """
     interlocks = Interlocks(rig)
-    with held(rig, "'rigctl monitor'", how), opened(rig, how) as backend, Signals() as signals:
+    with held(rig, "'rigctl monitor'", how) as lock, opened(rig, how) as backend, Signals() as signals:
         clock = backend.clock
         backend.start(rate)
         newest = clock.now()
         while not signals.count:
+            if lock is not None:
+                lock.beat()
+                if lock.poll():
+                    raise RigctlError("another program has taken the bench over", exit_code=ExitCode.FAILED)
             sample = backend.next_sample(min(_RESPONSE * clock.speed, interlocks.silence_limit(1.0 / rate)))
             if sample is not None:
                 newest = sample.time

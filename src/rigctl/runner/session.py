@@ -177,7 +177,8 @@ class _Session:
         try:
             self._writer.close(status, reason)
         except RigctlError as error:
-            reason = str(error) if reason is None else f"{reason}; {error}"
+            told = reason or ""  # a full disk is told once
+            reason = told if str(error) in told else "; ".join(filter(None, (told, str(error))))
             status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
         self._tick()
         for control in self._controls:
