@@ -38,6 +38,8 @@ def printed(preview: Preview, *, everything: bool = False) -> str:
 def test_long_sweeps_show_their_first_point(previewed: See) -> None:
     text = printed(previewed(SWEEP))
     assert text.startswith("test on HL32 bench\n4 records, 80 samples, about ")
+    start = "oil_temperature 20 degC, supply_pressure 20 bar, position 0 mm"
+    assert f"expected to start at {start} (simulation.initial of the rig file)" in text
     assert text.count("record 'r' at 10 Hz") == 1
     assert "3 more: oil=30 degC, oil=40 degC, oil=84 degC" in text
     assert "on_failure (only then)" in text
@@ -96,6 +98,7 @@ def test_times_as_one_says_them(seconds: float, text: str) -> None:
 def test_the_document(previewed: See) -> None:
     document = json.loads(json.dumps(as_document(previewed(SWEEP), ["old"]), allow_nan=False))
     assert (document["procedure"], document["records"], document["samples"]) == ("test", 4, 80)
+    assert document["start"] == {"oil_temperature": 20.0, "supply_pressure": 20.0, "position": 0.0}
     assert document["duration_basis"] == "estimated"
     assert document["sweeps"] == [{"path": "1/for", "variables": ["oil"], "points": 4}]
     (hot,) = [limit for limit in document["limits"] if limit["name"] == "oil_hot"]

@@ -23,6 +23,7 @@ def as_document(preview: Preview, warnings: Sequence[str] = ()) -> dict[str, Any
         "rig_path": str(plan.rig.path) if plan.rig.path else None,
         "digest": plan.digest,
         "arguments": dict(plan.arguments),
+        "start": {name: _display(preview, name, si) for name, si in preview.start_readings.items()},
         "records": preview.records,
         "samples": preview.samples,
         "duration": preview.seconds,
@@ -41,18 +42,20 @@ def as_document(preview: Preview, warnings: Sequence[str] = ()) -> dict[str, Any
     }
 
 
+def _display(preview: Preview, channel_name: str, si: float) -> float:
+    """A reading in its channel's unit."""
+    channel = preview.plan.rig.channels[channel_name]
+    return round(parse_unit(channel.unit).from_si(si, difference=channel.difference), 9)
+
+
 def _limit(preview: Preview, use: LimitUse) -> dict[str, Any]:
-    channel = preview.plan.rig.channels[use.channel]
-    unit = parse_unit(channel.unit)
     return {
         "name": use.name,
         "channel": use.channel,
         "action": use.action,
-        use.bound: round(unit.from_si(use.threshold, difference=channel.difference), 9),
-        "closest": None
-        if use.closest is None
-        else round(unit.from_si(use.closest, difference=channel.difference), 9),
-        "unit": channel.unit,
+        use.bound: _display(preview, use.channel, use.threshold),
+        "closest": None if use.closest is None else _display(preview, use.channel, use.closest),
+        "unit": preview.plan.rig.channels[use.channel].unit,
         "state": use.state,
     }
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from rich.text import Text
     from rich.tree import Tree
 
+    from rigctl.rig import Rig
+
 _MARKS = {Basis.TIMED: "", Basis.ESTIMATED: "about ", Basis.GUESSED: "about ", Basis.AT_MOST: "at most "}
 _MEANINGS = {
     Basis.TIMED: "every step is timed",
@@ -44,6 +46,9 @@ def outline(
         "",
         f" ({_MEANINGS[preview.basis]})",
     )
+    if preview.start_readings:
+        start = ", ".join(_reading(plan.rig, *reading) for reading in preview.start_readings.items())
+        yield _line("expected to start at ", "", f"{start} (simulation.initial of the rig file)")
     if plan.arguments:
         yield _line("with ", "", ", ".join(f"{name} = {value}" for name, value in plan.arguments.items()))
     for root in preview.roots:
@@ -53,6 +58,11 @@ def outline(
         yield _line("warning: ", "yellow", f"{where}: {message}")
     for message in warnings:
         yield _line("warning: ", "yellow", message)
+
+
+def _reading(rig: Rig, name: str, si: float) -> str:
+    channel = rig.channels[name]
+    return f"{name} {show(si, channel.unit, difference=channel.difference)}"
 
 
 def clock_time(seconds: float) -> str:

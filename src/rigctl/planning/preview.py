@@ -60,6 +60,19 @@ class Preview:
     start: State
 
     @property
+    def start_readings(self) -> Mapping[str, float]:
+        """What the channels are expected to read at the start, SI: the estimate rests on it."""
+        roles, start = self.plan.rig.roles, self.start
+        readings: dict[str, float] = {}
+        if roles.heat is not None and start.temperature is not None:
+            readings[roles.heat.channel] = start.temperature
+        if roles.set_pressure is not None:
+            readings[roles.set_pressure.channel] = start.pressure
+        if roles.extend is not None and roles.extend.position is not None:
+            readings[roles.extend.position] = start.position
+        return readings
+
+    @property
     def seconds(self) -> float:
         """Expected duration."""
         return sum(root.seconds for root in self.roots if root.counted)
