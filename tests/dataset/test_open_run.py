@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dataset.strokes import sample
-from rigctl.dataset import Run, RunWriter, open_run, verify
+from rigctl.dataset import Run, RunWriter, exclude, open_run, verify
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]
@@ -103,3 +103,20 @@ def test_a_million_samples(writer: RunWriter) -> None:
     assert run.record(7).time[[0, -1]].tolist() == [700.0, 799.999]
     assert np.array_equal(run.signals("time"), block[:, 0])
     assert (folder / "samples.parquet").stat().st_size < 8 * count
+
+
+def test_a_run_shows_itself(run: Run) -> None:
+    assert run.summary() == f"{run.id} finished, 'stroke' on 'bench', 3 records, 63 samples"
+    shown = run._repr_html_()
+    assert shown.startswith(f"<p>{run.id} finished")
+    assert shown.count("<tr") == 1 + len(run.records)
+
+
+def test_what_users_wrote_is_text_in_a_notebook(run: Run) -> None:
+    exclude(run.folder, [1], "<script>alert(1)</script>")
+    info = {**run.info, "reason": "<img src=x>"}
+    shown = Run(run.folder, info)._repr_html_()
+    assert "<script" not in shown
+    assert "<img" not in shown
+    assert "&lt;script&gt;" in shown
+    assert "&lt;img src=x&gt;" in shown

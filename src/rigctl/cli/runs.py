@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -75,7 +75,7 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
         _print_table(_records_table(records, facts))
     for said in info.get("annotations", ()):
         about = "" if said["record"] is None else f" (record {said['record']})"
-        typer.echo(f"{said['when']} {said['by']}: {said['kind']}{about}: {said['text']}")
+        typer.echo(f"{_instant(said['when'])} {said['by']}: {said['kind']}{about}: {said['text']}")
 
 
 @app.command()
@@ -216,13 +216,13 @@ def _facts_table(info: Mapping[str, Any]) -> Table:
         "rig": _source(info["rig"]),
         "bench": backend,
         "operator": info["operator"],
-        "started": info["started"],
+        "started": _instant(info["started"]),
         "duration": _duration(info.get("duration")),
         "clock": info["clock"],
         "seed": _cell(info["seed"]),
         "samples": _cell(info.get("rows")),
         "measures": ", ".join(
-            f"{measure['name']} {_cell(measure['value'])} {measure['unit']}"
+            f"{measure['name']} {_reading(measure['value'])} {measure['unit']}"
             for measure in info.get("measures", ())
         ),
         "folder": str(info["folder"]),
@@ -263,7 +263,10 @@ def _records_table(records: Sequence[Mapping[str, Any]], facts: Mapping[str, Map
     def cell(record: Mapping[str, Any], name: str) -> str:
         verdict = passed.get(facts[name].get("variable", ""))
         missed = facts[name].get("kind") == "measure" and verdict and record[verdict] is False
-        return _cell(record[name]) + (" missed" if missed else "")
+        value = record[name]
+        if facts[name].get("kind") in ("measure", "sweep"):
+            return _reading(value) + (" missed" if missed else "")
+        return f"{value:.2f}" if name in ("start", "end") and value is not None else _cell(value)
 
     return _table(heads, [[cell(record, name) for name in names] for record in records])
 
@@ -305,6 +308,20 @@ def _cell(value: object) -> str:
     if value is None:
         return ""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _reading(value: object) -> str:
+    """A measured value: four digits are what a bench is good for; '--json' has them all."""
+    return f"{value:.4g}" if isinstance(value, float) else _cell(value)
+
+
+def _instant(text: str) -> str:
+    """``2026-11-21 05:50:06 UTC``: a time as it was written in ``run.json``, to the second."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    return f"{moment:%Y-%m-%d %H:%M:%S} {moment.tzname() or ''}".rstrip()
 
 
 def _plain_cell(value: object) -> object:

@@ -106,6 +106,25 @@ class Run:
         """The columns of a sample and their display units."""
         return self.header.layout
 
+    def summary(self) -> str:
+        """One line: the run, how it ended, on which bench, how many records and samples it has."""
+        count, rows = self.info["records"], self.info["rows"]
+        reason = f": {self.info['reason']}" if self.info.get("reason") else ""
+        return (
+            f"{self.id} {self.info['status']}, '{self.header.procedure.name}' on '{self.header.rig.name}', "
+            f"{count} record{'' if count == 1 else 's'}, {rows} sample{'' if rows == 1 else 's'}{reason}"
+        )
+
+    def _repr_html_(self) -> str:
+        """The summary and the records, as a notebook shows them; what users wrote is text."""
+        from html import escape
+
+        units = self.records.attrs["units"]
+        heads = {name: f"{name} [{unit}]" for name, unit in units.items() if unit != "1"}
+        shown = self.records.drop(columns=["path"]).rename(columns=heads)
+        table = shown.to_html(index=False, escape=True, na_rep="", float_format=lambda value: f"{value:.4g}")
+        return f"<p>{escape(self.summary())}</p>{table}"
+
     def samples(self, columns: Sequence[str] | None = None, record: int | None = None) -> pd.DataFrame:
         """The samples in display units; ``attrs["units"]`` has the unit of each column.
 
