@@ -148,6 +148,13 @@ def test_set_pressure_gives_up(do: Do) -> None:
     )
 
 
+def test_a_broken_sensor_is_named_as_such_while_its_channel_is_held(do: Do) -> None:
+    steps = "steps:\n  - hold: {for: 5 s, channel: position, at: 0 mm, within: 2 mm}\n"
+    done = do(steps, options={"faults": ["sensor_open:position@1 s"]})
+    assert done.result.status == "failed"
+    assert "the transducer has come loose: position is -10 mm" in str(done.result.reason)
+
+
 def test_hold_fails_at_the_sample_that_leaves_the_tolerance(do: Do) -> None:
     steps = "steps:\n  - set: {valve: extend}\n  - hold: {for: 5 s, channel: position, within: 30 mm}\n"
     done = do(steps)
