@@ -38,6 +38,7 @@ def test_a_record_is_carried_through_before_the_pause(do: Do) -> None:
     done = do(steps, control=person)
     assert [outcome for _, outcome in done.records] == ["complete"]
     assert person.answers[0] == "pausing at the end of the record"
+    assert person.answers[0] in [seen.message for view in person.views for seen in view.happenings]
     assert person.answers[1] == "paused, outputs are safe"
     paused = next(e["time"] for e in done.events("state") if e["state"] == "paused")
     assert paused == pytest.approx(3.2, abs=0.02)

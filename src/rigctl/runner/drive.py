@@ -174,7 +174,9 @@ class Driver:
             return
         self._pause = (control, order)
         if self._bench.recording:
-            control.acknowledge(order, "pausing at the end of the record")
+            text = "pausing at the end of the record"
+            control.acknowledge(order, text)
+            self._sampling.note(self._clock.now(), "note", text)  # for whoever looks at a display
 
     def _stand_still(self, pause: tuple[Control, Order], until: Until) -> None:
         """Outputs safe, samples and interlocks go on, until somebody lets the run go on.
