@@ -1,0 +1,122 @@
+"""The noise of every channel: how wide it is, how long it remembers, and where that was learned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: where a channel's noise was learned, best first
+Source = Literal["replicates", "quiet", "differences", "rig", "assumed"]
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """Noise of one channel: a first-order autoregression and white noise on top.
+
+    The covariance of samples at times t and t′ is
+    ``sigma²·((1 − white)·correlation^(|t − t′|/spacing) + white·[t = t′])``;
+    with ``white = 0`` it is a plain AR(1), with ``correlation = 0`` plain white noise.
+
+    Parameters
+    ----------
+    name: the channel.
+    sigma: SI, standard deviation of one sample, converter steps included.
+    correlation: ρ, of the autoregressive part, between samples one `NoiseModel.spacing` apart; 0 ≤ ρ < 1.
+    step: SI, the converter step found in the data; 0 when there is none.
+    source: where sigma was learned.
+    guessed: the data could not tell; sigma is the rig file's number or an assumption.
+    masked: samples that were found to be spikes and left out.
+    statement: one sentence that says all this.
+    white: share of the variance that neighbouring samples do not have in common, 0…1.
+    bias: SI, standard deviation of the error that a whole quiet stretch has in common because the
+        converter's steps are coarse against the noise; it does not average out (see `quantisation`).
+    uncertainty: standard error of ln sigma, as far as the data tells; NaN when guessed.
+    """
+
+    name: str
+    sigma: float
+    correlation: float = 0.0
+    step: float = 0.0
+    source: Source = "assumed"
+    guessed: bool = True
+    masked: int = 0
+    statement: str = ""
+    white: float = 0.0
+    bias: float = 0.0
+    uncertainty: float = float("nan")
+
+    def __post_init__(self) -> None:
+        if not (self.sigma > 0.0 and np.isfinite(self.sigma)):
+            raise ValueError(f"sigma of {self.name} must be positive, got {self.sigma}")
+        if not 0.0 <= self.correlation < 1.0:
+            raise ValueError(f"correlation of {self.name} must lie in [0, 1), got {self.correlation}")
+        if not 0.0 <= self.white <= 1.0:
+            raise ValueError(f"white share of {self.name} must lie in [0, 1], got {self.white}")
+
+    def covariance(self, times: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+        """Covariance matrix (n, n) of the samples at `times` (s); SI². `bias` is not part of it."""
+        apart = np.abs(times[:, None] - times[None, :]) / spacing
+        coloured = (1.0 - self.white) * np.where(apart == 0.0, 1.0, self.correlation**apart)
+        return np.asarray(self.sigma**2 * (coloured + self.white * (apart == 0.0)))
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Noise of all channels, in the order of the columns of the measurements.
+
+    Parameters
+    ----------
+    channels: one for each channel.
+    spacing: s, the usual time between neighbouring samples, to which every `correlation` refers.
+    statement: one sentence for a reader: where the numbers come from, and what was guessed.
+    """
+
+    channels: tuple[ChannelNoise, ...]
+    spacing: float
+    statement: str = ""
+
+    def __post_init__(self) -> None:
+        if not (self.spacing > 0.0 and np.isfinite(self.spacing)):
+            raise ValueError(f"spacing must be positive, got {self.spacing}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The channels' names, in order."""
+        return tuple(channel.name for channel in self.channels)
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """(channels) SI, standard deviation of one sample of each channel."""
+        return np.array([channel.sigma for channel in self.channels])
+
+    @property
+    def guessed(self) -> tuple[str, ...]:
+        """The channels whose noise the data could not tell."""
+        return tuple(channel.name for channel in self.channels if channel.guessed)
+
+    def channel(self, name: str) -> ChannelNoise:
+        """The noise of one channel; KeyError when there is none of that name."""
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        raise KeyError(name)
+
+    def draw(self, times: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Noise (n, channels) with exactly this covariance at `times` (s); one generator state, one answer.
+
+        Each channel is ``sigma·(√(1 − white)·a + √white·w)`` with w white and a the stationary recursion
+        ``a_i = r_i·a_(i−1) + √(1 − r_i²)·v_i``, ``r_i = correlation^(Δt_i/spacing)``.
+        """
+        size, count = times.size, len(self.channels)
+        drive, white = rng.standard_normal((2, size, count))
+        rho = np.array([channel.correlation for channel in self.channels])
+        share = np.array([channel.white for channel in self.channels])
+        kept = rho ** (np.diff(times)[:, None] / self.spacing)
+        coloured = drive.copy()
+        fresh = np.sqrt(1.0 - kept**2)
+        for i in range(1, size):
+            coloured[i] = kept[i - 1] * coloured[i - 1] + fresh[i - 1] * drive[i]
+        return np.asarray(self.sigma * (np.sqrt(1.0 - share) * coloured + np.sqrt(share) * white))
