@@ -22,7 +22,7 @@ from rigctl.engine.source import ARGUMENTS
 
 POINTER: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
 
-_BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
+_BINARY = {"+": "fadd", "-": "fsub", "*": "fmul"}
 
 
 def signature_of(function: str) -> Any:
@@ -65,6 +65,7 @@ class _Emitter:
         self.builder = builder
         self.arrays = arrays
         self.values: list[Any] = []
+        self.inverses: dict[int, Any] = {}
 
     def emit(self, lines: Sequence[Sequence[str]]) -> None:
         for number, operation, *args in lines:
@@ -82,11 +83,22 @@ class _Emitter:
         first = self.values[int(args[0])]
         if operation in _BINARY:
             return getattr(self.builder, _BINARY[operation])(first, self.values[int(args[1])])
+        if operation == "/":
+            return self.builder.fmul(first, self._inverse(int(args[1])))
         if operation == "negative":
             return self.builder.fneg(first)
         if operation == "power":
             return self._power(first, args[1])
         return self._call(operation, first)
+
+    def _inverse(self, number: int) -> Any:
+        """1 / value, once for each divisor: derivatives divide by the same few over and over.
+
+        Every division is written so, or a term that is added at its null could change the last bit.
+        """
+        if number not in self.inverses:
+            self.inverses[number] = self.builder.fdiv(self._constant(1.0), self.values[number])
+        return self.inverses[number]
 
     def _power(self, base: Any, exponent: str) -> Any:
         """Products and roots where the exponent is a whole or a half number, else the library's pow."""
