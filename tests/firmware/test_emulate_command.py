@@ -14,12 +14,22 @@ from typer.testing import CliRunner
 from rigctl.cli.main import app
 from rigctl.files.shipped import shipped
 
+#: a shell starts what it runs in the background with Ctrl-C ignored
+AS_BACKGROUND_JOB = """\
+import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from rigctl.cli.main import main
+"""
 
-def test_any_client_can_talk_to_the_emulated_board(tmp_path: Path) -> None:
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_any_client_can_talk_to_the_emulated_board_until_it_is_ended(
+    tmp_path: Path, end: signal.Signals
+) -> None:
     import serial
 
     link = tmp_path / "ttyRIG"
-    command = [sys.executable, "-m", "rigctl", "emulate", "--link", str(link)]
+    command = [sys.executable, "-c", f"{AS_BACKGROUND_JOB}main()", "emulate", "--link", str(link)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
@@ -27,9 +37,10 @@ def test_any_client_can_talk_to_the_emulated_board(tmp_path: Path) -> None:
             with serial.Serial(str(link), 115200, timeout=5) as port:
                 port.write(b"*IDN?\n")
                 assert port.readline() == b"RIGCTL,RIG-UNO,0,1.0.0\n"
+            process.send_signal(end)
+            assert process.wait(60) == 0
         finally:
-            process.send_signal(signal.SIGINT)
-        assert process.wait(10) == 0
+            process.kill()
     assert not link.is_symlink()
 
 

@@ -35,6 +35,7 @@ def emulate(
     from rigctl.project import find_project
     from rigctl.rig import load_rig
     from rigctl.runner.launch import clock_for
+    from rigctl.runner.signals import Signals
 
     if speed == "max":
         raise RigctlError("other clients live in real time", value=speed, expected="1x, or e.g. 5x")
@@ -43,12 +44,13 @@ def emulate(
     board = make_board(load_rig(found), options)
     bridge = PtyBridge(board, clock_for(speed, "emulated"))
     try:
-        if link is not None:
-            bridge.link(link)
-        typer.echo(f"{link or bridge.port} at {baud} baud; Ctrl-C ends it")
-        while True:
-            bridge.step()
-    except KeyboardInterrupt:
+        # handlers of our own: a shell's background job has Ctrl-C ignored, and SIGTERM would leave the link
+        with Signals() as signals:
+            if link is not None:
+                bridge.link(link)
+            typer.echo(f"{link or bridge.port} at {baud} baud; Ctrl-C ends it")
+            while not signals.count:
+                bridge.step()
         typer.echo("ended", err=True)
     finally:
         if link is not None:
