@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.dataset.importing.conditions import cluster
+from rigctl.dataset.conditions import cluster
 
 
 @pytest.mark.parametrize(

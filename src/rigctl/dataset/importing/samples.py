@@ -10,7 +10,7 @@ import numpy as np
 
 from rigctl.dataset.importing.checks import BETWEEN, Stretch, find_faults, record_labels, stretches
 from rigctl.dataset.importing.columns import Assigned, layout_of
-from rigctl.dataset.importing.conditions import cluster
+from rigctl.dataset.conditions import cluster
 from rigctl.dataset.importing.table import Fault, RawTable
 from rigctl.rig.layout import Layout
 
