@@ -24,8 +24,8 @@ void clock_disarm(void);
 void uart_start(void);
 bool uart_read(uint8_t *byte);
 bool uart_overrun(void); /* received bytes were lost since the last call */
-uint8_t uart_free(void);
 void uart_put(char c); /* waits for room */
+bool uart_put_all(const char *data, uint8_t length); /* false, and nothing is sent, when there is no room */
 
 /* errors.c: the SCPI error queue */
 enum {
@@ -97,6 +97,7 @@ void line_number(uint32_t value);
 void line_signed(int32_t value);
 bool line_send(void); /* false when there was no room; nothing is sent then */
 uint16_t crc_update(uint16_t crc, uint8_t byte);
+char *decimal(uint32_t value, char *digits); /* up to 10 of them, no 0 behind; returns their end */
 void put_hex(uint16_t value, void (*put)(char));
 
 /* stream.c */

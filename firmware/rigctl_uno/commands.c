@@ -6,7 +6,6 @@
 #include <avr/pgmspace.h>
 #include <avr/wdt.h>
 #include <ctype.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "board.h"
@@ -44,9 +43,8 @@ static void put_text(const char *program_memory) {
 }
 
 static void put_unsigned(uint32_t value) {
-    char digits[11];
-    ultoa(value, digits, 10);
-    for (char *d = digits; *d; d++)
+    char digits[10], *end = decimal(value, digits);
+    for (char *d = digits; d < end; d++)
         put(*d);
 }
 

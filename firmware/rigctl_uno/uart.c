@@ -52,7 +52,7 @@ bool uart_overrun(void) {
     return was;
 }
 
-uint8_t uart_free(void) { return (uint8_t)(tx_tail - tx_head - 1); }
+static uint8_t uart_free(void) { return (uint8_t)(tx_tail - tx_head - 1); }
 
 void uart_put(char c) {
     while (!uart_free()) /* always ends: the line sends without anybody's leave */
@@ -60,4 +60,15 @@ void uart_put(char c) {
     to_send[tx_head] = c;
     tx_head++;
     UCSR0B |= _BV(UDRIE0);
+}
+
+bool uart_put_all(const char *data, uint8_t length) {
+    if (uart_free() < length)
+        return false;
+    uint8_t head = tx_head;
+    while (length--)
+        to_send[head++] = *data++;
+    tx_head = head;
+    UCSR0B |= _BV(UDRIE0);
+    return true;
 }
