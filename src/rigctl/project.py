@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.files.shipped import shipped
+from rigctl.files.version_suffix import is_there
 
 MARKER = "rigctl.toml"
 _SETTINGS = ("runs", "rig")
@@ -27,7 +28,7 @@ class Project:
         """The file that a path in a file means.
 
         Tried in this order: relative to the folder of the file `relative_to`, to the project's root, and
-        among the files that come with rigctl.
+        among the files that come with rigctl. ``m.yaml@3``, version 3 of ``m.yaml``, is where ``m.yaml`` is.
 
         Raises
         ------
@@ -38,7 +39,7 @@ class Project:
         folders = [relative_to.parent] if relative_to is not None else []
         tried = [folder / wanted for folder in (*folders, self.root, shipped())]
         for candidate in tried:
-            if _exists(candidate):
+            if is_there(candidate):
                 return candidate
         places = list(dict.fromkeys(str(candidate) for candidate in tried))
         raise RigctlError("there is no such file", value=str(path), hint=f"Looked for {', '.join(places)}")
@@ -96,11 +97,3 @@ def _expanded(path: str | Path) -> Path:
         return Path(path).expanduser()
     except RuntimeError:
         return Path(path)
-
-
-def _exists(path: Path) -> bool:
-    """Whether something is there; a name that no file system takes is not."""
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False

@@ -308,6 +308,17 @@ def read_si(text: str | float | Quantity, unit: str, *, difference: bool = False
     return quantity.unit.to_si(quantity.value, difference=difference)
 
 
+def onto_bound(value: float, low: float, high: float) -> float:
+    """`value`, moved onto the bound that it misses by no more than the rounding of a conversion.
+
+    ``0.06 l/min`` is 1e-6 m^3/s, but not in the last bit.
+    """
+    for bound in (low, high):
+        if math.isclose(value, bound, rel_tol=1e-12):
+            return bound
+    return value
+
+
 def describe(unit: str, *, difference: bool = False) -> str:
     """What a quantity of the dimension of `unit` is called in a message."""
     dimension = parse_unit(unit).dimension

@@ -12,7 +12,7 @@ from rigctl.effects.user.load import is_effect_file, load_effect
 from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.physics.family import ModelFamily
 from rigctl.project import find_project
-from rigctl.units import Quantity, read_si, show
+from rigctl.units import Quantity, onto_bound, read_si, show
 
 _FILE = re.compile(r"(.+?\.ya?ml)(?:\s*:(.*))?$", re.IGNORECASE | re.DOTALL)
 
@@ -128,6 +128,7 @@ def _read(
 def _bounded(effect: Effect, way: str, name: str, value: float, written: str | Quantity) -> dict[str, float]:
     """The parameter `name` with its SI value, that was written as `way`."""
     parameter = effect.parameter(name)
+    value = onto_bound(value, parameter.low, parameter.high)
     if not parameter.low <= value <= parameter.high:
         low, high = (
             show(end, parameter.unit, difference=parameter.difference)

@@ -53,6 +53,53 @@ def write_bytes(path: Path, content: bytes) -> None:
                 temporary.unlink()
 
 
+def write_new(path: Path, content: bytes) -> None:
+    """Write a file that must not be there yet, whole or not at all, and let nobody change it.
+
+    Raises
+    ------
+    FileExistsError
+        there is such a file; it is untouched.
+    RigctlError
+        the folder cannot be written to, or the disk is full.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            _publish(temporary, path, content)
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
+        path.chmod(0o444)
+    except FileExistsError:
+        raise
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write the file: {problem.strerror or problem}",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+
+
+def _publish(temporary: Path, path: Path, content: bytes) -> None:
+    """Give a whole file its name, unless the name is taken."""
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise
+    except (OSError, NotImplementedError):  # a file system without links
+        with path.open("xb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+
+
 def _keep_mode(path: Path, temporary: Path) -> None:
     """Give the new file the permissions of the one it replaces, or those of a new file."""
     try:

@@ -15,9 +15,11 @@ from rigctl.effects.user.load import load_effect
 from rigctl.errors import RigctlError
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
+from rigctl.files.version_suffix import split_version, with_version
 from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.model.history.store import read_version
 from rigctl.model.model import Model, Value
-from rigctl.model.schema import ModelFile
+from rigctl.model.schema import ModelFile, Setting
 from rigctl.model.values import parameter_values
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily, ParameterDeclaration
@@ -25,11 +27,13 @@ from rigctl.physics.oil import find_oil
 from rigctl.project import find_project
 from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
-from rigctl.units import Quantity, read_si, show
+from rigctl.units import Quantity, onto_bound, read_si, show
 
 
 def load_model(path: Path) -> Model:
     """The model that a file describes; its rig's path is looked for beside it, then in the project.
+
+    ``m.yaml@3`` is version 3 of ``m.yaml``; what it names is looked for beside ``m.yaml``.
 
     Raises
     ------
@@ -37,7 +41,11 @@ def load_model(path: Path) -> Model:
         the file or its rig's cannot be read, or something in it is wrong, with the place; `SeveralErrors`
         when there is more than one mistake.
     """
-    return _build(read_document(Path(path)))
+    head, number = split_version(Path(path))
+    if number is None:
+        return _build(read_document(head), head)
+    document = read_version(head, number)
+    return replace(_build(document, head), path=with_version(head, number))
 
 
 def parse_model(text: str, path: Path | None = None) -> Model:
@@ -48,25 +56,28 @@ def parse_model(text: str, path: Path | None = None) -> Model:
     RigctlError
         as `load_model`.
     """
-    return _build(parse_document(text, path))
+    return _build(parse_document(text, path), path)
 
 
-def _build(document: Document) -> Model:
+def _build(document: Document, path: Path | None) -> Model:
+    """The model that a document describes; what it names is looked for beside `path`."""
     written = validate(document, ModelFile)
     reader = Reader(document)
-    family = reader.read(("model",), partial(find_family, written.model, document.path))
+    family = reader.read(("model",), partial(find_family, written.model, path))
     reader.stop_at_errors()
     assert family is not None  # noqa: S101 - the reader has stopped where it is
-    rig = reader.read(("rig",), partial(_rig, written.rig, document.path))
+    rig = reader.read(("rig",), partial(_rig, written.rig, path))
     if written.oil is not None:
         reader.read(("oil",), partial(find_oil, written.oil))
     parameters = dict(_parameters(reader, family, written))
     reader.stop_at_errors()
     given = {name: value.si for name, value in parameters.items()}
     known = parameter_values(family, rig, given, written.oil)
-    own = tuple(_own_effects(reader, family, written))
+    own = tuple(_own_effects(reader, family, written, path))
     reader.stop_at_errors()
-    model = Model(family, rig, written.oil, parameters, {}, written.description, document.path, own)
+    model = Model(
+        family, rig, written.oil, parameters, {}, written.description, path, own, text=document.text
+    )
     effects = dict(_effects(reader, model, written, known))
     reader.read(("effects",), partial(refuse_contradictions, [*map(model.effect, effects)]), of_key=True)
     reader.stop_at_errors()
@@ -83,10 +94,12 @@ def _resolve(written: str, path: Path | None) -> Path:
     return project.resolve(written, relative_to=path)
 
 
-def _own_effects(reader: Reader, family: ModelFamily, written: ModelFile) -> Iterator[Effect]:
+def _own_effects(
+    reader: Reader, family: ModelFamily, written: ModelFile, beside: Path | None
+) -> Iterator[Effect]:
     for index, file in enumerate(written.own_effects):
         keys = ("own_effects", index)
-        path = reader.read(keys, partial(_resolve, file, reader.document.path))
+        path = reader.read(keys, partial(_resolve, file, beside))
         effect = None if path is None else reader.read(keys, partial(load_effect, path))
         if effect is not None and effect.family != family.name:
             other = RigctlError("this effect belongs to another family", value=file, expected=family.name)
@@ -105,12 +118,14 @@ def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iter
         if setting.fit and declared.fixed:
             fixed = RigctlError(f"{name} is a dimension that no fit changes", hint="Leave 'fit' out")
             reader.refuse((*keys, "fit"), fixed)
+        read_std = partial(_std, setting.std, declared.unit)
+        std = reader.read((*keys, "std"), read_std)
         if value is not None:
-            yield name, Value(value, setting.fit)
+            yield name, _stated(value, setting, std)
 
 
 def _value(declared: ParameterDeclaration, written: Quantity) -> float:
-    value = read_si(written, declared.unit)
+    value = onto_bound(read_si(written, declared.unit), declared.low, declared.high)
     if not declared.low <= value <= declared.high:
         ends = [show(end, declared.unit) for end in (declared.low, declared.high) if math.isfinite(end)]
         raise RigctlError(f"{declared.name} is out of bounds", value=str(written), expected=" to ".join(ends))
@@ -129,8 +144,43 @@ def _effects(
         for key, setting in settings.items():
             read = partial(read_parameter, effect, key, setting.value, known)
             found = reader.read((*keys, key), read)
-            values |= {parameter: Value(si, setting.fit) for parameter, si in (found or {}).items()}
+            std = reader.read((*keys, "std"), partial(_effect_std, effect, key, setting, known))
+            for parameter, si in (found or {}).items():
+                declared = effect.parameter(parameter)
+                value = _stated(si, setting, std)
+                values[parameter] = value if key == parameter else replace(value, unit=declared.unit)
         yield name, values
+
+
+def _stated(si: float, setting: Setting, std: float | None) -> Value:
+    return Value(si, setting.fit, std, setting.source, setting.value.unit.text or "1")
+
+
+def _std(written: Quantity | None, unit: str) -> float | None:
+    """A standard deviation in SI; of a temperature it is an interval."""
+    if written is None:
+        return None
+    std = read_si(written, unit, difference=True)
+    if std < 0.0:
+        raise RigctlError("a standard deviation is not negative", value=str(written))
+    return std
+
+
+def _effect_std(effect: Effect, key: str, setting: Setting, known: Mapping[str, float]) -> float | None:
+    """The standard deviation of an effect's parameter, which may be written in another way.
+
+    ``|f(x + s) - f(x - s)|/2`` is that of ``f(x)``, f being the other way to write it.
+    """
+    way = next((way for way in effect.other_ways if way.name == key), None)
+    if way is None:
+        unit = next((p.unit for p in effect.parameters if p.name == key), None)
+        return _std(setting.std, unit) if unit is not None else None
+    std = _std(setting.std, way.unit)
+    if std is None:
+        return None
+    everything = {p.name: p.value for p in effect.model_family.parameters} | dict(known)
+    value = read_si(setting.value, way.unit)
+    return abs(way.value_of(value + std, everything) - way.value_of(value - std, everything)) / 2.0
 
 
 def _effect(model: Model, name: str) -> Effect:

@@ -13,6 +13,7 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.registry import find_effect, library
 from rigctl.engine.system import System
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.version_suffix import split_version
 from rigctl.model.build import build_system, superset
 from rigctl.model.values import parameter_values
 from rigctl.physics.family import ModelFamily
@@ -21,10 +22,21 @@ from rigctl.rig.rig import Rig
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter's value in SI, and whether a fit may change it."""
+    """A parameter's value in SI, and what is known of it.
+
+    Attributes
+    ----------
+    fit: whether a fit may change it.
+    std: its standard deviation, SI; None when nobody has said.
+    source: where it comes from, in words.
+    unit: the unit in which the model file has it; empty when the file does not say it.
+    """
 
     si: float
     fit: bool = False
+    std: float | None = None
+    source: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,7 +51,8 @@ class Model:
     parameters: what the file says of the family's parameters.
     effects: by name, each with all of its parameters.
     own: the user's own effects that `effects` may name besides the library's.
-    path: the file, when there is one.
+    path: the file, when there is one; ``m.yaml@3`` for version 3 of it.
+    text: what the file says, layout and comments included.
     """
 
     family: ModelFamily
@@ -50,11 +63,15 @@ class Model:
     description: str = ""
     path: Path | None = None
     own: tuple[Effect, ...] = ()
+    text: str = ""
 
     @property
     def name(self) -> str:
-        """The file's name without its ending, or the family's."""
-        return self.path.stem if self.path else self.family.name
+        """The file's name without its ending (``m@3`` for a version of it), or the family's."""
+        if self.path is None:
+            return self.family.name
+        head, number = split_version(self.path)
+        return head.stem if number is None else f"{head.stem}@{number}"
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -147,8 +164,16 @@ class Model:
             raise unknown_name("effect of this model", name, self.effects)
         return self._with_base(base, present=False)
 
-    def with_values(self, values: Mapping[str, float]) -> Model:
+    def with_values(
+        self, values: Mapping[str, float], *, std: Mapping[str, float] | None = None, source: str = ""
+    ) -> Model:
         """The model with other values (SI, names as in `values`), what is fitted staying as it is.
+
+        Parameters
+        ----------
+        std: the standard deviations of the new values (SI, the same names), as far as they are known. What
+            was known of a value that changes no longer holds.
+        source: where the new values come from.
 
         Raises
         ------
@@ -163,7 +188,10 @@ class Model:
             effect, dot, parameter = name.partition(".")
             place = effects[effect] if dot else parameters
             key = parameter if dot else name
-            place[key] = Value(float(value), place[key].fit if key in place else False)
+            given = Value(float(value), std=(std or {}).get(name), source=source)
+            old = place.get(key, Value(self.values[name]))
+            if key not in place or given != Value(old.si):
+                place[key] = replace(given, fit=old.fit, unit=old.unit)
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
 
     def _knowing(self, effect: Effect) -> Model:

@@ -19,10 +19,16 @@ class _Part(BaseModel):
 
 
 class Setting(_Part):
-    """A parameter's value: ``4.05 mm^2``, or ``{value: 4.05 mm^2, fit: true}``."""
+    """A parameter's value: ``4.05 mm^2``, or ``{value: 4.05 mm^2, fit: true, std: 0.01 mm^2, from: ...}``."""
 
     value: AnyQuantity = Field(description="with its unit")
     fit: bool = Field(default=False, description="whether a fit or a diagnosis may change it")
+    std: AnyQuantity | None = Field(
+        default=None, description="standard deviation of the value, with its unit"
+    )
+    source: str = Field(
+        default="", alias="from", description="where the value comes from: a fit, a data sheet"
+    )
 
     @model_validator(mode="before")
     @classmethod

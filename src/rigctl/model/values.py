@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import Literal
 
 from rigctl.errors import unknown_name
 from rigctl.physics.family import ModelFamily
@@ -36,6 +37,21 @@ def parameter_values(
             raise unknown_name(f"parameter of {family.name}", name, values)
         values[name] = value
     return values
+
+
+def parameter_origins(
+    family: ModelFamily, rig: Rig | None, given: Collection[str], oil: str | None
+) -> dict[str, Literal["model", "rig", "oil", "family"]]:
+    """Who says the value of each parameter in `parameter_values`; "model" are those in `given`."""
+    origins: dict[str, Literal["model", "rig", "oil", "family"]] = {
+        p.name: "family" for p in family.parameters
+    }
+    oil_name = oil or (rig.oil if rig else None)
+    if oil_name:
+        origins |= {name: "oil" for name in _of_oil(oil_name) if name in origins}
+    if rig is not None:
+        origins |= dict.fromkeys(_of_rig(family, rig), "rig")
+    return origins | dict.fromkeys(given, "model")
 
 
 def choices(family: ModelFamily, rig: Rig | None) -> dict[str, str]:

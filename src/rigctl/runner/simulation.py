@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rigctl.dataset import Run, open_run
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.files.version_suffix import is_there
 from rigctl.procedure import Plan, expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
@@ -125,4 +126,4 @@ def simulation_launch(
 
 def _found(written: str | Path) -> Path:
     path = Path(written)
-    return path if path.exists() else find_project().resolve(path)
+    return path if is_there(path) else find_project().resolve(path)

@@ -1,0 +1,39 @@
+"""How an earlier version of a file is named: ``m.yaml@3`` is version 3 of ``m.yaml``."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_VERSION = re.compile(r"(.*[^@])@([0-9]{1,6})", re.DOTALL)
+
+
+def split_version(path: Path) -> tuple[Path, int | None]:
+    """The file, and the number of the version that is meant; None for the file as it is.
+
+    A file that really has such a name is itself.
+    """
+    match = _VERSION.fullmatch(path.name)
+    if match is None or _is_there(path):
+        return path, None
+    return path.with_name(match[1]), int(match[2])
+
+
+def with_version(head: Path, number: int) -> Path:
+    """What `split_version` takes apart."""
+    return head.with_name(f"{head.name}@{number}")
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is such a file or folder, or the file of which a version is meant.
+
+    A name that no file system takes is not there.
+    """
+    return _is_there(path) or _is_there(split_version(path)[0])
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False

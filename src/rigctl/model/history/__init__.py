@@ -1,0 +1,1 @@
+"""The versions of a model file: kept beside it, never changed."""

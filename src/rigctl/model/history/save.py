@@ -1,0 +1,136 @@
+"""Keep a changed model as the next version of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.version_suffix import split_version, with_version
+from rigctl.files.write import write_text
+from rigctl.files.yaml import read_document
+from rigctl.model.history import store
+from rigctl.model.history.change import Change
+from rigctl.model.history.version import Version, VersionValue
+from rigctl.model.load import load_model, parse_model
+from rigctl.model.model import Model
+from rigctl.model.stated import stated_values
+from rigctl.model.writing.update import updated_text
+
+#: s to wait for another program that is keeping a version
+_PATIENCE = 30.0
+
+
+def load_version(path: Path, number: int) -> Model:
+    """Version `number` of the model file `path`: `load_model` of ``path@number``.
+
+    Raises
+    ------
+    RigctlError
+        there is no such version, or as `load_model`.
+    """
+    return load_model(with_version(split_version(Path(path))[0], number))
+
+
+def save_version(
+    model: Model,
+    path: Path,
+    done: Change,
+    *,
+    effect_files: Sequence[Path] = (),
+    now: datetime | None = None,
+) -> Version:
+    """Write the next version of a model file, and make it the head.
+
+    The new text is that which `model` was read from, changed to say what `model` is. A head that was edited
+    by hand since its last version is kept as a version of its own first, so that nothing is ever lost, and no
+    version is ever changed: two programs that do this at once make two versions.
+
+    Parameters
+    ----------
+    model: read with `load_model` and changed.
+    path: its file, or ``m.yaml@3`` where `model` was made out of version 3.
+    done: what was changed.
+    effect_files: of the user's own effects that are new in `model`.
+    now: the time that is noted; that of the call by default.
+
+    Raises
+    ------
+    RigctlError
+        the folder cannot be written to, another program does not finish, or as `updated_text`.
+    """
+    head, _ = split_version(Path(path))
+    time = now or datetime.now(UTC)
+    text = updated_text(model, head, effect_files)
+    with _alone(head):
+        _keep(head, model.text, time)
+        _keep(head, read_document(head).text, time)
+        kept = store.read_versions(head)
+        parents = [version.number for version in kept if version.sha256 == store.digest(model.text)]
+        version = _write(head, text, done, parents[-1], time)
+        write_text(head.resolve(), text)
+    return version
+
+
+def _keep(head: Path, text: str, time: datetime) -> None:
+    """Keep a text that is no version yet, as what its user made by hand."""
+    kept = store.read_versions(head)
+    differs = store.how_it_differs(text, kept)
+    if differs is not None:
+        _write(head, text, *differs, time)
+
+
+def _write(head: Path, text: str, done: Change, parent: int | None, time: datetime) -> Version:
+    number = store.next_number(head)
+    version = Version(
+        number=number,
+        time=time,
+        done=done,
+        head=head,
+        file=store.version_file(head, number),
+        sha256=store.digest(text),
+        parent=parent,
+        values=_values(parse_model(text, head)),
+    )
+    store.write_version(version, text)
+    return version
+
+
+def _values(model: Model) -> dict[str, VersionValue]:
+    """What the file states; what it leaves to the rig or the library is not in it."""
+    return {
+        stated.name: VersionValue(stated.value, stated.unit, stated.std_value, stated.fit, stated.source)
+        for stated in stated_values(model)
+        if stated.origin == "model"
+    }
+
+
+@contextmanager
+def _alone(head: Path) -> Iterator[None]:
+    """Let one program at a time keep a version of this file."""
+    from filelock import FileLock, Timeout
+
+    folder = store.folder_of(head)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / "lock", timeout=_PATIENCE)
+        lock.acquire()
+    except Timeout as problem:
+        raise RigctlError(
+            "another program is changing this model",
+            where=Location(head),
+            hint="Try again when it is done",
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write to the folder of versions: {problem.strerror or problem}",
+            where=Location(folder),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    try:
+        yield
+    finally:
+        lock.release()

@@ -1,0 +1,193 @@
+"""Where the versions of a model file lie: ``.history/<stem>/001.yaml`` beside it, and a JSON file with each.
+
+A version is there when both of its files are: a program that ends between the two leaves a number unused.
+Nothing in the folder is ever changed; `find_version` refuses a file that was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from rigctl.errors import Location, RigctlError
+from rigctl.files.version_suffix import split_version
+from rigctl.files.write import to_json, write_new
+from rigctl.files.yaml import Document, read_document
+from rigctl.model.history.change import Change
+from rigctl.model.history.version import Version
+
+FOLDER: Final = ".history"
+_NUMBER = re.compile(r"([0-9]{3,6})\.(yaml|json)")
+
+
+def folder_of(head: Path) -> Path:
+    """The folder that keeps the versions of the model file `head`."""
+    return head.parent / FOLDER / head.stem
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text, whichever line ends it has."""
+    return hashlib.sha256(text.replace("\r\n", "\n").encode("utf-8")).hexdigest()
+
+
+def versions(path: Path) -> tuple[Version, ...]:
+    """The versions of a model file, the oldest first; a head that is no version yet is the last of them.
+
+    Raises
+    ------
+    RigctlError
+        there is no such model file, or what tells of a version cannot be read.
+    """
+    head, _ = split_version(Path(path))
+    kept = read_versions(head)
+    return (*kept, *_head(head, kept))
+
+
+def current_version(path: Path) -> Version:
+    """The version that the model file is now.
+
+    Raises
+    ------
+    RigctlError
+        as `versions`.
+    """
+    head, _ = split_version(Path(path))
+    found = digest(read_document(head).text)
+    return next(version for version in reversed(versions(head)) if version.sha256 == found)
+
+
+def read_versions(head: Path) -> tuple[Version, ...]:
+    """The versions of `head` that are kept.
+
+    Raises
+    ------
+    RigctlError
+        what tells of a version cannot be read, or belongs to another model file.
+    """
+    folder = folder_of(head)
+    found = tuple(
+        _read(head, folder / f"{name}.json")
+        for name in _names(folder)
+        if (folder / f"{name}.json").exists() and (folder / f"{name}.yaml").exists()
+    )
+    return tuple(sorted(found, key=lambda version: version.number))
+
+
+def find_version(path: Path, number: int) -> Version:
+    """Version `number` of a model file.
+
+    Raises
+    ------
+    RigctlError
+        there is none; it says which there are.
+    """
+    head, _ = split_version(Path(path))
+    known = read_versions(head)
+    if number not in {version.number for version in known}:
+        known = versions(head)
+    for version in known:
+        if version.number == number:
+            return version
+    numbers = [str(version.number) for version in known]
+    there = f"1 to {numbers[-1]}" if len(numbers) > 1 else "only 1"
+    raise RigctlError(
+        "the model has no such version",
+        value=str(number),
+        expected=there,
+        where=Location(head),
+        hint=f"'rigctl model history {head}' lists them",
+    )
+
+
+def read_version(head: Path, number: int) -> Document:
+    """The text of version `number`, as it was kept.
+
+    Raises
+    ------
+    RigctlError
+        there is none, it cannot be read, or it was changed since.
+    """
+    version = find_version(head, number)
+    document = read_document(version.file)
+    if digest(document.text) != version.sha256:
+        raise RigctlError(
+            f"version {number} was changed after it was kept",
+            where=Location(version.file),
+            hint="Put the file back, or take another version",
+        )
+    return document
+
+
+def write_version(version: Version, text: str) -> None:
+    """Keep a version whose number is free.
+
+    Raises
+    ------
+    RigctlError
+        the folder cannot be written to.
+    FileExistsError
+        the number is taken.
+    """
+    write_new(version.file, text.encode("utf-8"))
+    write_new(version.file.with_suffix(".json"), (to_json(version.document()) + "\n").encode("utf-8"))
+
+
+def next_number(head: Path) -> int:
+    """A number that no file of the folder has."""
+    return max((int(name) for name in _names(folder_of(head))), default=0) + 1
+
+
+def version_file(head: Path, number: int) -> Path:
+    """Where version `number` lies."""
+    return folder_of(head) / f"{number:03d}.yaml"
+
+
+def how_it_differs(text: str, kept: tuple[Version, ...]) -> tuple[Change, int | None] | None:
+    """What made `text` out of the versions that are kept, and out of which; None when it is one of them."""
+    if not kept:
+        return Change("start"), None
+    if digest(text) in {version.sha256 for version in kept}:
+        return None
+    return Change("edit"), kept[-1].number
+
+
+def _head(head: Path, kept: tuple[Version, ...]) -> Iterator[Version]:
+    """The head as a version, when it is not the last one that is kept."""
+    text = read_document(head).text
+    differs = how_it_differs(text, kept)
+    if differs is not None:
+        done, parent = differs
+        written = datetime.fromtimestamp(head.stat().st_mtime, UTC)
+        yield Version(next_number(head), written, done, head, head, digest(text), parent, kept=False)
+
+
+def _names(folder: Path) -> list[str]:
+    """The numbers for which there is a file, as they are written."""
+    if not folder.is_dir():
+        return []
+    matches = (_NUMBER.fullmatch(file.name) for file in folder.iterdir())
+    return sorted({match[1] for match in matches if match})
+
+
+def _read(head: Path, file: Path) -> Version:
+    try:
+        written = json.loads(file.read_text(encoding="utf-8"))
+        version, owner = Version.of_document(written, head, file.with_suffix(".yaml")), written["file"]
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot read the file: {problem.strerror or problem}", where=Location(file)
+        ) from problem
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:
+        raise RigctlError("this tells of no version of a model", where=Location(file)) from problem
+    if owner != head.name and (head.parent / owner).exists():
+        raise RigctlError(
+            f"these are the versions of {owner}, which differs only in its ending",
+            where=Location(file.parent),
+            hint="Give one of the two another name",
+        )
+    return version

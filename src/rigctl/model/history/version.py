@@ -1,0 +1,88 @@
+"""One version of a model: its number, when and how it came to be, and the values it has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rigctl.model.history.change import Change
+
+
+@dataclass(frozen=True)
+class VersionValue:
+    """A value that a version states, in `unit`; of a temperature scale, `std` is in kelvin."""
+
+    value: float
+    unit: str
+    std: float | None
+    fit: bool
+    source: str
+
+
+@dataclass(frozen=True)
+class Version:
+    """A version of the model file `head`.
+
+    Attributes
+    ----------
+    number: counts from 1.
+    time: when it was kept; of the head that is not kept yet, when it was written.
+    done: what made it out of version `parent`.
+    file: where it lies.
+    kept: False for a head that is no version yet: it is kept as soon as something changes it.
+    values: what its file states, effects' parameters under their qualified names.
+    sha256: of its text, line ends aside.
+    """
+
+    number: int
+    time: datetime
+    done: Change
+    head: Path
+    file: Path
+    sha256: str
+    parent: int | None = None
+    kept: bool = True
+    values: Mapping[str, VersionValue] = field(default_factory=dict)
+
+    def document(self) -> dict[str, Any]:
+        """As it stands in JSON, in the version's own file too."""
+        return {
+            "version": self.number,
+            "parent": self.parent,
+            "time": self.time.isoformat(),
+            **self.done.document(),
+            "values": {
+                name: {
+                    "value": stated.value,
+                    "unit": stated.unit,
+                    "std": stated.std,
+                    "fit": stated.fit,
+                    "from": stated.source or None,
+                }
+                for name, stated in self.values.items()
+            },
+            "file": self.head.name,
+            "sha256": self.sha256,
+        }
+
+    @staticmethod
+    def of_document(written: Mapping[str, Any], head: Path, file: Path) -> Version:
+        """What `document` wrote."""
+        return Version(
+            number=written["version"],
+            parent=written["parent"],
+            time=datetime.fromisoformat(written["time"]),
+            done=Change.of_document(written),
+            head=head,
+            file=file,
+            sha256=written["sha256"],
+            values={
+                name: VersionValue(
+                    stated["value"], stated["unit"], stated["std"], stated["fit"], stated["from"] or ""
+                )
+                for name, stated in written["values"].items()
+            },
+        )

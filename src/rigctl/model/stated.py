@@ -1,0 +1,105 @@
+"""Every value of a model: its unit, its uncertainty, whether a fit may change it, where it is from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from rigctl.effects.declaration import qualified
+from rigctl.model.model import Model, Value
+from rigctl.model.values import parameter_origins
+from rigctl.units import parse_unit
+
+Origin: TypeAlias = Literal["model", "rig", "oil", "family", "effect"]
+
+
+@dataclass(frozen=True)
+class StatedValue:
+    """A parameter's value, SI, and what is known of it.
+
+    Attributes
+    ----------
+    name: as in `Model.values`.
+    unit: what it is shown in: as the model file has it, or as it is declared.
+    std: its standard deviation, SI.
+    fit: whether a fit may change it.
+    fixed: it is a dimension, which no fit changes.
+    origin: who says the value: the model file, the rig file, the oil, or the family's or the effect's own.
+    source: where the model file has it from, in words.
+    """
+
+    name: str
+    si: float
+    unit: str
+    std: float | None
+    fit: bool
+    fixed: bool
+    origin: Origin
+    source: str
+    meaning: str
+    difference: bool = False
+
+    @property
+    def value(self) -> float:
+        """The value in `unit`, without what the conversion rounds."""
+        return rounded(parse_unit(self.unit).from_si(self.si, difference=self.difference))
+
+    @property
+    def std_unit(self) -> str:
+        """The unit of the standard deviation; of a temperature scale it is the kelvin."""
+        return "K" if parse_unit(self.unit).absolute_temperature else self.unit
+
+    @property
+    def std_value(self) -> float | None:
+        """The standard deviation in `std_unit`."""
+        if self.std is None:
+            return None
+        return rounded(parse_unit(self.std_unit).from_si(self.std, difference=True))
+
+
+def rounded(value: float) -> float:
+    """Twelve digits: they hide what a conversion rounds, and nothing else."""
+    return float(f"{value:.12g}")
+
+
+def stated_values(model: Model) -> tuple[StatedValue, ...]:
+    """The family's parameters in its order, then each effect's."""
+    return (*_of_family(model), *_of_effects(model))
+
+
+def _of_family(model: Model) -> Iterator[StatedValue]:
+    origins = parameter_origins(model.family, model.rig, model.parameters, model.oil)
+    for declared in model.family.parameters:
+        given = model.parameters.get(declared.name, Value(model.values[declared.name]))
+        yield StatedValue(
+            name=declared.name,
+            si=given.si,
+            unit=given.unit or declared.unit,
+            std=given.std,
+            fit=given.fit,
+            fixed=declared.fixed,
+            origin=origins[declared.name],
+            source=given.source,
+            meaning=declared.meaning,
+        )
+
+
+def _of_effects(model: Model) -> Iterator[StatedValue]:
+    for name, values in model.effects.items():
+        effect = model.effect(name)
+        for declared in effect.parameters:
+            given = values[declared.name]
+            typical = not given.unit and given == Value(declared.start)
+            yield StatedValue(
+                name=qualified(name, declared.name),
+                si=given.si,
+                unit=given.unit or declared.unit,
+                std=given.std,
+                fit=given.fit,
+                fixed=False,
+                origin="effect" if typical else "model",
+                source=given.source,
+                meaning=declared.meaning,
+                difference=declared.difference,
+            )

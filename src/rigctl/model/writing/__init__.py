@@ -1,0 +1,1 @@
+"""Change a model file and keep its comments and its layout."""
