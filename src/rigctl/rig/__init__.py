@@ -5,6 +5,7 @@ from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
+from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.load import load_rig, parse_rig
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
@@ -15,10 +16,15 @@ __all__ = [
     "Backend",
     "Calibration",
     "Channel",
+    "Exchange",
     "HeatRole",
+    "KeepAlive",
     "Layout",
     "Limit",
+    "LineActuator",
+    "Lines",
     "MoveRole",
+    "Query",
     "Raw",
     "Rig",
     "Roles",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from datetime import date
 
 from rigctl.errors import RigctlError, unknown_name
@@ -12,6 +11,8 @@ from rigctl.rig.calibration import monotonic
 from rigctl.rig.channel import QUANTITIES, Channel
 from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
+from rigctl.rig.line_checks import line_problems
+from rigctl.rig.problem import Problem
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
@@ -19,15 +20,6 @@ from rigctl.units import parse_unit
 RESERVED = frozenset(
     f"{TIME} {RECORD} and or not true false abs min max sqrt exp log first last mean std duration".split()
 )
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Something wrong in the file: where, as keys from the top, and what."""
-
-    keys: tuple[str | int, ...]
-    error: RigctlError
-    of_key: bool = False
 
 
 def problems(rig: Rig) -> Iterator[Problem]:
@@ -41,6 +33,8 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _safe_state(rig)
     yield from _constants(rig)
     yield from _simulation(rig)
+    if rig.backend.lines is not None:
+        yield from line_problems(rig, rig.backend.lines)
 
 
 def _refused(keys: tuple[str | int, ...], check: Callable[[], object]) -> Iterator[Problem]:

@@ -19,6 +19,7 @@ from rigctl.rig.base import Part
 from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
+from rigctl.rig.lines import Lines
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
@@ -35,6 +36,10 @@ class Backend(Part):
     baud: int | None = Field(default=None, ge=300, description="bits per second")
     options: dict[str, Any] = Field(
         default_factory=dict, description="what this kind of backend knows besides"
+    )
+    lines: Lines | None = Field(
+        default=None,
+        description="the protocol of a device that is no board with rigctl's firmware, on a serial port",
     )
 
 

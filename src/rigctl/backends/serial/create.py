@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rigctl.backends.options import read_flag, refuse_unknown
+from rigctl.backends.protocol import Backend
 from rigctl.backends.serial.bench import SerialBench
 from rigctl.backends.serial.port import Port
 from rigctl.backends.serial.wiring import wiring_of
@@ -13,11 +14,12 @@ from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
 OPTIONS = ("port", "baud", "inputs", "outputs", "clear_trips")
+OF_LINES = ("port", "baud")
 BAUD = 115200
 
 
-def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench:
-    """A bench on a serial port, not yet open.
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
+    """A bench on a serial port, not yet open: rigctl's board, or the device whose lines the rig file has.
 
     Parameters
     ----------
@@ -33,13 +35,18 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench
     RigctlError
         an option is unknown or wrong, or no port is named.
     """
-    refuse_unknown("option of the serial backend", options, OPTIONS)
+    lines = rig.backend.lines
+    refuse_unknown("option of the serial backend", options, OPTIONS if lines is None else OF_LINES)
     port = options.get("port") or rig.backend.port
     if not isinstance(port, str):
         raise RigctlError("which port is the bench on?", expected="e.g. '--port /dev/ttyACM0'")
     baud = options.get("baud") or rig.backend.baud or BAUD
     if not isinstance(baud, int) or isinstance(baud, bool):
         raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 115200")
+    if lines is not None:
+        from rigctl.backends.lines.create import line_bench
+
+        return line_bench(rig, lines, clock, port, baud)
 
     def connect() -> Port:
         from rigctl.backends.serial.pyserial_port import PyserialPort

@@ -21,6 +21,7 @@ class PyserialPort:
     url: ``/dev/ttyACM0``, ``COM3``, ``socket://host:port``, …
     baud: bits per second.
     clock: what waits are counted on; of a real bench, real.
+    frame: data bits, parity and stop bits.
 
     Raises
     ------
@@ -30,7 +31,7 @@ class PyserialPort:
         it may not be opened: rights, somebody else, or no port at all by its name.
     """
 
-    def __init__(self, url: str, baud: int, clock: Clock) -> None:
+    def __init__(self, url: str, baud: int, clock: Clock, frame: str = "8N1") -> None:
         import serial
 
         self.name = url
@@ -38,7 +39,14 @@ class PyserialPort:
         self._lost: tuple[type[BaseException], ...] = (serial.SerialException, OSError, TypeError)
         try:
             self._serial: Any = serial.serial_for_url(
-                url, baudrate=baud, timeout=0, write_timeout=1.0, exclusive=True
+                url,
+                baudrate=baud,
+                bytesize=int(frame[0]),
+                parity=frame[1],
+                stopbits=int(frame[2]),
+                timeout=0,
+                write_timeout=1.0,
+                exclusive=True,
             )
         except ValueError as error:
             raise RigctlError("not a serial port", value=url, hint=str(error)) from None

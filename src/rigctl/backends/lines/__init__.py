@@ -1,0 +1,1 @@
+"""A device that is spoken to in lines, as its rig file describes it."""

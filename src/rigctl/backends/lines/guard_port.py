@@ -1,0 +1,196 @@
+"""A port that the guard holds: all that is written and read goes through it, and shows that rigctl lives."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import select
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+
+from rigctl.backends.lines.frames import Frame, FrameReader, send_frame
+from rigctl.backends.lines.guard import Orders
+from rigctl.backends.serial.port import PortLost
+from rigctl.clock import Clock
+from rigctl.errors import ExitCode, RigctlError
+
+_STARTS_WITHIN = 20.0  # s; on a busy computer Python itself takes a while
+_SIGN_OF_LIFE = 0.2  # s between two
+_LONGEST_WAIT = 0.2  # s of wall time in one read, so that signs of life go on
+_ENDS_WITHIN = 3.0  # s
+
+
+class GuardActed(PortLost):
+    """The guard has made outputs safe, because nothing was heard of this process for `silence` s."""
+
+    def __init__(self, silence: float) -> None:
+        super().__init__(f"rigctl stood still for {silence:.1f} s, and its guard has made the outputs safe")
+        self.silence = silence
+
+
+class GuardedPort:
+    """A `Port` that lies in the guard's process.
+
+    Parameters
+    ----------
+    orders: what the guard is told.
+    clock: what waits are counted on; real.
+
+    Raises
+    ------
+    PortLost
+        there is no such port now.
+    RigctlError
+        it may not be opened, or the guard cannot be started.
+    """
+
+    def __init__(self, orders: Orders, clock: Clock) -> None:
+        self.name = orders.url
+        self._clock = clock
+        self._reader = FrameReader()
+        self._data = b""
+        self._lost = ""
+        self._silence: float | None = None
+        self._told = clock.now()
+        self._connection, self._process = _start()
+        try:
+            self._begin(orders)
+        except BaseException:
+            self.close()
+            raise
+
+    def write(self, data: bytes) -> None:
+        """Send `data`."""
+        self._take(0.0)
+        self._check()
+        self._tell(Frame.WRITE, data)
+
+    def read(self, until: float) -> bytes:
+        """What has arrived by bench time `until`, as soon as something has."""
+        if self._clock.now() - self._told >= _SIGN_OF_LIFE:
+            self._tell(Frame.ALIVE)
+        if not self._data:
+            left = (until - self._clock.now()) / self._clock.speed
+            self._take(min(max(left, 0.0), _LONGEST_WAIT))
+        data, self._data = self._data, b""
+        if not data:
+            self._check()
+        return data
+
+    def close(self) -> None:
+        """Let it go, and the guard with it."""
+        with suppress(OSError):
+            send_frame(self._connection, Frame.CLOSE)
+        self._connection.close()
+        try:
+            self._process.wait(_ENDS_WITHIN)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _begin(self, orders: Orders) -> None:
+        self._tell(Frame.CONFIGURE, orders.to_json())
+        self._connection.settimeout(_STARTS_WITHIN)
+        while True:
+            try:
+                data = self._connection.recv(65536)
+            except OSError as error:
+                raise PortLost(f"the guard of {self.name} does not answer: {error}") from None
+            if not data:
+                raise PortLost(f"the guard of {self.name} has ended")
+            for frame, content in self._reader.feed(data):
+                if frame is Frame.REFUSED:
+                    told = json.loads(content)
+                    if "lost" in told:
+                        raise PortLost(told["lost"])
+                    raise RigctlError(told["what"], value=told["value"], hint=told["hint"])
+                if frame is Frame.OPENED:
+                    self._connection.settimeout(None)
+                    return
+
+    def _take(self, wait: float) -> None:
+        """Take in what the guard has sent, waiting `wait` s of wall time for something."""
+        try:
+            if not select.select([self._connection], [], [], wait)[0]:
+                return
+            data = self._connection.recv(65536)
+        except (OSError, ValueError) as error:  # ValueError: closed
+            raise PortLost(f"the guard of {self.name} is gone: {error}") from None
+        if not data:
+            self._lost = self._lost or f"the guard of {self.name} has ended"
+        for frame, content in self._reader.feed(data):
+            if frame is Frame.DATA:
+                self._data += content
+            elif frame is Frame.LOST:
+                self._lost = content.decode("utf-8", "replace")
+            elif frame is Frame.ACTED:
+                self._silence = float(content)
+
+    def _check(self) -> None:
+        """Say what has become of the port, once that it was acted on."""
+        if self._silence is not None:
+            silence, self._silence = self._silence, None
+            self._tell(Frame.RESUME)
+            raise GuardActed(silence)
+        if self._lost:
+            raise PortLost(self._lost)
+
+    def _tell(self, frame: Frame, content: bytes = b"") -> None:
+        self._told = self._clock.now()
+        try:
+            send_frame(self._connection, frame, content)
+        except OSError as error:
+            raise PortLost(f"the guard of {self.name} is gone: {error}") from None
+
+
+def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
+    """The guard's process, and the connection to it."""
+    secret = secrets.token_hex(16)
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0) | getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+    with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
+        server.settimeout(_STARTS_WITHIN)
+        # -P: nothing in the folder where rigctl is called is taken for a module
+        command = [sys.executable, "-P", "-m", "rigctl.backends.lines.guard", str(server.getsockname()[1])]
+        process = subprocess.Popen(  # noqa: S603 - this Python, this package
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            encoding="ascii",
+            start_new_session=True,  # Ctrl-C at the terminal is not for it
+            creationflags=flags,
+        )
+        try:
+            return _accept(server, process, secret), process
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+
+
+def _accept(server: socket.socket, process: subprocess.Popen[str], secret: str) -> socket.socket:
+    """The connection of the process that knows the secret; no other is talked to."""
+    if process.stdin is not None:
+        with process.stdin as stdin:
+            stdin.write(f"{secret}\n")
+    while True:
+        try:
+            connection, _ = server.accept()
+        except OSError as error:
+            raise RigctlError(
+                "the guard of a device without a watchdog cannot be started",
+                value=str(error),
+                exit_code=ExitCode.FAILED,
+            ) from None
+        connection.settimeout(_STARTS_WITHIN)
+        try:
+            told = list(FrameReader().feed(connection.recv(1024)))
+        except (OSError, ValueError):
+            told = []
+        if told and secrets.compare_digest(told[0][1], secret.encode("ascii")):
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return connection
+        connection.close()

@@ -1,0 +1,74 @@
+"""Between the rig's SI values and the numbers and words of a device's lines."""
+
+from __future__ import annotations
+
+import math
+
+from rigctl.rig import LineActuator, Lines, Rig
+from rigctl.rig.line_pattern import read_number, resolution
+from rigctl.rig.setting import POSITIONS
+from rigctl.units import parse_unit
+
+
+class Meaning:
+    """What a rig's channels and actuators are in the lines of a device."""
+
+    def __init__(self, rig: Rig, lines: Lines) -> None:
+        self._rig = rig
+        self._lines = lines
+
+    def channel(self, name: str, text: str) -> float:
+        """The SI value of what an answer gives for a channel; NaN where that is no number."""
+        raw = read_number(text)
+        return math.nan if raw is None else self._rig.channels[name].value_from_raw(raw)
+
+    def command(self, name: str, value: float) -> str:
+        """What sets an actuator to an SI value."""
+        part = self._lines.actuators[name]
+        return part.template.fill(self._written(name, part, value))
+
+    def setting(self, name: str, text: str, commanded: float) -> float | None:
+        """The SI value that an answer gives for an actuator; `commanded` where that is what is written there.
+
+        None where it is no value at all.
+        """
+        part = self._lines.actuators[name]
+        expected = self._written(name, part, commanded)
+        if isinstance(expected, str):
+            return self._of_word(name, part, text)
+        number = read_number(text)
+        if number is None or math.isnan(number):
+            return None
+        rounding = resolution(text) + resolution(part.template.written(expected))
+        if abs(number - expected) <= rounding:
+            return commanded
+        return self._of_number(name, part, number)
+
+    def _written(self, name: str, part: LineActuator, value: float) -> float | str:
+        """The number or the word of an SI value."""
+        actuator = self._rig.actuators[name]
+        positions = POSITIONS.get(actuator.kind)
+        if positions is not None:
+            word = next(word for word, number in positions.items() if number == value)
+            return (part.words or {})[word]
+        if part.scale is None:
+            return parse_unit(actuator.display_unit).from_si(value)
+        low, high = float(actuator.low or 0.0), float(actuator.high or 0.0)
+        first, last = part.scale
+        return first + (value - low) / (high - low) * (last - first)
+
+    def _of_word(self, name: str, part: LineActuator, text: str) -> float | None:
+        positions = POSITIONS[self._rig.actuators[name].kind]
+        for word, written in (part.words or {}).items():
+            same_number = read_number(text) is not None and read_number(text) == read_number(written)
+            if same_number or text.casefold() == written.casefold():
+                return positions[word]
+        return None
+
+    def _of_number(self, name: str, part: LineActuator, number: float) -> float:
+        actuator = self._rig.actuators[name]
+        if part.scale is None:
+            return parse_unit(actuator.display_unit).to_si(number)
+        low, high = float(actuator.low or 0.0), float(actuator.high or 0.0)
+        first, last = part.scale
+        return low + (number - first) / (last - first) * (high - low)

@@ -1,0 +1,129 @@
+"""Asks a device for one sample: every query that is due, and what its answers mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rigctl.backends.lines.meaning import Meaning
+from rigctl.backends.lines.talk import Answer, Refused, Talk
+from rigctl.backends.protocol import Notice
+from rigctl.clock import Clock
+from rigctl.rig import Lines, Query, Rig
+from rigctl.rig.line_pattern import read_number
+
+_SLACK = 1e-6  # s; the times of a grid are sums of rounded numbers
+
+
+@dataclass(frozen=True)
+class PolledSample:
+    """What a device has answered.
+
+    Parameters
+    ----------
+    time: the middle of the interval in which it was asked, s.
+    uncertainty: half of that interval, s.
+    values: SI, in the order of the rig's layout.
+    changed: actuators whose state is another one than was commanded, SI.
+    """
+
+    time: float
+    uncertainty: float
+    values: tuple[float, ...]
+    changed: Mapping[str, float]
+
+
+class Poll:
+    """The queries of a device, each at its own rate."""
+
+    def __init__(self, rig: Rig, lines: Lines, clock: Clock) -> None:
+        self._rig = rig
+        self._queries = lines.queries
+        self._meaning = Meaning(rig, lines)
+        self._clock = clock
+        self._values: dict[str, float] = {}
+        self._due = [-math.inf] * len(lines.queries)
+        self._silenced: set[int] = set()  # queries whose trouble has been told
+        self._stray = 0
+        self._notices: list[Notice] = []
+
+    def forget(self, talk: Talk) -> None:
+        """Ask everything anew, on a line that has just been opened."""
+        self._values.clear()
+        self._due = [-math.inf] * len(self._queries)
+        self._stray = talk.stray
+
+    def take_notices(self) -> list[Notice]:
+        """What was odd since the last call."""
+        taken, self._notices = self._notices, []
+        return taken
+
+    def ask(self, talk: Talk, commanded: Mapping[str, float]) -> PolledSample:
+        """Ask what is due now.
+
+        An answer that does not fit leaves its channels without a value; interlocks see to that.
+
+        Raises
+        ------
+        Refused
+            a question that reads nothing, so that it only asks whether all is well, is answered otherwise.
+        PortLost
+            the device does not answer.
+        """
+        now = self._clock.now()
+        changed: dict[str, float] = {}
+        answers = []
+        for index, query in enumerate(self._queries):
+            if now < self._due[index] - _SLACK:
+                continue
+            answer = self._ask(talk, index, query)
+            if query.every is not None:
+                self._due[index] = max(self._due[index] + query.every, now)
+                if self._due[index] == now:  # the first time, or long ago
+                    self._due[index] = now + query.every
+            if answer is not None:
+                answers.append(answer)
+                self._take(answer, commanded, changed)
+        self._tell_stray(talk)
+        first = min((answer.sent for answer in answers), default=now)
+        last = max((answer.received for answer in answers), default=now)
+        values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
+        return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, changed)
+
+    def _ask(self, talk: Talk, index: int, query: Query) -> Answer | None:
+        try:
+            answer = talk.ask(query, fits=self._numbers)
+        except Refused as error:
+            if not query.places:
+                raise
+            for place in query.places:
+                self._values.pop(place, None)
+            if index not in self._silenced:
+                self._silenced.add(index)
+                self._notices.append(Notice(self._clock.now(), "fault", str(error)))
+            return None
+        self._silenced.discard(index)
+        return answer
+
+    def _numbers(self, found: Mapping[str, str]) -> bool:
+        """Whether what is there for channels are numbers: a torn line must not become a value."""
+        return all(
+            read_number(text) is not None for name, text in found.items() if name in self._rig.channels
+        )
+
+    def _take(self, answer: Answer, commanded: Mapping[str, float], changed: dict[str, float]) -> None:
+        for name, text in answer.found.items():
+            if name in self._rig.channels:
+                self._values[name] = self._meaning.channel(name, text)
+                continue
+            state = self._meaning.setting(name, text, commanded[name])
+            if state is not None and state != commanded[name]:
+                changed[name] = state
+
+    def _tell_stray(self, talk: Talk) -> None:
+        more = talk.stray - self._stray
+        self._stray = talk.stray
+        if more > 0:
+            message = f"{more} lines that nobody asked for"
+            self._notices.append(Notice(self._clock.now(), "note", message, {"lines": more}))

@@ -1,0 +1,52 @@
+"""Sets the actuators of a device that is spoken to in lines, and knows what makes it safe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rigctl.backends.lines.meaning import Meaning
+from rigctl.backends.lines.talk import Refused, Talk
+from rigctl.backends.protocol import CommandReceipt
+from rigctl.rig import Exchange, Lines, Rig
+from rigctl.rig.line_pattern import VALUE
+
+
+class Setter:
+    """Commands for a rig's actuators."""
+
+    def __init__(self, rig: Rig, lines: Lines) -> None:
+        self._rig = rig
+        self._lines = lines
+        self._meaning = Meaning(rig, lines)
+
+    def set(self, talk: Talk, actuator: str, value: float) -> CommandReceipt:
+        """Set an actuator to an SI value.
+
+        Raises
+        ------
+        Refused
+            the device does not do it, or does something else.
+        PortLost
+            it does not answer.
+        """
+        part = self._lines.actuators[actuator]
+        text = self._meaning.command(actuator, value)
+        answer = talk.ask(part, text)
+        echoed = answer.found.get(VALUE)
+        if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
+            raise Refused(text, echoed, self._rig.actuators[actuator].show(value))
+        if self._lines.confirm is not None:
+            try:
+                talk.ask(self._lines.confirm, tries=1)
+            except Refused as refused:
+                raise Refused(text, refused.answer) from None
+        middle, half = 0.5 * (answer.sent + answer.received), 0.5 * (answer.received - answer.sent)
+        return CommandReceipt(middle, actuator, value, half)
+
+    def safe_commands(self) -> Iterator[tuple[Exchange, str]]:
+        """What is sent to make outputs safe: what the file says first, then each actuator's safe value."""
+        for exchange in self._lines.safe:
+            yield exchange, exchange.send
+        for name, value in self._rig.safe_state.items():
+            if self._rig.actuators[name].by == "driven":
+                yield self._lines.actuators[name], self._meaning.command(name, float(value))

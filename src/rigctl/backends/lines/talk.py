@@ -1,0 +1,168 @@
+"""Questions and answers, one after the other, on a line without numbers or checksums.
+
+An answer that comes late would be taken for that of the next question. So what has arrived unasked is thrown
+away before each question, and after a silence or an answer that does not fit the line is brought back into
+step: wait until it is quiet, and where the device can say who it is, read until that is what it answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from rigctl.backends.serial.port import Port, PortLost
+from rigctl.clock import Clock
+from rigctl.rig import Exchange, Lines
+
+_LONGEST = 4096  # bytes; without a line's end in so many it is garbage
+_QUIET = 0.1  # s
+_LONGEST_NOISE = 1.0  # s that a device may go on talking before it is no device of lines
+
+
+class Refused(Exception):
+    """The device answered that it does not do it, or not what the rig file expects."""
+
+    def __init__(self, command: str, answer: str, expected: str | None = None) -> None:
+        text = f"the device answers {answer!r} to {command!r}"
+        super().__init__(f"{text}; expected {expected!r}" if expected else text)
+        self.answer = answer
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What stood in the places of an answer, and the interval in which the device had the command, s."""
+
+    found: Mapping[str, str]
+    sent: float
+    received: float
+
+
+class Talk:
+    """One open port to a device that is spoken to in lines.
+
+    Attributes
+    ----------
+    stray: lines that came unasked; counts up.
+    heard: whether anything ever arrived.
+    """
+
+    def __init__(self, port: Port, clock: Clock, lines: Lines) -> None:
+        self.port = port
+        self._clock = clock
+        self._lines = lines
+        self._send_ends = lines.send_ends.encode("utf-8")
+        self._reply_ends = lines.reply_ends.encode("utf-8")
+        self._rest = b""
+        self.stray = 0
+        self.heard = False
+        self.last_sent = clock.now()  #: s
+
+    def send(self, text: str) -> None:
+        """Send a command, and wait for nothing."""
+        self.last_sent = self._clock.now()
+        self.port.write(text.encode("utf-8") + self._send_ends)
+
+    def ask(
+        self,
+        exchange: Exchange,
+        text: str | None = None,
+        *,
+        tries: int | None = None,
+        timeout: float = 0.0,
+        fits: Callable[[Mapping[str, str]], bool] = lambda found: True,
+    ) -> Answer:
+        """Send a command and read the answer that is expected.
+
+        Parameters
+        ----------
+        text: the command, where it has a value in it.
+        tries, timeout: other than the rig file's.
+        fits: whether what stands in the places can be what they are for, e.g. numbers.
+
+        Raises
+        ------
+        Refused
+            it answers with an error, or again and again with what was not expected.
+        PortLost
+            it does not answer.
+        """
+        command = exchange.send if text is None else text
+        wrong = ""
+        for attempt in range(tries or self._lines.tries):
+            if attempt:
+                self._synchronise()
+            self._drop_stray()
+            sent = self._clock.now()
+            self.send(command)
+            if not exchange.patterns:
+                return Answer({}, sent, self._clock.now())
+            found, wrong = self._read_answer(exchange, command, sent + (timeout or self._lines.timeout))
+            if found is not None and not fits(found):
+                found, wrong = None, " / ".join(found.values())
+            if found is not None:
+                return Answer(found, sent, self._clock.now())
+        self._synchronise()
+        if wrong:
+            raise Refused(command, wrong, " / ".join(exchange.reply))
+        raise PortLost(f"{self.port.name}: the device does not answer {command!r}")
+
+    def idle(self, until: float) -> None:
+        """Let time pass; what comes is unasked."""
+        self._take(until)
+        self._drop_stray()
+
+    def _read_answer(
+        self, exchange: Exchange, command: str, deadline: float
+    ) -> tuple[Mapping[str, str] | None, str]:
+        """What stood in the places, or None and the line that did not fit (none when it was silent)."""
+        found: dict[str, str] = {}
+        for pattern in exchange.patterns:
+            line = self._line(deadline)
+            if line is None:
+                return None, ""
+            if any(error.match(line) is not None for error in self._lines.error_patterns):
+                raise Refused(command, line)
+            matched = pattern.match(line)
+            if matched is None:
+                return None, line
+            found.update(matched)
+        return found, ""
+
+    def _line(self, deadline: float) -> str | None:
+        """The next line; None when there is none by then."""
+        while self._reply_ends not in self._rest:
+            if self._clock.now() >= deadline:
+                return None
+            self._take(deadline)
+        line, _, self._rest = self._rest.partition(self._reply_ends)
+        return line.decode("utf-8", "replace").strip()
+
+    def _take(self, until: float) -> bool:
+        data = self.port.read(until)
+        self.heard = self.heard or bool(data)
+        self._rest = (self._rest + data)[-_LONGEST:]
+        return bool(data)
+
+    def _drop_stray(self) -> None:
+        while self._take(self._clock.now()):
+            pass
+        if self._rest:
+            self.stray += max(self._rest.count(self._reply_ends), 1)
+            self._rest = b""
+
+    def _synchronise(self) -> None:
+        """Throw away what is on its way, so that the next answer is that of the next question."""
+        give_up = self._clock.now() + _LONGEST_NOISE
+        while self._take(min(self._clock.now() + _QUIET, give_up)) and self._clock.now() < give_up:
+            pass
+        self._rest = b""
+        identify = self._lines.identify
+        if identify is None:
+            return
+        self.send(identify.send)
+        deadline = self._clock.now() + self._lines.timeout
+        while (line := self._line(deadline)) is not None:
+            if identify.patterns[0].match(line) is not None:
+                break
+        for _ in identify.patterns[1:]:
+            self._line(deadline)

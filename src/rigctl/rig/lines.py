@@ -1,0 +1,127 @@
+"""A device that is spoken to in lines: what to send, what its answers mean, and how it is switched off."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated
+
+from pydantic import Field, FiniteFloat
+
+from rigctl.files.name import Name
+from rigctl.files.quantity import Q
+from rigctl.rig.base import Part
+from rigctl.rig.line_pattern import (
+    ReplyLines,
+    ReplyPattern,
+    ReplyText,
+    SendTemplate,
+    SendText,
+    reply_pattern,
+    send_template,
+)
+
+_Seconds = Annotated[float, Q("s", positive=True)]
+
+
+class Exchange(Part):
+    """A command and the lines that the device answers."""
+
+    send: SendText = Field(description="the command, without its line end")
+    reply: ReplyLines = Field(
+        default=(),
+        description="what it answers: one pattern, or a list with one for each line; nothing when left out",
+    )
+
+    @cached_property
+    def patterns(self) -> tuple[ReplyPattern, ...]:
+        """The answer's lines, read."""
+        return tuple(reply_pattern(text) for text in self.reply)
+
+    @cached_property
+    def template(self) -> SendTemplate:
+        """The command, read."""
+        return send_template(self.send)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The names in the answer's patterns."""
+        return tuple(place for pattern in self.patterns for place in pattern.places if place != "_")
+
+
+class Query(Exchange):
+    """A question whose answer holds channels, or the state of actuators, by their names in braces."""
+
+    every: _Seconds | None = Field(
+        default=None,
+        description="asked at most so often, the last answer holds meanwhile; left out: for each sample",
+    )
+
+
+class KeepAlive(Exchange):
+    """What a device wants to hear when nothing else is said."""
+
+    every: _Seconds = Field(default=0.5, description="how long it may hear nothing")
+
+
+class LineActuator(Exchange):
+    """How an actuator is set: ``{value}`` in `send` is where the number, or the word, goes."""
+
+    words: dict[str, str] | None = Field(
+        default=None,
+        description="of a switch or a directional valve: what stands for its positions: {off: '0', on: '1'}",
+    )
+    scale: tuple[FiniteFloat, FiniteFloat] | None = Field(
+        default=None,
+        description="of a level: the numbers for its low and high; left out: the value in its unit",
+    )
+
+
+class Lines(Part):
+    """The protocol of a device that is spoken to in lines."""
+
+    send_ends: str = Field(default="\n", min_length=1, max_length=4, description="what ends a command")
+    reply_ends: str = Field(
+        default="\n", min_length=1, max_length=4, description="what ends an answer's line"
+    )
+    frame: str = Field(
+        default="8N1", pattern="^[78][NEO][12]$", description="data bits, parity, stop bits of the line"
+    )
+    timeout: _Seconds = Field(default=0.5, description="how long an answer may take")
+    tries: int = Field(default=2, ge=1, le=5, description="how often a question is asked before it is lost")
+    wake: _Seconds = Field(
+        default=3.0,
+        description="how long it may be silent after its port was opened; an Arduino starts anew then",
+    )
+    fastest: Annotated[float, Q("Hz", positive=True)] | None = Field(
+        default=None, description="the highest rate at which it can be asked for a sample"
+    )
+    identify: Exchange | None = Field(
+        default=None,
+        description="asked first; another answer is another device. Names in braces are kept with each run",
+    )
+    begin: tuple[Exchange, ...] = Field(default=(), description="sent once after that, e.g. to set it up")
+    queries: tuple[Query, ...] = Field(min_length=1, description="what is asked for a sample, in this order")
+    actuators: dict[Name, LineActuator] = Field(
+        default_factory=dict, description="how each driven actuator is set"
+    )
+    confirm: Exchange | None = Field(
+        default=None,
+        description="asked after each setting; any other answer is a refusal, e.g. SYST:ERR? and 0,{_}",
+    )
+    errors: tuple[ReplyText, ...] = Field(
+        default=(), description="answers that refuse a command or a question, e.g. 'ERR {_}'"
+    )
+    keep_alive: KeepAlive | None = Field(default=None, description="sent when nothing else is")
+    safe: tuple[Exchange, ...] = Field(
+        default=(),
+        description="sent first when outputs are made safe; each actuator's safe_state follows in any case",
+    )
+    watchdog: Annotated[float, Q("s", low="0.5 s", high="60 s")] = Field(
+        default=2.0,
+        description="when rigctl has stood still or was killed for so long, its guard makes outputs safe",
+    )
+
+    @cached_property
+    def error_patterns(self) -> tuple[ReplyPattern, ...]:
+        """`errors`, read."""
+        return tuple(reply_pattern(text) for text in self.errors)

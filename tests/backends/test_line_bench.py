@@ -1,0 +1,359 @@
+"""The bench of a device that is spoken to in lines: the two-heater board in memory, on a virtual clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import pytest
+
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.lines.bench import LineBench
+from rigctl.backends.lines.guard_port import GuardActed
+from rigctl.backends.protocol import Sample
+from rigctl.clock import VirtualClock
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import Rig, load_rig, parse_rig
+from tclab_board import MemoryPort, Sketch
+
+TCLAB = load_rig(shipped("rigs", "tclab-board.yaml"))
+
+
+@dataclass
+class Board:
+    bench: LineBench
+    port: MemoryPort
+    clock: VirtualClock
+
+    @property
+    def sketch(self) -> Sketch:
+        return self.port.sketch
+
+    def samples(self, count: int) -> list[Sample]:
+        found = [self.bench.next_sample(5.0) for _ in range(count)]
+        assert all(found)
+        return [sample for sample in found if sample is not None]
+
+    def messages(self, kind: str) -> list[str]:
+        return [notice.message for notice in self.bench.take_notices() if notice.kind == kind]
+
+
+@pytest.fixture
+def make() -> Callable[..., Board]:
+    def made(rig: Rig = TCLAB) -> Board:
+        clock = VirtualClock()
+        port = MemoryPort(Sketch(clock.now), clock)
+        assert rig.backend.lines is not None
+        bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
+        bench.open()
+        return Board(bench, port, clock)
+
+    return made
+
+
+@pytest.fixture
+def board(make: Callable[..., Board]) -> Board:
+    return make()
+
+
+def with_lines(old: str, new: str) -> Rig:
+    """The shipped rig with a part of its text changed."""
+    assert old in TCLAB.text
+    return parse_rig(TCLAB.text.replace(old, new))
+
+
+def test_it_asks_who_it_is_and_switches_off_before_anything_else(board: Board) -> None:
+    assert board.bench.identity["firmware"] == "1.4.0 Arduino Uno"
+    assert board.sketch.received == ["VER", "X", "Q1 0.00", "Q2 0.00"]
+
+
+def test_samples_are_what_the_board_answers_at_the_rate_asked_for(board: Board) -> None:
+    board.bench.start(2.0)
+    samples = board.samples(20)
+    steps = [b.time - a.time for a, b in pairwise(samples)]
+    assert steps == pytest.approx([0.5] * 19, abs=0.02)
+    for sample in samples:
+        assert sample.values == pytest.approx([294.15, 294.15], abs=1.0)
+        assert sample.commands == (0.0, 0.0)
+
+
+def test_slow_queries_are_asked_at_their_own_rate(board: Board) -> None:
+    board.bench.start(10.0)
+    board.sketch.received.clear()
+    board.samples(100)
+    asked = {name: board.sketch.received.count(name) for name in ("T1", "T2", "R1", "R2")}
+    assert asked["T1"] == asked["T2"] == 100
+    assert asked["R1"] == asked["R2"] == pytest.approx(10, abs=1)
+
+
+def test_a_setting_is_sent_and_its_receipt_is_as_sure_as_the_answer_was_quick(board: Board) -> None:
+    board.bench.start(2.0)
+    before = board.clock.now()
+    receipt = board.bench.command("heater_1", 0.4)
+    assert board.sketch.received[-1] == "Q1 40.00"
+    assert board.sketch.heaters == (40.0, 0.0)
+    assert before <= receipt.time <= board.clock.now()
+    assert receipt.uncertainty == pytest.approx(0.005)
+    board.clock.sleep_until(400.0)
+    warm = board.samples(3)[-1]
+    assert warm.values[0] > 310.0
+    assert warm.commands == (0.4, 0.0)
+
+
+def test_a_board_that_sets_something_else_is_not_obeyed_silently(board: Board) -> None:
+    board.sketch.odd["Q1 40.00"] = b"35.00\r\n"
+    with pytest.raises(RigctlError, match=r"answers '35.00' to 'Q1 40.00'; expected '40 %'"):
+        board.bench.command("heater_1", 0.4)
+
+
+def test_rounding_is_no_disobedience(board: Board) -> None:
+    board.sketch.odd["Q1 33.33"] = b"33.3\r\n"
+    assert board.bench.command("heater_1", 1.0 / 3.0).value == pytest.approx(1.0 / 3.0)
+
+
+def test_out_of_range_is_refused_before_anything_is_sent(board: Board) -> None:
+    board.sketch.received.clear()
+    with pytest.raises(RigctlError, match="out of range"):
+        board.bench.command("heater_1", 1.2)
+    assert board.sketch.received == []
+
+
+def test_it_is_not_asked_more_often_than_it_can_answer(board: Board) -> None:
+    with pytest.raises(RigctlError, match="at most 10 Hz"):
+        board.bench.start(20.0)
+
+
+def test_a_device_that_is_too_slow_leaves_gaps(board: Board) -> None:
+    board.bench.start(10.0)
+    board.samples(2)
+    board.bench.take_notices()
+    board.port.delay = 0.15  # two questions: three times the period
+    samples = board.samples(10)
+    assert samples[-1].time - samples[0].time > 2.0
+    gaps = [n for n in board.bench.take_notices() if n.kind == "gap"]
+    assert gaps
+    assert gaps[-1].fields["samples"] >= 2
+
+
+def test_the_end_of_a_pulse_is_sent_in_time(board: Board) -> None:
+    board.bench.start(1.0)
+    receipt = board.bench.command("heater_2", 0.5, duration=3.0)
+    board.samples(5)
+    (end,) = board.bench.take_receipts()
+    assert (end.actuator, end.value) == ("heater_2", 0.0)
+    assert end.time - receipt.time == pytest.approx(3.0, abs=0.05)
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one(board: Board) -> None:
+    board.bench.start(1.0)
+    board.samples(1)
+    board.sketch.model._T2 = 60.0  # told apart from the first
+    board.port.delay = 0.55  # longer than the timeout: each answer would come to the question after
+    board.bench.next_sample(3.0)
+    board.port.delay = 0.01
+    for sample in board.samples(5):
+        assert sample.values[1] - sample.values[0] > 20.0
+
+
+def test_noise_on_the_line_is_thrown_away_and_told(board: Board) -> None:
+    board.bench.start(2.0)
+    board.samples(1)
+    board.port.send_unasked(b"\xff\x00garbage\r\n12.5\r\n")
+    samples = board.samples(3)
+    assert all(290.0 < value < 300.0 for sample in samples for value in sample.values)
+    assert board.messages("note") == ["2 lines that nobody asked for"]
+
+
+def test_a_torn_answer_is_asked_for_again(board: Board) -> None:
+    board.bench.start(2.0)
+    board.sketch.odd["T1"] = b"2x.3\r\n"
+    board.sketch.received.clear()
+    (sample,) = board.samples(1)
+    assert sample.values[0] == pytest.approx(294.0, abs=1.0)
+    assert board.sketch.received[:3] == ["T1", "VER", "T1"]  # brought back into step in between
+
+
+def test_a_lost_board_comes_back_with_its_heaters_off(board: Board) -> None:
+    board.bench.start(2.0)
+    board.bench.command("heater_1", 0.5)
+    board.samples(2)
+    board.port.gone = True
+    assert board.bench.next_sample(3.0) is None
+    assert any("lost" in message for message in board.messages("fault"))
+    board.port.gone = False
+    samples = board.samples(2)
+    assert samples[-1].commands == (0.0, 0.0)
+    assert board.sketch.heaters == (0.0, 0.0)
+    kinds = [notice.kind for notice in board.bench.take_notices()]
+    assert kinds == ["note", "gap"]
+    (off,) = board.bench.take_receipts()
+    assert (off.actuator, off.value) == ("heater_1", 0.0)
+
+
+def test_a_board_that_never_comes_back_ends_it(board: Board) -> None:
+    board.bench.start(2.0)
+    board.port.gone = True
+    with pytest.raises(BackendLost, match="did not come back within 30 s"):
+        for _ in range(100):
+            board.bench.next_sample(1.0)
+
+
+def test_a_board_that_falls_silent_is_lost(board: Board) -> None:
+    board.bench.start(2.0)
+    board.port.mute = True
+    assert board.bench.next_sample(5.0) is None
+    assert any("does not answer 'T1'" in message for message in board.messages("fault"))
+
+
+def test_a_board_that_was_reset_ends_the_run(board: Board) -> None:
+    board.bench.start(2.0)
+    board.bench.command("heater_1", 0.5)
+    board.samples(2)
+    board.sketch.reset()
+    states = []
+    with pytest.raises(BackendLost, match="the device has set heater_1 to 0 % by itself"):
+        while True:
+            sample = board.bench.next_sample(2.0)
+            states.append(sample.commands[0] if sample is not None else None)
+    assert states[-2:] == [0.0, None]
+    assert board.messages("alarm") == ["the device has set heater_1 to 0 % by itself"]
+
+
+def test_safe_sends_everything_even_when_one_answer_is_missing(board: Board) -> None:
+    board.bench.command("heater_1", 0.5)
+    board.sketch.odd["X"] = b""
+    board.sketch.received.clear()
+    with pytest.raises(BackendLost, match="may not be safe"):
+        board.bench.safe()
+    assert [text for text in board.sketch.received if text[0] in "XQ"] == ["X", "Q1 0.00", "Q2 0.00"]
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_closing_switches_off(board: Board) -> None:
+    board.bench.command("heater_2", 0.5)
+    board.bench.close()
+    assert board.sketch.heaters == (0.0, 0.0)
+    assert board.port.closed
+
+
+def test_another_device_is_refused() -> None:
+    rig = with_lines("TCLab Firmware {firmware}", "Acme {firmware}")
+    clock = VirtualClock()
+    port = MemoryPort(Sketch(clock.now), clock)
+    assert rig.backend.lines is not None
+    bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
+    with pytest.raises(RigctlError, match=r"another device is on this port.*got 'TCLab Firmware 1.4.0"):
+        bench.open()
+    assert port.closed
+
+
+def test_nobody_there_is_said_after_the_time_it_may_take_to_wake(make: Callable[..., Board]) -> None:
+    clock = VirtualClock()
+    port = MemoryPort(Sketch(clock.now), clock)
+    port.mute = True
+    assert TCLAB.backend.lines is not None
+    bench = LineBench(TCLAB, TCLAB.backend.lines, clock, lambda: port, kind="serial")
+    with pytest.raises(BackendLost, match="nobody answers"):
+        bench.open()
+    assert 5.0 < clock.now() < 8.0
+
+
+def test_an_answer_of_several_lines(make: Callable[..., Board]) -> None:
+    queries = TCLAB.text[TCLAB.text.index("      - {send: T1") : TCLAB.text.index("    actuators:")]
+    names = '"{temperature_1}", "{temperature_2}", "{heater_1}", "{heater_2}"'
+    scan = f"      - send: SCAN\n        reply: [{names}]"
+    board = make(with_lines(queries, f"{scan}\n"))
+    board.bench.start(2.0)
+    board.bench.command("heater_2", 0.25)
+    samples = board.samples(3)
+    assert board.sketch.received.count("SCAN") == 3
+    assert samples[-1].commands == (0.0, 0.25)
+    assert samples[-1].values[0] == pytest.approx(294.0, abs=1.0)
+
+
+def test_keep_alive_is_sent_when_nothing_else_is(make: Callable[..., Board]) -> None:
+    rig = with_lines(
+        "    watchdog: 2 s", '    keep_alive: {send: P1, reply: "{_}", every: 0.5 s}\n    watchdog: 2 s'
+    )
+    board = make(rig)
+    board.bench.start(0.25)
+    board.sketch.received.clear()
+    board.samples(2)
+    assert board.sketch.received.count("P1") == 7  # in 4 s
+    board.bench.start(10.0)
+    board.sketch.received.clear()
+    board.samples(20)
+    assert "P1" not in board.sketch.received
+
+
+def test_a_setting_can_be_confirmed_by_a_question(make: Callable[..., Board]) -> None:
+    board = make(with_lines("    safe:", '    confirm: {send: VER, reply: "TCLab {_}"}\n    safe:'))
+    assert board.bench.command("heater_1", 0.1).value == 0.1
+    board.sketch.odd["VER"] = b'-222,"Data out of range"\r\n'
+    with pytest.raises(RigctlError, match=r"answers '-222,.Data out of range.' to 'Q1 90.00'"):
+        board.bench.command("heater_1", 0.9)
+
+
+def test_an_error_reply_is_a_refusal(make: Callable[..., Board]) -> None:
+    board = make(with_lines("    safe:", '    errors: ["ERR {_}"]\n    safe:'))
+    board.sketch.odd["Q1 90.00"] = b"ERR too hot\r\n"
+    with pytest.raises(RigctlError, match=r"answers 'ERR too hot' to 'Q1 90.00'"):
+        board.bench.command("heater_1", 0.9)
+    board.bench.start(2.0)
+    board.sketch.odd["T1"] = b"ERR sensor\r\n"
+    (sample,) = board.samples(1)
+    assert math.isnan(sample.values[0])
+    assert sample.values[1] == pytest.approx(294.0, abs=1.0)
+    assert board.messages("fault") == ["the device answers 'ERR sensor' to 'T1'"]
+
+
+def test_a_question_that_asks_whether_all_is_well_ends_the_run_when_it_is_not(
+    make: Callable[..., Board],
+) -> None:
+    asked = '      - {send: VER, reply: "TCLab {_}"}\n      - {send: T1'
+    board = make(with_lines("      - {send: T1", asked))
+    board.bench.start(2.0)
+    board.samples(2)
+    board.sketch.always["VER"] = b"TRIPPED\r\n"
+    with pytest.raises(BackendLost, match=r"answers 'TRIPPED' to 'VER'"):
+        for _ in range(10):
+            board.bench.next_sample(1.0)
+    (alarm,) = board.messages("alarm")
+    assert "expected 'TCLab {_}'" in alarm
+
+
+def test_what_the_guard_did_is_believed(board: Board) -> None:
+    board.bench.start(2.0)
+    board.bench.command("heater_1", 0.5)
+    board.samples(1)
+    read, acted = board.port.read, [GuardActed(2.3)]
+
+    def interrupted(until: float) -> bytes:
+        if acted:
+            raise acted.pop()
+        return read(until)
+
+    board.port.read = interrupted  # type: ignore[method-assign]
+    with pytest.raises(BackendLost, match=r"rigctl stood still for 2.3 s"):
+        for _ in range(10):
+            board.bench.next_sample(2.0)
+    (off,) = board.bench.take_receipts()
+    assert (off.actuator, off.value) == ("heater_1", 0.0)
+
+
+def test_at_rest_a_standstill_is_only_a_note(board: Board) -> None:
+    board.bench.start(2.0)
+    read, acted = board.port.read, [GuardActed(2.3)]
+
+    def interrupted(until: float) -> bytes:
+        if acted:
+            raise acted.pop()
+        return read(until)
+
+    board.port.read = interrupted  # type: ignore[method-assign]
+    board.samples(5)
+    assert len(board.messages("note")) == 1

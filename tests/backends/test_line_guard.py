@@ -1,0 +1,199 @@
+"""The guard of a device that protects nothing: outputs go off when rigctl dies, hangs, or lets go."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.lines.bench import LineBench
+from rigctl.backends.lines.frames import Frame, FrameReader
+from rigctl.backends.registry import create_backend
+from rigctl.clock import real_clock
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
+from tclab_board import Served
+
+TCLAB = load_rig(shipped("rigs", "tclab-board.yaml"))
+
+#: heats, says so, and then does what is to be survived
+HOST = """
+import sys, time
+from pathlib import Path
+from rigctl.backends.registry import create_backend
+from rigctl.clock import real_clock
+from rigctl.rig import load_rig
+bench = create_backend(load_rig(Path(sys.argv[1])), None, real_clock(), {"port": sys.argv[2]})
+bench.open()
+bench.start(2.0)
+bench.command("heater_1", 0.5)
+bench.next_sample(2.0)
+print("heating", flush=True)
+while True:
+    bench.next_sample(1.0)
+"""
+
+
+@pytest.fixture
+def board() -> Iterator[Served]:
+    with Served() as served:
+        yield served
+
+
+@contextmanager
+def opened(url: str) -> Iterator[LineBench]:
+    bench = create_backend(TCLAB, None, real_clock(), {"port": url})
+    assert isinstance(bench, LineBench)
+    bench.open()
+    try:
+        yield bench
+    finally:
+        bench.close()
+
+
+@contextmanager
+def heating_host(board: Served) -> Iterator[subprocess.Popen[str]]:
+    """Another process that drives the board, its heater on."""
+    command = [sys.executable, "-c", HOST, str(TCLAB.path), board.url]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
+        try:
+            assert host.stdout is not None
+            assert host.stdout.readline() == "heating\n"
+            assert board.sketch.heaters == (50.0, 0.0)
+            yield host
+        finally:
+            host.kill()
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    while not condition():
+        time.sleep(0.005)
+
+
+def test_through_the_guard_it_is_a_bench_like_any_other(board: Served) -> None:
+    with opened(board.url) as bench:
+        assert bench.identity["firmware"] == "1.4.0 Arduino Uno"
+        bench.start(5.0)
+        bench.command("heater_2", 0.75)
+        samples = [bench.next_sample(2.0) for _ in range(6)]
+        assert all(samples)
+        assert board.sketch.heaters == (0.0, 75.0)
+        assert samples[-1] is not None
+        assert samples[-1].commands == (0.0, 0.75)
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_a_killed_host_leaves_the_heaters_off(board: Served) -> None:
+    with heating_host(board) as host:
+        host.kill()
+        killed = time.monotonic()
+        wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
+        assert board.switched[-1][0] - killed < 2.1
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs SIGSTOP")
+def test_a_host_that_stands_still_loses_the_heaters_and_learns_it(board: Served) -> None:
+    with heating_host(board) as host:
+        host.send_signal(signal.SIGSTOP)
+        wait_for(lambda: board.sketch.received[-3:] == ["X", "Q1 0.00", "Q2 0.00"])
+        assert board.sketch.heaters == (0.0, 0.0)
+        host.send_signal(signal.SIGCONT)
+
+
+def test_a_loop_that_stands_still_is_told_what_was_done(board: Served) -> None:
+    with opened(board.url) as bench:
+        bench.start(5.0)
+        bench.command("heater_1", 0.5)
+        assert bench.next_sample(2.0)
+        wait_for(lambda: board.sketch.heaters == (0.0, 0.0))  # nothing is asked meanwhile
+        with pytest.raises(
+            BackendLost, match=r"rigctl stood still for 2.*its guard has made the outputs safe"
+        ):
+            for _ in range(20):
+                bench.next_sample(1.0)
+        assert board.sketch.heaters == (0.0, 0.0)
+        assert any(notice.kind == "alarm" for notice in bench.take_notices())
+
+
+def test_the_guard_ends_with_the_bench_and_lets_the_port_go(board: Served) -> None:
+    for _ in range(2):
+        with opened(board.url) as bench:
+            assert bench.identity["port"] == board.url
+            process = bench._talk.port._process  # type: ignore[union-attr]
+        assert process.returncode == 0
+
+
+def test_a_guard_that_is_killed_is_replaced_with_outputs_off(board: Served) -> None:
+    with opened(board.url) as bench:
+        bench.start(5.0)
+        bench.command("heater_1", 0.5)
+        assert bench.next_sample(2.0)
+        bench._talk.port._process.kill()  # type: ignore[union-attr]
+        notices = []
+
+        def back() -> bool:
+            bench.next_sample(0.5)
+            notices.extend(bench.take_notices())
+            return any("is back" in notice.message for notice in notices)
+
+        wait_for(back)
+        assert board.sketch.heaters == (0.0, 0.0)
+        assert bench.next_sample(2.0)
+
+
+def test_a_port_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises((BackendLost, RigctlError), match="nothing"), opened(str(tmp_path / "nothing")):
+        pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+def test_on_a_terminal_two_hosts_do_not_share_the_port() -> None:
+    with (
+        Served(pty=True) as board,
+        opened(board.url) as bench,
+        pytest.raises((RigctlError, BackendLost), match="somebody else has this port open"),
+        opened(board.url),
+    ):
+        assert bench.identity["firmware"] == "1.4.0 Arduino Uno"
+
+
+def test_what_drives_nothing_needs_no_guard(board: Served) -> None:
+    text = TCLAB.text
+    passive = text[: text.index("    actuators:")] + text[text.index("model: heater_board") :]
+    passive = passive.replace("model: heater_board", "").replace(
+        passive[passive.index("\nactuators:") : passive.index("\nlimits:")], "\n"
+    )
+    passive = passive.replace("safe_state: {heater_1: 0 %, heater_2: 0 %}", "safe_state: {}")
+    for line in (
+        '      - {send: R1, reply: "{heater_1}", every: 1 s}\n',
+        '      - {send: R2, reply: "{heater_2}", every: 1 s}\n',
+    ):
+        passive = passive.replace(line, "")
+    bench = create_backend(parse_rig(passive), None, real_clock(), {"port": board.url})
+    before = threading.active_count()
+    bench.open()
+    try:
+        bench.start(5.0)
+        assert bench.next_sample(2.0)
+        assert type(bench._talk.port).__name__ == "PyserialPort"  # type: ignore[attr-defined]
+        assert threading.active_count() == before
+    finally:
+        bench.close()
+
+
+def test_frames_come_out_as_they_went_in_however_they_are_cut() -> None:
+    whole = b"w\x00\x00\x00\x03abc" + b"a\x00\x00\x00\x00"
+    reader = FrameReader()
+    found = [frame for byte in whole for frame in reader.feed(bytes([byte]))]
+    assert found == [(Frame.WRITE, b"abc"), (Frame.ALIVE, b"")]
+    with pytest.raises(ConnectionError):
+        list(FrameReader().feed(b"w\xff\xff\xff\xff"))
