@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigctl.validation.bench.parameters import Bench, Sensors, Switching
-from rigctl.validation.bench.record import Condition, simulate_record
-from rigctl.validation.bench.sensing import Noise, measure
+from rigctl.validation.bench.record import Condition, Trace, simulate_record
+from rigctl.validation.bench.sensing import CHANNELS, Noise, measure, true_channels
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +23,8 @@ ZERO_CELSIUS = 273.15
 #: the published campaign's operating points: degC and bar
 TEMPERATURES = (20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
 PRESSURES = (20.0, 30.0, 40.0, 50.0)
+#: traces that are kept in memory, about 36 kB each
+_KEPT = 2048
 
 
 @dataclass(frozen=True)
@@ -49,51 +53,107 @@ class Campaign:
     seed: int = 0
 
 
+@dataclass(frozen=True)
+class Measured:
+    """One record as it is recorded: SI, one value per sample; `setting` [Pa] is what was meant."""
+
+    time: NDArray[np.float64]
+    command: NDArray[np.float64]
+    setting: float
+    channels: dict[str, NDArray[np.float64]]
+
+
+def recorded_channels(campaign: Campaign) -> tuple[str, ...]:
+    """The channels that the campaign's sensors show, in the order of `CHANNELS`."""
+    return tuple(name for name in CHANNELS if campaign.chamber_pressures or not name.startswith("pressure_"))
+
+
+def operating_points(campaign: Campaign) -> list[tuple[float, float]]:
+    """Oil temperature [degC] and pressure setting [bar] of every record.
+
+    The repeated ones come last: spread evenly over the conditions, the same for every seed.
+    """
+    points = [(t, p) for t in campaign.temperatures for p in campaign.pressures]
+    every = len(points) / max(campaign.repeated, 1)
+    return points + [points[int((k + 0.5) * every)] for k in range(campaign.repeated)]
+
+
+def clean_outputs(campaign: Campaign) -> list[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]:
+    """Time [s] and channels [SI] of every record without noise, scatter, converter and jitter."""
+    steady = campaign.switching._replace(jitter=0.0, jitter_share=0.0)
+    shown = []
+    for oil, pressure in operating_points(campaign):
+        trace = _trace(campaign.bench, Condition(oil + ZERO_CELSIUS, pressure * 1e5), steady)
+        channels = true_channels(trace, campaign.sensors)
+        shown.append((trace.time, {name: channels[name] for name in recorded_channels(campaign)}))
+    return shown
+
+
+def simulate_records(campaign: Campaign) -> list[Measured]:
+    """Every record as it is recorded; each has random numbers of its own."""
+    points = operating_points(campaign)
+    return [
+        _measured(campaign, oil, pressure, _generator(campaign.seed, 1 + i))
+        for i, (oil, pressure) in enumerate(points)
+    ]
+
+
+def _generator(seed: int, stream: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(stream,))))
+
+
+@lru_cache(maxsize=_KEPT)
+def _trace(bench: Bench, condition: Condition, switching: Switching) -> Trace:
+    """What nothing random enters is simulated once; the arrays are read-only."""
+    trace = simulate_record(bench, condition, switching=switching)
+    for array in (trace.time, trace.command, trace.states):
+        array.flags.writeable = False
+    return trace
+
+
+def _measured(campaign: Campaign, oil: float, pressure: float, rng: np.random.Generator) -> Measured:
+    scatter, switching = campaign.scatter, campaign.switching
+    draw = rng.standard_normal(4)
+    condition = Condition(
+        oil=oil + ZERO_CELSIUS + scatter.oil * float(draw[0]),
+        setting=pressure * 1e5 * (1.0 + scatter.setting * float(draw[1])),
+        trapped=0.9 * (1.0 + scatter.trapped * float(draw[2])),
+    )
+    if scatter.oil or scatter.setting or scatter.trapped or switching.random:
+        trace = simulate_record(campaign.bench, condition, switching=switching, rng=rng)
+    else:
+        trace = _trace(campaign.bench, condition, switching)
+    zero = campaign.sensors.position_offset + scatter.position_zero * float(draw[3])
+    channels = measure(trace, campaign.sensors._replace(position_offset=zero), campaign.noise, rng)
+    kept = {name: channels[name] for name in recorded_channels(campaign)}
+    return Measured(trace.time, trace.command, pressure * 1e5, kept)
+
+
 def simulate_campaign(campaign: Campaign) -> pd.DataFrame:
     """All records as one table, columns named with their units as in a file to import."""
     import pandas as pd
 
-    rng = np.random.Generator(np.random.PCG64(campaign.seed))
-    points = [(t, p) for t in campaign.temperatures for p in campaign.pressures]
-    again = rng.choice(len(points), size=campaign.repeated, replace=False) if campaign.repeated else ()
-    points += [points[int(i)] for i in sorted(again)]
-    return pd.concat(
-        [_record(campaign, f"{i + 1:03d}", t, p, rng) for i, (t, p) in enumerate(points)], ignore_index=True
-    )
+    records = simulate_records(campaign)
+    return pd.concat([_table(f"{i + 1:03d}", record) for i, record in enumerate(records)], ignore_index=True)
 
 
-def _record(
-    campaign: Campaign, name: str, oil: float, pressure: float, rng: np.random.Generator
-) -> pd.DataFrame:
+def _table(name: str, record: Measured) -> pd.DataFrame:
     import pandas as pd
 
-    scatter = campaign.scatter
-    draw = rng.standard_normal(4)
-    condition = Condition(
-        oil=oil + ZERO_CELSIUS + scatter.oil * draw[0],
-        setting=pressure * 1e5 * (1.0 + scatter.setting * draw[1]),
-        trapped=0.9 * (1.0 + scatter.trapped * draw[2]),
-    )
-    trace = simulate_record(campaign.bench, condition, switching=campaign.switching, rng=rng)
-    sensors = campaign.sensors._replace(
-        position_offset=campaign.sensors.position_offset + scatter.position_zero * draw[3]
-    )
-    channels = measure(trace, sensors, campaign.noise, rng)
+    channels = dict(record.channels)
     table = {
-        "time [s]": trace.time,
+        "time [s]": record.time,
         "record": name,
-        "valve [1]": trace.command,
-        "oil_temperature [degC]": channels["oil_temperature"] - ZERO_CELSIUS,
-        "supply_pressure [bar]": channels["supply_pressure"] / 1e5,
-        "pressure_setpoint [bar]": np.full(trace.time.size, pressure),
-        "position [mm]": channels["position"] * 1e3,
+        "valve [1]": record.command,
+        "oil_temperature [degC]": channels.pop("oil_temperature") - ZERO_CELSIUS,
+        "supply_pressure [bar]": channels.pop("supply_pressure") / 1e5,
+        "pressure_setpoint [bar]": np.full(record.time.size, record.setting / 1e5),
+        "position [mm]": channels.pop("position") * 1e3,
     }
-    if campaign.chamber_pressures:
-        table["pressure_a [bar]"] = channels["pressure_a"] / 1e5
-        table["pressure_b [bar]"] = channels["pressure_b"] / 1e5
-    return pd.DataFrame(table)
+    return pd.DataFrame(table | {f"{name} [bar]": values / 1e5 for name, values in channels.items()})
 
 
-def write_csv(campaign: Campaign, path: Path) -> None:
-    """The campaign as a self-describing CSV file that `rigctl import` takes."""
-    simulate_campaign(campaign).to_csv(path, index=False, float_format="%.9g", lineterminator="\n")
+def write_csv(campaign: Campaign, path: Path, digits: int = 9) -> None:
+    """The campaign as a self-describing CSV file that `rigctl import` takes, its numbers to some digits."""
+    table = simulate_campaign(campaign)
+    table.to_csv(path, index=False, float_format=f"%.{digits}g", lineterminator="\n")

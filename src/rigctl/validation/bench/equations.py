@@ -6,7 +6,7 @@ oil temperature in cylinder and lines [K], temperature of the thermocouple [K], 
 [Pa]. Inputs: valve command, pressure setting [Pa], heater power [W], ambient temperature [K].
 
 Sources: Merritt (1967) for orifices and chambers; Jelali & Kroll (2003) for air and friction; Canudas de Wit
-et al., IEEE TAC 40(3) 1995, for LuGre; Viersma (1980) for the blended orifice.
+et al., IEEE TAC 40(3) 1995, for LuGre.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import math
 
 from numba import njit
 
+from rigctl.validation.bench.rosenbrock import integrate
+
 STATES = 12
 T_OIL, SPOOL, PS, PA, PB, X, V, BRISTLE, PILOT, T_LINE, T_PROBE, P_PROBE = range(STATES)
 #: what counts as small in each state, for the integrator's error control
@@ -22,7 +24,7 @@ SCALE = (0.1, 1e-3, 1e4, 1e4, 1e4, 1e-4, 1e-3, 1e-6, 1e-3, 0.1, 0.1, 1e4)
 
 ATMOSPHERE = 1.01325e5  # Pa
 VAPOUR = -0.7e5  # Pa gauge
-ISENTROPIC = 1.4
+CONTACT = 2e-6  # m, over which an end stop begins to carry
 SIGMA = 5.670374419e-8  # W/(m²·K⁴)
 DRIFT_ORIGIN = 293.15  # K: drifts are counted from 20 °C
 
@@ -34,6 +36,13 @@ def root(dp):
 
 
 @njit(cache=True)
+def above_20_celsius(t, fade):
+    """T − 20 °C, levelling off."""
+    warmer = t - DRIFT_ORIGIN
+    return warmer / (1.0 + fade * abs(warmer))
+
+
+@njit(cache=True)
 def viscosity(t, p, b):
     """Vogel's law, times the pressure term if there is one."""
     law = b.vogel_a * math.exp(b.vogel_b / (t - b.vogel_c))
@@ -42,13 +51,15 @@ def viscosity(t, p, b):
 
 @njit(cache=True)
 def stiffness(p, b):
-    """Bulk modulus of oil with isentropic free air and hoses; falls away where vapour forms."""
+    """Bulk modulus of oil with free air and hoses; falls away where vapour forms."""
     absolute = max(p + ATMOSPHERE, 2e3)
     compliance = 1.0 / b.beta_oil
     if b.air > 0.0:
-        volume = b.air * (ATMOSPHERE / absolute) ** (1.0 / ISENTROPIC)
-        compliance = ((1.0 - b.air) * compliance + volume / (ISENTROPIC * absolute)) / (1.0 - b.air + volume)
-    compliance += b.hose / (1.0 + max(p, 0.0) / 1e7)
+        free = b.air / (1.0 + b.air_dissolving * max(p, 0.0))
+        volume = free * (ATMOSPHERE / absolute) ** (1.0 / b.air_exponent)
+        softer = (1.0 - free) * compliance + volume / (b.air_exponent * absolute)
+        compliance = softer / (1.0 - free + volume)
+    compliance += b.hose / (1.0 + max(p, 0.0) / b.hose_stiffening)
     liquid = 1.0 / (1.0 + math.exp(-(p - VAPOUR) / 5e3))
     return (1e-4 + liquid) / compliance
 
@@ -60,7 +71,8 @@ def throttled(area, dp, rho, mu, b):
     if b.transition > 0.0:
         speed = math.sqrt(2.0 * abs(dp) / rho + 1e-6)
         reynolds = rho * speed * math.sqrt(4.0 * area / math.pi) / mu
-        cd *= math.tanh((reynolds / b.transition) ** 0.7)
+        ratio = (reynolds / b.transition) ** b.transition_power
+        cd *= math.sqrt(ratio / (ratio + 2.0))
     return cd * area * math.sqrt(2.0 / rho) * root(dp)
 
 
@@ -79,14 +91,29 @@ def line_drop(flow, rho, mu, b):
 
 
 @njit(cache=True)
-def spool_leakage(dp, mu, rho, b):
-    """One port of the spool: a laminar gap with a share that behaves as an orifice."""
-    if b.spool_leak == 0.0:
+def leak(size, turbulent, dp, mu, rho):
+    """A laminar gap, `size`·Δp/µ, of which a share behaves as an orifice: alike at 30 bar and 40 °C."""
+    if size == 0.0:
         return 0.0
-    laminar = b.spool_leak * dp / mu
-    reference = b.spool_leak * 3e6 / 0.0289
-    orifice = reference * root(dp) / math.sqrt(3e6) * math.sqrt(870.0 / rho)
-    return (1.0 - b.spool_leak_turbulent) * laminar + b.spool_leak_turbulent * orifice
+    laminar = size * dp / mu
+    orifice = size * 3e6 / 0.0289 * root(dp) / math.sqrt(3e6) * math.sqrt(870.0 / rho)
+    return (1.0 - turbulent) * laminar + turbulent * orifice
+
+
+@njit(cache=True)
+def past_piston(dp, mu, b):
+    """Through the eccentric gap between piston and bore, which pressure widens."""
+    gap = b.piston_gap * (1.0 + b.piston_opening * abs(dp))
+    size = math.pi * 0.050 * gap**3 / (12.0 * b.piston_length) * (1.0 + 1.5 * b.piston_eccentricity**2)
+    return size * dp / mu
+
+
+@njit(cache=True)
+def end_stop(depth, speed, b):
+    """Push of a stop that is pressed in by `depth` [m] at `speed` [m/s]; it begins over some µm."""
+    reach = math.sqrt(depth * depth + CONTACT * CONTACT)
+    spring = b.stop_stiffness * 0.5 * (depth + reach)
+    return spring + b.stop_damping * 0.5 * (1.0 + depth / reach) * speed
 
 
 @njit(cache=True)
@@ -105,12 +132,13 @@ def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, rea
     """Write dy/dt into `f`."""
     command, setting, heat, ambient = inputs[0], inputs[1], inputs[2], inputs[3]
     ps, p_a, p_b, x, v, u = y[PS], y[PA], y[PB], y[X], y[V], y[SPOOL]
-    t = y[T_LINE] if b.line_lag > 0.0 else y[T_OIL]
+    t = y[T_LINE] if b.line_share != 0.0 else y[T_OIL]
     rho = b.rho15 * (1.0 - b.expansion * (t - 288.15))
     mu = viscosity(t, 0.5 * (p_a + p_b), b)
 
     edge = b.edge_area * abs(u)
-    throttle = b.throttle_area * (1.0 + b.throttle_drift * (t - DRIFT_ORIGIN))
+    warmer = above_20_celsius(t, b.drift_fade)
+    throttle = b.throttle_area * (1.0 + b.throttle_drift * warmer)
     series = throttle * edge / math.sqrt(throttle * throttle + edge * edge + 1e-20)
     out_a = line_drop(b.area_a * v, rho, mu, b)
     out_b = line_drop(b.area_b * v, rho, mu, b)
@@ -122,33 +150,32 @@ def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, rea
         q_pb = throttled(series, ps - p_b + out_b, rho, mu, b)
         q_at = b.cd * edge * math.sqrt(2.0 / rho) * root(p_a + out_a)
 
-    gap = (
-        math.pi * 0.050 * b.piston_gap**3 / (12.0 * b.piston_length) * (1.0 + 1.5 * b.piston_eccentricity**2)
+    q_ab = past_piston(p_a - p_b, mu, b)
+    land, seal = b.spool_leak_turbulent, b.seal_leak_turbulent
+    leak_pa, leak_pb = (
+        leak(b.spool_leak, land, ps - p_a, mu, rho),
+        leak(b.spool_leak, land, ps - p_b, mu, rho),
     )
-    q_ab = gap * (p_a - p_b) / mu
-    leak_pa, leak_pb = spool_leakage(ps - p_a, mu, rho, b), spool_leakage(ps - p_b, mu, rho, b)
-    leak_at, leak_bt = spool_leakage(p_a, mu, rho, b), spool_leakage(p_b, mu, rho, b)
-    into_a = q_pa - q_at - b.area_a * v - q_ab + leak_pa - leak_at - b.cap_leak * p_a / mu
-    into_b = q_pb - q_bt + b.area_b * v + q_ab + leak_pb - leak_bt - b.rod_leak * p_b / mu
+    leak_at, leak_bt = leak(b.spool_leak, land, p_a, mu, rho), leak(b.spool_leak, land, p_b, mu, rho)
+    into_a = q_pa - q_at - b.area_a * v - q_ab + leak_pa - leak_at - leak(b.cap_leak, seal, p_a, mu, rho)
+    into_b = q_pb - q_bt + b.area_b * v + q_ab + leak_pb - leak_bt - leak(b.rod_leak, seal, p_b, mu, rho)
 
-    wanted = setting * (1.0 + b.relief_drift * (t - DRIFT_ORIGIN))
+    wanted = setting * (1.0 + b.relief_drift * warmer)
     full = b.pump_flow
-    resistance = b.relief_r + b.relief_extra_r / (1.0 + abs(ps - wanted) / 2e5)
+    resistance = b.relief_r + b.relief_extra_r / (1.0 + abs(ps - wanted) / b.relief_soft)
     relief = max(0.0, full + (ps - wanted) / resistance)
-    out_of_p = q_pa + q_pb + leak_pa + leak_pb + relief + b.pump_slip * ps / mu
+    slip = leak(b.pump_slip, b.slip_turbulent, ps, mu, rho)
+    out_of_p = q_pa + q_pb + leak_pa + leak_pb + relief + slip
 
     f[PA] = stiffness(p_a, b) / (b.dead_a + b.area_a * x) * into_a
     f[PB] = stiffness(p_b, b) / (b.dead_b + b.area_b * (b.stroke - x)) * into_b
     f[PS] = stiffness(ps, b) / b.line_volume * (full - out_of_p)
 
     rub, f[BRISTLE] = friction(v, y[BRISTLE], p_a, p_b, b)
-    stop = 0.0
-    if x < 0.0:
-        stop = max(0.0, -b.stop_stiffness * x - b.stop_damping * v)
-    elif x > b.stroke:
-        stop = min(0.0, -b.stop_stiffness * (x - b.stroke) - b.stop_damping * v)
-    force = b.area_a * p_a - b.area_b * p_b - b.damping * v - b.film * mu * v - rub + stop
-    force -= b.constant_load + b.spring * x
+    stops = end_stop(-x, -v, b) - end_stop(x - b.stroke, v, b)
+    film = b.film * mu * v / (1.0 + b.film_thinning * abs(v))
+    force = b.area_a * p_a - b.area_b * p_b - b.damping * v - film - rub + stops
+    force -= b.constant_load + b.spring * x * (1.0 + b.spring_progress * x)
     f[X] = v
     f[V] = force / (b.mass + b.load_mass)
 
@@ -160,10 +187,40 @@ def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, rea
         f[SPOOL] = (command - u) / b.spool_time
 
     capacity = rho * b.tank_volume * b.cp + b.wall_capacity
-    gain = heat + ps * full / b.efficiency
+    gain = heat + b.pump_heat * ps * full / b.efficiency
     gain -= (b.area_a * p_a - b.area_b * p_b) * v
     gain -= b.loss * (y[T_OIL] - ambient) + b.radiation * SIGMA * (y[T_OIL] ** 4 - ambient**4)
     f[T_OIL] = gain / capacity
-    f[T_LINE] = (y[T_OIL] - y[T_LINE]) / b.line_lag if b.line_lag > 0.0 else f[T_OIL]
+    f[T_LINE] = f[T_OIL]
+    if b.line_share != 0.0:
+        f[T_LINE] += (max(q_pa, 0.0) + max(q_pb, 0.0)) / b.line_mixing * (y[T_OIL] - y[T_LINE])
     f[T_PROBE] = (y[T_OIL] - y[T_PROBE]) / b.thermocouple_time if b.thermocouple_time > 0.0 else f[T_OIL]
-    f[P_PROBE] = (ps - y[P_PROBE]) / b.pressure_time if b.pressure_time > 0.0 else f[PS]
+    late = b.pressure_time * (1.0 + b.pressure_time_viscous * (mu / 0.0289 - 1.0))
+    f[P_PROBE] = (ps - y[P_PROBE]) / late if late > 0.0 else f[PS]
+
+
+@njit
+def follow(states, time, switch_times, commands, inputs, bench, scale, first_step, tolerance):
+    """Fill `states` (samples, STATES) from its first row on; False when the integration failed.
+
+    Commands change at `switch_times`, whose first is at or before ``time[0]``; after each the step is small
+    again. Compiled anew in every process: numba would not notice on disk that the equations have changed.
+    """
+    state, given = states[0].copy(), inputs.copy()
+    given[0] = commands[0]
+    now, step, switch, sample = time[0], first_step, 1, 1
+    while sample < time.size:
+        switching = switch < switch_times.size and switch_times[switch] < time[sample] - 1e-12
+        until = switch_times[switch] if switching else time[sample]
+        if until - now > 1e-12:
+            step = integrate(rhs, state, until - now, step, given, bench, scale, tolerance)
+            if step < 0.0:
+                return False
+            now = until
+        if switching:
+            step, given[0] = first_step, commands[switch]
+            switch += 1
+        else:
+            states[sample] = state
+            sample += 1
+    return True

@@ -42,60 +42,77 @@ class Bench(NamedTuple):
     tank_volume: float = 0.080  # m³
     loss: float = 12.0  # W/K
     efficiency: float = 0.9
+    pump_heat: float = 1.0  # share of the pump's power that warms the oil
     # --- base ends: secrets below
     # leakages
     piston_gap: float = 0.0  # m, radial clearance of the piston
     piston_length: float = 0.020  # m
     piston_eccentricity: float = 0.7  # 0 centred … 1 touching: the flow grows by 1 + 1.5 e²
+    piston_opening: float = 0.0  # 1/Pa, growth of the gap with the pressure difference
     spool_leak: float = 0.0  # m³, each port
     spool_leak_turbulent: float = 0.15  # share of it that behaves as a small orifice at 30 bar, 40 °C
     cap_leak: float = 0.0  # m³
     rod_leak: float = 0.0  # m³
+    seal_leak_turbulent: float = 0.1  # the same share of the last two
     pump_slip: float = 0.0  # m³
+    slip_turbulent: float = 0.1  # the same share of the pump's slip
     # supply
-    relief_extra_r: float = 0.0  # Pa/(m³/s), softening 2 bar away from the setting
+    relief_extra_r: float = 0.0  # Pa/(m³/s)
+    relief_soft: float = 2e5  # Pa: so far away from the setting half of it is left
     relief_drift: float = 0.0  # 1/K, of the setting
     # orifices and lines
-    transition: float = 0.0  # Re_t of the throttle: Cd·tanh(√(Re)/…) instead of Re/(Re + Re_t)
+    transition: float = 0.0  # Re_t of the throttle: Cd/√(1 + 2·(Re_t/Re)^n)
+    transition_power: float = 0.8  # n; a short tube (Merritt, section 3-4) has ½
     throttle_drift: float = 0.0  # 1/K
+    drift_fade: float = 0.003  # 1/K: thermal drifts of valves level off, ΔT/(1 + fade·|ΔT|)
     line_length: float = 0.0  # m, of the working lines
     line_bore: float = 0.010  # m
     line_zeta: float = 0.0
     # oil
     barus: float = 0.0  # 1/Pa
     barus_fade: float = 4e-10  # 1/Pa: the coefficient falls with pressure, as measured oils do
-    air: float = 0.0  # free-air fraction at atmospheric pressure, isentropic
-    hose: float = 0.0  # 1/Pa, compliance; stiffens with pressure
+    air: float = 0.0  # free-air fraction at atmospheric pressure
+    air_exponent: float = 1.25  # polytropic, between slow (1) and isentropic (1.4)
+    air_dissolving: float = 0.0  # 1/Pa: of the free air 1/(1 + this·p) is left
+    hose: float = 0.0  # 1/Pa, compliance at no pressure
+    hose_stiffening: float = 1e7  # Pa: where half of the compliance is left
     # forces
     coulomb: float = 0.0  # N, LuGre with its static force equal to the sliding one
     static: float = 0.0  # N above `coulomb`, LuGre
     stribeck_speed: float = 0.015  # m/s
     bristle: float = 2e6  # N/m
-    film: float = 0.0  # m, viscous friction μ·v per this length's inverse: force = film·μ·v
+    film: float = 0.0  # m, area over thickness of the oil film: force = film·μ·v
+    film_thinning: float = 1.0  # s/m: the force is divided by 1 + this·|v|
     seal_friction: float = 0.0  # N/Pa, grows with chamber pressure, LuGre
     load_mass: float = 0.0  # kg
     spring: float = 0.0  # N/m
+    spring_progress: float = 1.0  # 1/m: the stiffness grows by 1 + this·x
     constant_load: float = 0.0  # N
     # command
     spool_second: float = 0.0  # s, a second lag of the spool
     # heat
-    line_lag: float = 0.0  # s, oil in cylinder and lines behind the tank
+    line_share: float = 0.0  # oil in cylinder and lines starts so far towards the room's temperature
+    line_mixing: float = 2e-3  # m³ in which oil from the tank then mixes with it
     wall_capacity: float = 0.0  # J/K, moves with the oil
     radiation: float = 0.0  # m², emissivity times area
     # sensors
     thermocouple_time: float = 0.0  # s
     pressure_time: float = 0.0  # s
+    pressure_time_viscous: float = 0.0  # share of it that goes with the viscosity, as in a damping nozzle
 
 
 class Sensors(NamedTuple):
     """What the bench's sensors do wrong; exactly nothing at the defaults."""
 
     position_gain: float = 0.0
+    position_bow: float = 0.0  # 1/m: the error of the gain grows by 1 + this·x
     position_offset: float = 0.0  # m
     position_drift: float = 0.0  # 1/K from 20 °C, of the gain
+    position_drift_fade: float = 0.003  # 1/K: it levels off, ΔT/(1 + fade·|ΔT|)
     position_backlash: float = 0.0  # m, the whole play
     pressure_gain: float = 0.0
     pressure_offset: float = 0.0  # Pa
+    pressure_offset_warming: float = 0.0  # 1/K from 20 °C: the offset grows by 1 + this·ΔT
     thermocouple_offset: float = 0.0  # K
 
 
@@ -105,4 +122,11 @@ class Switching(NamedTuple):
     open_delay: float = 0.0  # s
     close_delay: float = 0.0  # s
     delay_per_kelvin: float = 0.0  # s/K from 20 °C, of opening
+    delay_fade: float = 0.003  # 1/K: it levels off, ΔT/(1 + fade·|ΔT|)
     jitter: float = 0.0  # s, standard deviation
+    jitter_share: float = 0.0  # of the delay, added to it
+
+    @property
+    def random(self) -> bool:
+        """True when no two switches are alike."""
+        return self.jitter != 0.0 or self.jitter_share != 0.0

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rigctl.validation.bench import equations
 from rigctl.validation.bench.parameters import Bench, Switching
-from rigctl.validation.bench.rosenbrock import integrate
 
 #: the standard record: wait, extend, hold closed, retract — (command, seconds)
 STANDARD = ((0.0, 0.2), (1.0, 1.05), (0.0, 1.0), (-1.0, 1.5))
@@ -65,20 +64,13 @@ def simulate_record(
     command = np.array([value for value, _ in schedule])[
         np.clip(np.searchsorted(edges, time + 1e-9, side="right") - 1, 0, len(schedule) - 1)
     ]
-    state = initial_state(bench, condition)
     states = np.empty((time.size, equations.STATES))
-    states[0] = state
+    states[0] = initial_state(bench, condition)
+    inputs = np.array([0.0, condition.setting, condition.heater, condition.ambient])
+    when, commands = (np.array(column) for column in zip(*late, strict=True))
     scale = np.array(equations.SCALE)
-    now, step, valve = 0.0, FIRST_STEP, late[0][1]
-    pending = list(late[1:])
-    for i in range(1, time.size):
-        while pending and pending[0][0] < time[i] - 1e-12:
-            when, value = pending.pop(0)
-            _advance(state, when - now, step, valve, condition, bench, scale)
-            now, step, valve = max(now, when), FIRST_STEP, value
-        step = _advance(state, time[i] - now, step, valve, condition, bench, scale)
-        now = time[i]
-        states[i] = state
+    if not equations.follow(states, time, when, commands, inputs, bench, scale, FIRST_STEP, TOLERANCE):
+        raise BenchFailure(f"step size underflow at {condition}")
     return Trace(time, command, states)
 
 
@@ -89,12 +81,12 @@ def delayed(
     rng: np.random.Generator | None,
 ) -> list[tuple[float, float]]:
     """When the valve really switches: (time, command), each opening and closing with its own delay."""
-    warm = switching.delay_per_kelvin * (condition.oil - equations.DRIFT_ORIGIN)
+    warm = switching.delay_per_kelvin * equations.above_20_celsius(condition.oil, switching.delay_fade)
     told, when, switches = 0.0, 0.0, []
     for value, duration in schedule:
         delay = (switching.open_delay + warm if value else switching.close_delay) if value != told else 0.0
-        if switching.jitter and value != told and rng is not None:
-            delay += switching.jitter * rng.standard_normal()
+        if rng is not None and value != told:
+            delay += (switching.jitter + switching.jitter_share * delay) * rng.standard_normal()
         switches.append((max(0.0, when + max(0.0, delay)), value))
         told, when = value, when + duration
     return sorted(switches, key=lambda switch: switch[0])
@@ -103,26 +95,12 @@ def delayed(
 def initial_state(bench: Bench, condition: Condition) -> NDArray[np.float64]:
     """After a retract: the piston leans on its end stop, cap side at tank, rod side trapped near supply."""
     state = np.zeros(equations.STATES)
-    state[[equations.T_OIL, equations.T_LINE, equations.T_PROBE]] = condition.oil
+    room = condition.oil - condition.ambient
+    state[[equations.T_OIL, equations.T_PROBE]] = condition.oil
+    state[equations.T_LINE] = condition.oil - bench.line_share * room
     state[equations.PS] = state[equations.P_PROBE] = condition.setting
     state[equations.PB] = condition.trapped * condition.setting
-    state[equations.X] = -bench.area_b * state[equations.PB] / bench.stop_stiffness
+    pressed = (bench.area_b * state[equations.PB] + bench.constant_load) / bench.stop_stiffness
+    pressed = max(pressed, equations.CONTACT / 2.0)
+    state[equations.X] = (equations.CONTACT**2 - 4.0 * pressed**2) / (4.0 * pressed)  # end_stop at rest
     return state
-
-
-def _advance(
-    state: NDArray[np.float64],
-    duration: float,
-    step: float,
-    valve: float,
-    condition: Condition,
-    bench: Bench,
-    scale: NDArray[np.float64],
-) -> float:
-    if duration <= 1e-12:
-        return step
-    inputs = np.array([valve, condition.setting, condition.heater, condition.ambient])
-    last = float(integrate(equations.rhs, state, duration, step, inputs, bench, scale, TOLERANCE))
-    if last < 0.0:
-        raise BenchFailure(f"step size underflow at {condition}")
-    return last

@@ -15,17 +15,25 @@ import numpy as np
 from numba import njit
 
 GAMMA = 0.25
-A21 = 1.544000000000000
-A31, A32 = 0.9466785280815826, 0.2557011698983284
-A41, A42, A43 = 3.314825187068521, 2.896124015972201, 0.9986419139977817
-A51, A52, A53, A54 = 1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950
-C21 = -5.6688
-C31, C32 = -2.430093356833875, -0.2063599157091915
-C41, C42, C43 = -0.1073529058151375, -9.594562251023355, -20.47028614809616
-C51, C52, C53, C54 = 7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160
-C61, C62, C63, C64, C65 = (
-    8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054,
-)  # fmt: skip
+#: a_ij of the stages 2 to 5; the last two add the stage before with weight 1
+A = np.array([
+    [0.0, 0.0, 0.0, 0.0, 0.0],
+    [1.544000000000000, 0.0, 0.0, 0.0, 0.0],
+    [0.9466785280815826, 0.2557011698983284, 0.0, 0.0, 0.0],
+    [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0, 0.0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0.0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0],
+])  # fmt: skip
+#: c_ij
+C = np.array([
+    [0.0, 0.0, 0.0, 0.0, 0.0],
+    [-5.6688, 0.0, 0.0, 0.0, 0.0],
+    [-2.430093356833875, -0.2063599157091915, 0.0, 0.0, 0.0],
+    [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0.0, 0.0],
+    [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0.0],
+    [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054],
+])  # fmt: skip
+STAGES = 6
 
 SMALLEST_STEP = 1e-12  # s; below it the equations, not the method, are at fault
 
@@ -65,23 +73,23 @@ def solve(matrix, pivots, right):
         right[i] /= matrix[i, i]
 
 
-@njit(cache=True)
+@njit
 def jacobian(rhs, y, inputs, bench, scale, f, shifted, matrix):
     """∂f/∂y by central differences, column by column."""
     n = y.size
     for j in range(n):
         step = 1e-7 * (abs(y[j]) + scale[j])
         kept = y[j]
-        y[j] = kept + step
-        rhs(y, inputs, bench, shifted)
-        y[j] = kept - step
-        rhs(y, inputs, bench, f)
+        for side in (1.0, -1.0):
+            y[j] = kept + side * step
+            shifted[:] = f
+            rhs(y, inputs, bench, f)
         y[j] = kept
         for i in range(n):
             matrix[i, j] = (shifted[i] - f[i]) / (2.0 * step)
 
 
-@njit(cache=True)
+@njit
 def integrate(rhs, y, duration, first_step, inputs, bench, scale, tolerance):
     """Advance `y` in place by `duration` seconds of constant inputs; returns the last step, or −1 on failure.
 
@@ -90,7 +98,7 @@ def integrate(rhs, y, duration, first_step, inputs, bench, scale, tolerance):
     """
     n = y.size
     f, work, trial = np.empty(n), np.empty(n), np.empty(n)
-    k = np.empty((6, n))
+    k = np.empty((STAGES, n))
     jac, matrix, pivots = np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64)
     time, h, wanted = 0.0, min(first_step, duration), first_step
     fresh = False
@@ -122,42 +130,20 @@ def integrate(rhs, y, duration, first_step, inputs, bench, scale, tolerance):
     return wanted
 
 
-@njit(cache=True)
+@njit
 def stages(rhs, y, h, inputs, bench, matrix, pivots, trial, f, k):
     """The six stages; leaves y⁺ in `trial` and the error estimate in ``k[5]``."""
     n = y.size
-    rhs(y, inputs, bench, f)
-    k[0] = f
-    solve(matrix, pivots, k[0])
-    for i in range(n):
-        trial[i] = y[i] + A21 * k[0, i]
-    rhs(trial, inputs, bench, f)
-    for i in range(n):
-        k[1, i] = f[i] + C21 * k[0, i] / h
-    solve(matrix, pivots, k[1])
-    for i in range(n):
-        trial[i] = y[i] + A31 * k[0, i] + A32 * k[1, i]
-    rhs(trial, inputs, bench, f)
-    for i in range(n):
-        k[2, i] = f[i] + (C31 * k[0, i] + C32 * k[1, i]) / h
-    solve(matrix, pivots, k[2])
-    for i in range(n):
-        trial[i] = y[i] + A41 * k[0, i] + A42 * k[1, i] + A43 * k[2, i]
-    rhs(trial, inputs, bench, f)
-    for i in range(n):
-        k[3, i] = f[i] + (C41 * k[0, i] + C42 * k[1, i] + C43 * k[2, i]) / h
-    solve(matrix, pivots, k[3])
-    for i in range(n):
-        trial[i] = y[i] + A51 * k[0, i] + A52 * k[1, i] + A53 * k[2, i] + A54 * k[3, i]
-    rhs(trial, inputs, bench, f)
-    for i in range(n):
-        k[4, i] = f[i] + (C51 * k[0, i] + C52 * k[1, i] + C53 * k[2, i] + C54 * k[3, i]) / h
-    solve(matrix, pivots, k[4])
-    for i in range(n):
-        trial[i] += k[4, i]
-    rhs(trial, inputs, bench, f)
-    for i in range(n):
-        k[5, i] = f[i] + (C61 * k[0, i] + C62 * k[1, i] + C63 * k[2, i] + C64 * k[3, i] + C65 * k[4, i]) / h
-    solve(matrix, pivots, k[5])
+    for stage in range(STAGES):
+        for i in range(n):
+            trial[i] = y[i]
+            for j in range(stage):
+                trial[i] += A[stage, j] * k[j, i]
+        rhs(trial, inputs, bench, f)
+        for i in range(n):
+            k[stage, i] = f[i]
+            for j in range(stage):
+                k[stage, i] += C[stage, j] * k[j, i] / h
+        solve(matrix, pivots, k[stage])
     for i in range(n):
         trial[i] += k[5, i]

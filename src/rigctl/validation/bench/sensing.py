@@ -30,8 +30,8 @@ class Noise:
             "oil_temperature": 0.1,
             "supply_pressure": 8e3,
             "position": 1e-4,
-            "pressure_a": 8e3,
-            "pressure_b": 8e3,
+            "pressure_a": 1e4,
+            "pressure_b": 1e4,
         }
     )
     correlation: float = 0.0
@@ -51,22 +51,27 @@ TEN_BITS = {
 def true_channels(trace: Trace, sensors: Sensors) -> dict[str, NDArray[np.float64]]:
     """Each channel as its sensor shows it before noise: gain, offset, drift, play."""
     shown = {name: trace.states[:, state].copy() for name, state in CHANNELS.items()}
-    warm = trace.states[:, equations.T_OIL] - equations.DRIFT_ORIGIN
+    oil = trace.states[:, equations.T_OIL]
+    warm = equations.above_20_celsius(oil[0], sensors.position_drift_fade)
     moved = play(shown["position"], sensors.position_backlash)
-    gain = 1.0 + sensors.position_gain + sensors.position_drift * warm
+    gain = 1.0 + sensors.position_gain * (1.0 + sensors.position_bow * moved) + sensors.position_drift * warm
     shown["position"] = gain * moved + sensors.position_offset
     shown["supply_pressure"] = (1.0 + sensors.pressure_gain) * shown["supply_pressure"]
-    shown["supply_pressure"] += sensors.pressure_offset
+    warmer = oil - equations.DRIFT_ORIGIN
+    shown["supply_pressure"] += sensors.pressure_offset * (1.0 + sensors.pressure_offset_warming * warmer)
     shown["oil_temperature"] += sensors.thermocouple_offset
     return shown
 
 
 def play(position: NDArray[np.float64], width: float) -> NDArray[np.float64]:
-    """A play operator: the sensor follows only after the slack of `width` has been taken up."""
+    """A play operator: the sensor follows only after the slack of `width` has been taken up.
+
+    A record starts after a retract, so that the slack has been taken up on that side.
+    """
     if width == 0.0:
         return position
     followed = np.empty_like(position)
-    at = position[0]
+    at = position[0] + width / 2
     for i, x in enumerate(position):
         at = min(max(at, x - width / 2), x + width / 2)
         followed[i] = at
