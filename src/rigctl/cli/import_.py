@@ -12,9 +12,14 @@ _TOLD = 20
 
 
 def import_(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="CSV or Parquet.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="CSV, Parquet, TDMS, MDF4 or MAT.", show_default=False)
+    ],
     *,
-    rig: Annotated[Path, typer.Option(help="The rig file of the bench it was measured on.")],
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="The rig file of the bench it was measured on; a table without time needs none."),
+    ] = None,
     columns: Annotated[
         list[str] | None,
         typer.Option(
@@ -25,14 +30,17 @@ def import_(
     keep_good: Annotated[
         bool, typer.Option("--keep-good", help="Leave bad rows out instead of refusing the file.")
     ] = False,
-    name: Annotated[str | None, typer.Option(help="Name of the records; the file's by default.")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the records; by default what the file calls them.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Bring in a file of samples as a run, and print the run's id.
 
     The heading names each column with its unit: time [s], record, valve [1], oil_temperature [degC],
     supply_pressure [bar], pressure_setpoint [bar], position [mm], and what else the rig has. A table without
-    time holds observations, one in each row. All of the file is imported or nothing.
+    time holds observations, one in each row. All of the file is imported or nothing. The end of the name says
+    what the file is: .csv (also .csv.gz), .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
 
     Example: rigctl import strokes.csv --rig rigs/hl32-bench.yaml
 
@@ -45,20 +53,23 @@ def import_(
     from rigctl.rig import load_rig
 
     done = import_file(
-        file,
-        load_rig(find_file(rig)),
+        find_file(file),
+        load_rig(find_file(rig)) if rig is not None else None,
         find_project().runs,
         columns=columns or (),
         keep_good=keep_good,
         name=name,
     )
-    for fault in done.left_out[:_TOLD]:
+    for fault in done.faults[:_TOLD]:
         typer.echo(f"left out: {fault.error(file)}", err=True)
-    if len(done.left_out) > _TOLD:
-        typer.echo(f"left out: {len(done.left_out) - _TOLD} more rows, see the run's events", err=True)
+    if done.left_out > _TOLD:
+        typer.echo(f"left out: {done.left_out - _TOLD} more rows, see the run's events", err=True)
+    for note in done.notes:
+        typer.echo(f"note: {note}", err=True)
     if as_json:
-        counts = {"records": done.records, "rows": done.rows, "left_out": len(done.left_out)}
-        typer.echo(to_json({"run": done.run, "path": str(done.path), **counts}))
+        counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
+        document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
+        typer.echo(to_json(document))
     else:
         typer.echo(done.run)
         typer.echo(

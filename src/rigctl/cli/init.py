@@ -28,19 +28,22 @@ _README = """\
 | `rigs/` | what the bench is: channels, actuators, calibrations, limits, safe state |
 | `procedures/` | what to do with it |
 | `models/` | the physical model that its measurements are compared with |
+| `data/` | measurements to begin with, see its README |
 | `runs/` | what was measured, one folder each; nothing is ever overwritten |
 
     rigctl check procedures/quick-check.yaml       # the plan: steps, records, duration, limits
     rigctl simulate procedures/quick-check.yaml    # on the simulated bench, as fast as it computes
     rigctl report latest                           # one page about it
     rigctl run procedures/quick-check.yaml         # on the backend that the rig file names
+    rigctl import data/unknown-bench.csv --rig rigs/hl32-bench.yaml    # data that was measured elsewhere
 """
 
-_SHIPPED = ("rigs", "procedures", "models")
+#: shipped folders, and which of their files a project gets
+_SHIPPED = {"rigs": "*.yaml", "procedures": "*.yaml", "models": "*.yaml", "data": "*"}
 
 
 def create_project(directory: Path) -> list[Path]:
-    """Write the shipped rig, procedures and models into `directory`; returns the files written.
+    """Write the shipped rigs, procedures, models and data into `directory`; returns the files written.
 
     Raises
     ------
@@ -51,8 +54,8 @@ def create_project(directory: Path) -> list[Path]:
     from rigctl.files.write import write_text
 
     contents = {directory / "rigctl.toml": _MARKER, directory / "README.md": _README}
-    for kind in _SHIPPED:
-        for source in sorted(shipped(kind).glob("*.yaml")):
+    for kind, files in _SHIPPED.items():
+        for source in sorted(shipped(kind).glob(files)):
             contents[directory / kind / source.name] = source.read_text(encoding="utf-8")
     taken = [path for path in contents if path.exists()]
     if taken:
@@ -78,7 +81,7 @@ def init(
     ] = Path(),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Make a working project folder: rig files, procedures, models, and a README that says what to type.
+    """Make a working project folder: rigs, procedures, models, data, and a README that says what to type.
 
     Example: rigctl init my-bench
     """

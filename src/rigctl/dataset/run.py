@@ -110,8 +110,9 @@ class Run:
         """One line: the run, how it ended, on which bench, how many records and samples it has."""
         count, rows = self.info["records"], self.info["rows"]
         reason = f": {self.info['reason']}" if self.info.get("reason") else ""
+        bench = f" on '{self.header.rig.name}'" if self.header.rig.name else ""
         return (
-            f"{self.id} {self.info['status']}, '{self.header.procedure.name}' on '{self.header.rig.name}', "
+            f"{self.id} {self.info['status']}, '{self.header.procedure.name}'{bench}, "
             f"{count} record{'' if count == 1 else 's'}, {rows} sample{'' if rows == 1 else 's'}{reason}"
         )
 

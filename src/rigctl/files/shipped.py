@@ -1,4 +1,4 @@
-"""Where the files that come with rigctl are: ready procedures, rigs and models."""
+"""Where the files that come with rigctl are: ready procedures, rigs and models, and measured data."""
 
 from __future__ import annotations
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
 from rigctl.dataset.importing.columns import assign, read_mapping
-from rigctl.dataset.importing.csv_file import read_csv
-from rigctl.dataset.importing.observations import take_observations
-from rigctl.dataset.importing.parquet_file import read_parquet
-from rigctl.dataset.importing.samples import take_samples
-from rigctl.dataset.importing.table import Fault, RawTable, refuse
+from rigctl.dataset.importing.formats import open_source, stem_of
+from rigctl.dataset.importing.notes import notes
+from rigctl.dataset.importing.observations import Observations, take_observations
+from rigctl.dataset.importing.samples import Samples, take_samples
+from rigctl.dataset.importing.survey import KEPT_FAULTS
+from rigctl.dataset.importing.table import Fault, refuse
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.writer import RunWriter
 from rigctl.errors import Location, RigctlError
@@ -23,29 +24,29 @@ from rigctl.errors import Location, RigctlError
 if TYPE_CHECKING:
     from rigctl.rig import Layout, Rig
 
-#: how a file is read, by the end of its name
-READERS: Final[Mapping[str, Callable[[Path], RawTable]]] = {
-    ".csv": read_csv,
-    ".tsv": read_csv,
-    ".txt": read_csv,
-    ".parquet": read_parquet,
-}
-
 
 @dataclass(frozen=True)
 class Imported:
-    """The run that a file became; `left_out` are the bad rows that were not taken in."""
+    """The run that a file became.
+
+    Parameters
+    ----------
+    left_out: how many bad rows were not taken in; `faults` says what is wrong with the first of them.
+    notes: what is worth knowing of the data, one sentence each.
+    """
 
     run: str
     path: Path
     records: int
     rows: int
-    left_out: tuple[Fault, ...]
+    left_out: int
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...]
 
 
 def import_file(
     path: Path,
-    rig: Rig,
+    rig: Rig | None,
     runs: Path,
     *,
     columns: Iterable[str] = (),
@@ -57,56 +58,68 @@ def import_file(
 
     Parameters
     ----------
-    rig: the bench it was measured on: its channels, actuators and calibrations.
+    rig: the bench it was measured on: its channels, actuators and calibrations. Observations need none.
     runs: the folder that holds the runs.
     columns: ``theirs=ours`` for columns that are called otherwise in the file.
     keep_good: leave bad rows out instead of refusing the file.
-    name: of the records; the file's name when left out.
+    name: of the records; when left out, what the file calls them, else the file's name.
 
     Raises
     ------
     RigctlError
         the file cannot be read, a column is unknown, or a row is bad; nothing was imported.
     """
-    table = _reader(path)(path)
-    assigned = assign(table.headings, rig, read_mapping(columns))
-    timed = any(column.kind == "time" for column in assigned)
-    taken = (take_samples if timed else take_observations)(table, assigned, rig)
-    if taken.faults and not keep_good:
-        raise refuse(path, taken.faults)
+    taken = _take(path, rig, columns)
+    found = taken.found
+    if found.bad_rows and not keep_good:
+        raise refuse(path, found.faults, found.bad_rows)
     if not taken.rows:
         raise RigctlError("there is nothing to import", where=Location(path))
-    header = _header(path, rig, taken.layout, runs, operator)
-    writer = RunWriter.create(runs, header)
+    said = tuple(notes(found, taken.layout, rig)) if isinstance(taken, Samples) and rig is not None else ()
+    writer = RunWriter.create(runs, _header(path, rig, taken.layout, runs, operator))
     try:
-        for fault in taken.faults:
+        for sentence in said:
+            writer.event(0.0, "note", message=sentence)
+        for fault in found.faults:
             writer.event(0.0, "gap", message=str(fault.error(Path(path.name))))
-        records = taken.write(writer, name or path.stem)
+        if found.bad_rows > KEPT_FAULTS:
+            more = found.bad_rows - KEPT_FAULTS
+            writer.event(0.0, "gap", message=f"{path.name}: {more} more rows were left out")
+        records = taken.write(writer, name, stem_of(path))
         folder = writer.close("finished")
     except BaseException:
         writer.discard()
         raise
-    return Imported(writer.id, folder, records, taken.rows, tuple(taken.faults))
+    return Imported(writer.id, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
 
 
-def _reader(path: Path) -> Callable[[Path], RawTable]:
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
+def _take(path: Path, rig: Rig | None, columns: Iterable[str]) -> Samples | Observations:
+    """Go through the file once: what its columns are, and what is in it."""
+    mapping = read_mapping(columns)
+    source = open_source(path, mapping)
+    named = (mapping.get(heading.name, heading.name) for heading in source.headings)
+    samples = any(name.partition("[")[0].strip() == "time" for name in named)
+    if samples and rig is None:
         raise RigctlError(
-            "unknown kind of file", value=path.name, expected=f"a name that ends in {', '.join(READERS)}"
+            "samples belong to a rig",
+            expected="the rig file of the bench they were measured on: --rig FILE",
+            where=Location(path),
         )
-    return reader
+    assigned = assign(source.headings, rig, mapping)
+    if rig is None or not samples:
+        return take_observations(source, assigned)
+    return take_samples(source, assigned, rig)
 
 
-def _header(path: Path, rig: Rig, layout: Layout, runs: Path, operator: str) -> RunHeader:
+def _header(path: Path, rig: Rig | None, layout: Layout, runs: Path, operator: str) -> RunHeader:
     now = datetime.now(UTC)
-    calibrations = calibrations_of(rig)
+    calibrations = calibrations_of(rig) if rig is not None else {}
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return RunHeader(
-        id=new_run_id(path.stem, now, runs),
+        id=new_run_id(stem_of(path), now, runs),
         procedure=Source(f"import of {path.name}"),
-        rig=source_of_rig(rig),
+        rig=source_of_rig(rig) if rig is not None else Source(""),
         layout=layout,
         started=now,
         backend={"kind": "import", "file": path.name, "sha256": digest},

@@ -1,112 +1,191 @@
-"""What must hold for imported samples, row by row."""
+"""What must hold for imported samples, row by row, however many parts they come in."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from itertools import pairwise, repeat
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.table import Fault
+from rigctl.dataset.importing.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
+from rigctl.dataset.importing.table import Fault, Part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: number of a row that belongs to no record
-BETWEEN: Final = -1.0
+    from rigctl.rig.layout import Layout
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Consecutive rows ``start`` to ``stop`` (exclusive) of one record, or between records."""
+    """Consecutive rows ``start`` to ``stop`` (exclusive) of one record, or between records.
 
-    label: float
+    `record` counts the records of the file from 0, −1 for none; `begins` is false where the stretch goes on
+    from the part before.
+    """
+
+    record: int
     start: int
     stop: int
+    begins: bool
 
 
-def stretches(labels: NDArray[np.float64]) -> list[Stretch]:
-    """The runs of equal labels, in order."""
-    if not len(labels):
-        return []
-    edges = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    bounds = [0, *edges.tolist(), len(labels)]
-    return [Stretch(float(labels[start]), start, stop) for start, stop in pairwise(bounds)]
+@dataclass(frozen=True)
+class Checked:
+    """The rows of a part that can be taken in, SI, shape (n, ``layout.columns``), and why others cannot."""
+
+    block: NDArray[np.float64]
+    stretches: tuple[Stretch, ...]
+    faults: tuple[Fault, ...]
 
 
-def record_labels(values: NDArray[np.float64] | None, rows: int) -> NDArray[np.float64]:
-    """The record of each row: one for all where the file does not say; missing or negative is between."""
-    if values is None:
-        return np.zeros(rows)
-    return np.where(np.isnan(values) | (values < 0), BETWEEN, values)
-
-
-def find_faults(
-    columns: Mapping[Assigned, NDArray[np.float64]],
-    time: NDArray[np.float64],
-    labels: NDArray[np.float64],
-    lines: NDArray[np.int64],
-) -> Iterator[tuple[int, Fault]]:
-    """Every row that cannot be taken in: its index and what is wrong with it.
+class Checker:
+    """Goes through a file part by part and remembers which record is open.
 
     Parameters
     ----------
-    columns: SI values of all columns of the file, shape (n,) each.
-    time, labels: time and record of each row.
-    lines: of the rows in the file.
+    assigned: what the columns of the file are.
+    layout: the columns of the run.
     """
-    for column, values in columns.items():
-        for index in np.flatnonzero(np.isinf(values)).tolist():
-            yield index, Fault(int(lines[index]), f"{column.name}: not a finite number")
-    for index in np.flatnonzero(np.isnan(time)).tolist():
-        yield index, Fault(int(lines[index]), "time: the value is missing")
-    for index in np.flatnonzero(labels != np.floor(labels)).tolist():
-        yield index, Fault(int(lines[index]), "record: not a whole number", f"{labels[index]:g}")
-    yield from _position_faults(columns, lines)
-    yield from _order_faults(time, labels, lines)
 
+    def __init__(self, assigned: Sequence[Assigned], layout: Layout) -> None:
+        self._columns = [column for column in assigned if column.kind != "record"]
+        self._layout = layout
+        self.book = LabelBook()
+        self.record_ids: list[int] = []  #: of the records, in the order of the file
+        self._open: int | None = None
+        self._ended: set[int] = set()
+        self._latest = -np.inf
+        self._taken: int | None = None  # the label of the last row that was taken in
 
-def _position_faults(
-    columns: Mapping[Assigned, NDArray[np.float64]], lines: NDArray[np.int64]
-) -> Iterator[tuple[int, Fault]]:
-    for column, values in columns.items():
-        if column.positions is None:
-            continue
-        wrong = ~np.isnan(values) & ~np.isin(values, list(column.positions))
-        expected = ", ".join(f"{value:g}" for value in sorted(column.positions))
-        for index in np.flatnonzero(wrong).tolist():
-            yield (
-                index,
-                Fault(int(lines[index]), f"{column.name}: no such position", f"{values[index]:g}", expected),
+    def take(self, part: Part) -> Checked:
+        """Check the next rows of the file."""
+        values = {column.name: to_si(column, part.columns[column.place]) for column in self._columns}
+        bad = _Bad(part)
+        self._check_values(values, bad)
+        ids = self._ids(part, bad)
+        ordered = self._in_order(values["time"], ids, bad)
+        columns = [values.get(name, ids.astype(np.float64)) for name in self._layout.columns]
+        block = np.column_stack(columns)
+        good = bad.others
+        if not good.all():
+            block = block[good]
+            kept = np.concatenate([[0], np.cumsum(good)]).tolist()
+            ordered = [(label, kept[start], kept[stop]) for label, start, stop in ordered]
+        stretches = tuple(self._stretch(label, start, stop) for label, start, stop in ordered if stop > start)
+        return Checked(block, stretches, tuple(sorted((*part.faults, *bad.faults()), key=lambda f: f.line)))
+
+    def _stretch(self, label: int, start: int, stop: int) -> Stretch:
+        """Rows that are taken in, and the record that they begin or go on with."""
+        begins = label != self._taken
+        if begins and label != BETWEEN:
+            self.record_ids.append(label)
+        self._taken = label
+        return Stretch(len(self.record_ids) - 1 if label != BETWEEN else -1, start, stop, begins)
+
+    def _check_values(self, values: Mapping[str, NDArray[np.float64]], bad: _Bad) -> None:
+        bad.add(np.flatnonzero(np.isnan(values["time"])), "time: the value is missing")
+        for column in self._columns:
+            found = values[column.name]
+            bad.add(np.flatnonzero(np.isinf(found)), f"{column.name}: not a finite number")
+            if column.positions is not None:
+                wrong = np.flatnonzero(~np.isnan(found) & ~np.isin(found, list(column.positions)))
+                expected = ", ".join(f"{value:g}" for value in sorted(column.positions))
+                said = [f"{value:g}" for value in found[wrong].tolist()]
+                bad.add(wrong, f"{column.name}: no such position", said, repeat(expected))
+
+    def _ids(self, part: Part, bad: _Bad) -> NDArray[np.int64]:
+        """The record of each row; one for all where the file does not say."""
+        labels = part.labels
+        if labels is None:
+            self.book.id_of("0")
+            return np.zeros(len(part.lines), dtype=np.int64)
+        known = np.array([self.book.id_of(text, named=labels.named) for text in labels.texts], dtype=np.int64)
+        ids = known[labels.codes]
+        wrong = np.flatnonzero(ids == IMPOSSIBLE)
+        bad.add(
+            wrong, "record: not a whole number", [labels.texts[at] for at in labels.codes[wrong].tolist()]
+        )
+        return ids
+
+    def _in_order(
+        self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: _Bad
+    ) -> list[tuple[int, int, int]]:
+        """Time goes on inside a record, and a record that has ended does not come back.
+
+        Returns label, first row and row after the last of every stretch of equal labels.
+        """
+        found = []
+        rows = np.flatnonzero(np.isfinite(time) & (ids != IMPOSSIBLE))
+        for first, last in _equal(ids[rows]):
+            here = rows[first:last]
+            label = int(ids[here[0]])
+            begins = label != self._open
+            if begins and label != BETWEEN and label in self._ended:
+                said = describe_label(self.book.labels[label]).removeprefix("record ")
+                bad.add(here, "record: it has ended before", repeat(said))
+                continue
+            if begins:
+                self._begin(label)
+            times = np.maximum.accumulate(np.concatenate([[self._latest], time[here]]))
+            back = np.flatnonzero(time[here] <= times[:-1])
+            bad.add(
+                here[back],
+                "time: it does not go on inside a record",
+                [f"{value:.9g} s" for value in time[here[back]].tolist()],
+                [f"more than {value:.9g} s, or a new record" for value in times[back].tolist()],
             )
+            self._latest = float(times[-1])
+            found.append((label, int(here[0]), int(here[-1]) + 1))
+        return found
+
+    def _begin(self, label: int) -> None:
+        if self._open is not None:
+            self._ended.add(self._open)
+        self._open, self._latest = label, -np.inf
 
 
-def _order_faults(
-    time: NDArray[np.float64], labels: NDArray[np.float64], lines: NDArray[np.int64]
-) -> Iterator[tuple[int, Fault]]:
-    """Time goes on inside a record, and a record that has ended does not come back."""
-    ended: set[float] = set()
-    for stretch in stretches(labels):
-        rows = slice(stretch.start, stretch.stop)
-        if stretch.label in ended and stretch.label != BETWEEN:
-            for index in range(stretch.start, stretch.stop):
-                yield index, Fault(int(lines[index]), "record: it has ended before", f"{stretch.label:g}")
-            continue
-        ended.add(stretch.label)
-        times = np.where(np.isnan(time[rows]), -np.inf, time[rows])
-        latest = np.maximum.accumulate(times)
-        back = np.flatnonzero((times[1:] <= latest[:-1]) & np.isfinite(times[1:])) + 1
-        for index in (back + stretch.start).tolist():
-            before = latest[index - stretch.start - 1]
-            yield (
-                index,
-                Fault(
-                    int(lines[index]),
-                    "time: it does not go on inside a record",
-                    f"{time[index]:.9g} s",
-                    f"more than {before:.9g} s, or the number of a new record",
-                ),
-            )
+class _Bad:
+    """The rows that cannot be taken in, with the first thing that is wrong with each."""
+
+    def __init__(self, part: Part) -> None:
+        self._part = part
+        self._found: dict[int, Fault] = {}
+        self.others = np.ones(len(part.lines), dtype=bool)  #: rows that nothing is wrong with
+
+    def add(
+        self,
+        rows: NDArray[np.int64],
+        what: str,
+        values: Iterable[str | None] = repeat(None),
+        expected: Iterable[str | None] = repeat(None),
+    ) -> None:
+        """Say what is wrong with some rows; for each of them what stands there and what was expected."""
+        for row, value, wanted in zip(rows.tolist(), values, expected, strict=False):
+            if row not in self._found:
+                line = int(self._part.lines[row])
+                self._found[row] = Fault(line, what, value, wanted, group=self._part.group)
+        self.others[rows] = False
+
+    def faults(self) -> Iterator[Fault]:
+        """One for each bad row."""
+        yield from self._found.values()
+
+
+def _equal(ids: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Where equal ids begin and end, in order."""
+    if not len(ids):
+        return []
+    edges = np.flatnonzero(ids[1:] != ids[:-1]) + 1
+    return list(pairwise([0, *edges.tolist(), len(ids)]))
+
+
+def to_si(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A column's values in SI."""
+    if column.unit is None:
+        return values
+    offset = 0.0 if column.difference else column.unit.offset
+    return values * column.unit.factor + offset

@@ -79,11 +79,11 @@ def read_mapping(texts: Iterable[str]) -> dict[str, str]:
     return mapping
 
 
-def assign(headings: Sequence[Heading], rig: Rig, mapping: Mapping[str, str]) -> list[Assigned]:
+def assign(headings: Sequence[Heading], rig: Rig | None, mapping: Mapping[str, str]) -> list[Assigned]:
     """Say what each column is; one that is mapped to ``-`` is left out.
 
-    A table with ``time`` holds samples, and every name must be known. One without holds observations, and
-    names of its own are welcome.
+    Without a rig, only the names that mean the same on every bench are known. A table with ``time`` holds
+    samples, and every name must be known. One without holds observations, and names of its own are welcome.
 
     Raises
     ------
@@ -116,18 +116,24 @@ def _rename(heading: Heading, mapping: Mapping[str, str]) -> Heading:
     return Heading(name.strip(), given, heading.where)
 
 
-def _assign(place: int, heading: Heading, rig: Rig, *, samples: bool) -> Assigned:
+def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
+    """The places of the columns that hold numbers, and of the one that holds the records."""
+    record = next((column.place for column in assigned if column.kind == "record"), None)
+    return [column.place for column in assigned if column.kind != "record"], record
+
+
+def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> Assigned:
     name = heading.name
     if name == "time":
         return Assigned(name, "time", place, heading, _unit(heading, "s"), "s")
     if name == "record":
         return Assigned(name, "record", place, heading)
-    name = _on_rig(name, rig)
-    if name in rig.channels:
+    name = _on_rig(name, rig) if rig is not None else name
+    if rig is not None and name in rig.channels:
         channel = rig.channels[name]
         unit = _unit(heading, channel.unit)
         return Assigned(name, "channel", place, heading, unit, channel.unit, difference=channel.difference)
-    if name in rig.actuators:
+    if rig is not None and name in rig.actuators:
         actuator = rig.actuators[name]
         unit = _unit(heading, actuator.display_unit)
         words = POSITIONS.get(actuator.kind)
@@ -189,8 +195,10 @@ def _unit_missing(heading: Heading, unit: str) -> RigctlError:
     )
 
 
-def _unknown(heading: Heading, rig: Rig) -> RigctlError:
-    names = {"time", "record", *rig.channels, *rig.actuators, *_COMMON}
+def _unknown(heading: Heading, rig: Rig | None) -> RigctlError:
+    names = {"time", "record", *_COMMON}
+    if rig is not None:
+        names |= {*rig.channels, *rig.actuators}
     near = nearest_name(heading.name, names)
     return RigctlError(
         "unknown column",

@@ -1,219 +1,190 @@
 """Comma-separated values with a heading ``name [unit]`` for each column.
 
 Comma, semicolon or tab between the cells; a decimal comma where the cells are divided by something else;
-UTF-8. Lines before the heading that begin with ``#`` are comments. An empty cell, ``nan`` and ``NA`` are
-missing values.
+UTF-8, compressed with gzip if the file's name ends in ``.gz``. Lines before the heading that begin with ``#``
+are comments. An empty cell, ``nan`` and ``NA`` are missing values.
 """
 
 from __future__ import annotations
 
 import csv
-import io
-import math
+import gzip
 import re
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import IO, TYPE_CHECKING, Final, cast
 
-from rigctl.dataset.importing.table import Fault, Heading, RawTable
+from rigctl.dataset.importing.csv_rows import Cells, cell_place, read_rows
+from rigctl.dataset.importing.table import MISSING, Heading, Labels, Part
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
     import numpy as np
+    import pyarrow as pa
     from numpy.typing import NDArray
 
-_MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "N/A", "null", "-")
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _HEADING: Final = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 _DECIMAL_COMMA: Final = re.compile(r"\d,\d")
+#: bytes of the file that are in memory at a time
+_PIECE: Final = 1 << 23
+#: a first line longer than this is no heading
+_LONGEST_HEADING: Final = 1 << 20
 
 
 @dataclass(frozen=True)
-class _Text:
-    """A file's text, how its cells are divided, and where its heading stands."""
+class CsvFile:
+    """A file of comma-separated values whose heading has been read.
+
+    Parameters
+    ----------
+    first_line: the number of the heading's line, from 1.
+    """
 
     path: Path
-    content: str
-    first_line: int  #: of the heading, from 1
-    body: int  #: place in `content` at which the rows begin
-    delimiter: str
-    decimal: str
+    headings: tuple[Heading, ...]
+    cells: Cells
+    first_line: int
+
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+        """The rows in order; a row that cannot be read is a fault of its part."""
+        line = self.first_line + 1
+        with _reading(self.path) as file:
+            for _ in range(self.first_line):
+                file.readline()
+            while piece := file.read(_PIECE) + file.readline():
+                part = self._read_fast(piece, line, wanted, record)
+                yield part or read_rows(self.path, piece, line, self.headings, self.cells, wanted, record)
+                line += piece.count(b"\n")
+
+    def _read_fast(self, piece: bytes, line: int, wanted: Collection[int], record: int | None) -> Part | None:
+        """All rows of a piece at once; None when one of them needs a closer look."""
+        import numpy as np
+        import pyarrow as pa
+
+        body = piece.rstrip(b"\r\n")
+        if not body:
+            return None
+        try:
+            table = self._parse(body, wanted, record)
+        except pa.ArrowInvalid:
+            return None
+        columns = {place: table[str(place)].to_numpy() for place in wanted}
+        if len(table) != body.count(b"\n") + 1 or any(np.isinf(column).any() for column in columns.values()):
+            return None
+        labels = None if record is None else labels_of_dictionary(table[str(record)])
+        return Part(columns, np.arange(line, line + len(table), dtype=np.int64), labels)
+
+    def _parse(self, body: bytes, wanted: Collection[int], record: int | None) -> pa.Table:
+        import pyarrow as pa
+        from pyarrow import csv as arrow_csv
+
+        types = {str(place): pa.float64() for place in wanted}
+        if record is not None:
+            types[str(record)] = pa.dictionary(pa.int32(), pa.string())
+        return arrow_csv.read_csv(
+            pa.BufferReader(body),
+            read_options=arrow_csv.ReadOptions(column_names=[str(n) for n in range(len(self.headings))]),
+            parse_options=arrow_csv.ParseOptions(delimiter=self.cells.delimiter),
+            convert_options=arrow_csv.ConvertOptions(
+                column_types=types,
+                include_columns=list(types),
+                null_values=list(MISSING),
+                decimal_point=self.cells.decimal,
+            ),
+        )
 
 
-def read_csv(path: Path) -> RawTable:
-    """Read a file of comma-separated values.
+def labels_of_dictionary(column: pa.ChunkedArray) -> Labels:
+    """The records of a column of texts, which Arrow has read as a dictionary."""
+    import numpy as np
+    import pyarrow.compute as pc
+
+    whole = column.unify_dictionaries()
+    texts = tuple(whole.chunk(0).dictionary.to_pylist()) if whole.num_chunks else ()
+    codes: list[NDArray[np.int32]] = [
+        pc.fill_null(chunk.indices, len(texts)).to_numpy(zero_copy_only=False) for chunk in whole.chunks
+    ]
+    together = np.concatenate(codes) if codes else np.zeros(0, dtype=np.int32)
+    return Labels(together.astype(np.int64), (*texts, ""))
+
+
+def open_csv(path: Path, names: Mapping[str, str]) -> CsvFile:
+    """Read the heading of a file of comma-separated values.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, is not UTF-8, or has no heading. A row that cannot be read is no error but
-        a fault of the table.
+        the file cannot be read, is not UTF-8, or has no heading.
     """
-    text = _open(path)
-    headings = _read_headings(text)
-    return _read_fast(text, headings) or _read_slowly(text, headings)
+    with _reading(path) as file:
+        number, heading = _find_heading(path, file)
+        first_row = _text(path, number + 1, file.readline(_LONGEST_HEADING))
+    delimiter = max(",;\t", key=heading.count)
+    decimal = "," if delimiter != "," and _DECIMAL_COMMA.search(first_row) else "."
+    cells = Cells(delimiter, decimal)
+    return CsvFile(path, _read_headings(path, number, heading, cells), cells, number)
 
 
-def _open(path: Path) -> _Text:
+def _find_heading(path: Path, file: IO[bytes]) -> tuple[int, str]:
+    """The first line that is neither blank nor a comment, and its number."""
+    number = 0
+    while line := file.readline(_LONGEST_HEADING):
+        number += 1
+        text = _text(path, number, line.removeprefix(b"\xef\xbb\xbf") if number == 1 else line)
+        if text.strip() and not text.startswith("#"):
+            return number, text.rstrip("\r\n")
+    raise RigctlError(
+        "the file has no heading",
+        expected="a first line such as 'time [s],position [mm]'",
+        where=Location(path),
+    )
+
+
+def _text(path: Path, line: int, content: bytes) -> str:
     try:
-        content = path.read_bytes().decode("utf-8-sig")
-    except OSError as problem:
-        raise RigctlError(f"cannot read the file: {problem.strerror}", where=Location(path)) from problem
+        return content.decode("utf-8")
     except UnicodeDecodeError as problem:
-        line = problem.object.count(b"\n", 0, problem.start) + 1
         raise RigctlError(
             "the file is not UTF-8 text", expected="UTF-8", where=Location(path, line)
         ) from problem
-    start, number = _heading_place(content)
-    body = _line_end(content, start)
-    heading, first_row = content[start:body], content[body : _line_end(content, body)]
-    if not heading.strip():
-        raise RigctlError(
-            "the file has no heading",
-            expected="a first line such as 'time [s],position [mm]'",
-            where=Location(path),
-        )
-    delimiter = max(",;\t", key=heading.count)
-    decimal = "," if delimiter != "," and _DECIMAL_COMMA.search(first_row) else "."
-    return _Text(path, content, number, body, delimiter, decimal)
 
 
-def _heading_place(content: str) -> tuple[int, int]:
-    """Where the first line that is neither blank nor a comment begins, and its number."""
-    start, number = 0, 1
-    while start < len(content):
-        end = _line_end(content, start)
-        if content[start:end].strip() and content[start] != "#":
-            break
-        start, number = end, number + 1
-    return start, number
+@contextmanager
+def _reading(path: Path) -> Iterator[IO[bytes]]:
+    """The file's bytes; what goes wrong is told in plain words, where it is noticed."""
+    compressed = path.suffix.lower() == ".gz"
+    try:
+        with path.open("rb") as file:
+            yield cast("IO[bytes]", gzip.GzipFile(fileobj=file)) if compressed else file
+    except (gzip.BadGzipFile, EOFError, zlib.error) as problem:
+        raise RigctlError("the file is damaged", expected="gzip", where=Location(path)) from problem
+    except OSError as problem:
+        reason = problem.strerror or str(problem)
+        raise RigctlError(f"cannot read the file: {reason}", where=Location(path)) from problem
 
 
-def _line_end(content: str, start: int) -> int:
-    """The place behind the end of the line that begins at `start`."""
-    end = content.find("\n", start)
-    return len(content) if end < 0 else end + 1
-
-
-def _read_headings(text: _Text) -> tuple[Heading, ...]:
-    heading = text.content[: text.body].splitlines()[-1]
+def _read_headings(path: Path, line: int, heading: str, cells: Cells) -> tuple[Heading, ...]:
     headings = []
-    for number, cell in enumerate(next(csv.reader([heading], delimiter=text.delimiter)), start=1):
-        where = Location(text.path, text.first_line, _place(heading, text.delimiter, number))
-        match = _HEADING.fullmatch(cell.strip())
-        if match is None or not match["name"]:
+    for number, cell in enumerate(next(csv.reader([heading], delimiter=cells.delimiter)), start=1):
+        where = Location(path, line, cell_place(heading, cells.delimiter, number))
+        name, unit = split_heading(cell)
+        if not name:
             raise RigctlError(
                 f"column {number} has no name",
                 value=cell,
                 expected="a name and its unit: name [unit]",
                 where=where,
             )
-        headings.append(
-            Heading(match["name"], None if match["unit"] is None else match["unit"].strip(), where)
-        )
+        headings.append(Heading(name, unit, where))
     return tuple(headings)
 
 
-def _place(line: str, delimiter: str, number: int) -> int | None:
-    """Where the cell `number` (from 1) of a line begins, from 1; None where quotes hide it."""
-    if '"' in line:
-        return None
-    return sum(len(cell) + 1 for cell in line.split(delimiter)[: number - 1]) + 1
-
-
-def _read_fast(text: _Text, headings: Sequence[Heading]) -> RawTable | None:
-    """All rows at once; None when one of them needs a closer look."""
-    import numpy as np
-    import pyarrow as pa
-    from pyarrow import csv as arrow_csv
-
-    body = text.content[text.body :]
-    if not body.strip():
-        return None
-    names = [str(number) for number in range(len(headings))]
-    try:
-        table = arrow_csv.read_csv(
-            pa.BufferReader(body.encode("utf-8")),
-            read_options=arrow_csv.ReadOptions(column_names=names),
-            parse_options=arrow_csv.ParseOptions(delimiter=text.delimiter),
-            convert_options=arrow_csv.ConvertOptions(
-                column_types=dict.fromkeys(names, pa.float64()),
-                null_values=list(_MISSING),
-                decimal_point=text.decimal,
-            ),
-        )
-    except pa.ArrowInvalid:
-        return None
-    rows = body.count("\n") + (not body.endswith("\n"))
-    columns = tuple(table[name].to_numpy() for name in names)
-    if len(table) != rows or any(np.isinf(column).any() for column in columns):
-        return None
-    first = text.first_line + 1
-    return RawTable(text.path, tuple(headings), columns, np.arange(first, first + rows, dtype=np.int64))
-
-
-def _read_slowly(text: _Text, headings: Sequence[Heading]) -> RawTable:
-    """Row by row, naming what is wrong with each."""
-    import numpy as np
-
-    good: list[list[float]] = []
-    lines: list[int] = []
-    faults: list[Fault] = []
-    for line, cells in _rows(text):
-        row = _read_row(text, line, cells, headings)
-        if isinstance(row, Fault):
-            faults.append(row)
-        else:
-            good.append(row)
-            lines.append(line)
-    table: NDArray[np.float64] = np.array(good, dtype=np.float64).reshape(len(good), len(headings))
-    columns = tuple(np.ascontiguousarray(column) for column in table.T)
-    return RawTable(text.path, tuple(headings), columns, np.array(lines, dtype=np.int64), tuple(faults))
-
-
-def _rows(text: _Text) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of every row that is not blank."""
-    reader = csv.reader(io.StringIO(text.content[text.body :], newline=""), delimiter=text.delimiter)
-    while True:
-        line = text.first_line + reader.line_num + 1
-        try:
-            cells = next(reader)
-        except StopIteration:
-            return
-        except csv.Error as problem:
-            cells = [str(problem)]
-        if any(cell.strip() for cell in cells):
-            yield line, cells
-
-
-def _read_row(text: _Text, line: int, cells: list[str], headings: Sequence[Heading]) -> list[float] | Fault:
-    if len(cells) != len(headings):
-        return Fault(
-            line,
-            "wrong number of cells",
-            value=f"{len(cells)} cells",
-            expected=f"{len(headings)} as in the heading",
-        )
-    row = []
-    for number, cell in enumerate(cells):
-        value = _read_number(cell.strip(), text.decimal)
-        if value is None:
-            column = _place(text.delimiter.join(cells), text.delimiter, number + 1)
-            return Fault(
-                line, f"{headings[number].name}: not a number", cell.strip(), "a finite number", column
-            )
-        row.append(value)
-    return row
-
-
-def _read_number(cell: str, decimal: str) -> float | None:
-    """The number in a cell, NaN when it is missing, None when there is something else."""
-    if cell in _MISSING:
-        return math.nan
-    if decimal == ",":
-        cell = cell.replace(",", ".", 1)
-    if not _NUMBER.fullmatch(cell):
-        return None
-    value = float(cell)
-    return value if math.isfinite(value) else None
+def split_heading(text: str) -> tuple[str, str | None]:
+    """The name and the unit of ``name [unit]``; no unit where there are no brackets, no name for nonsense."""
+    match = _HEADING.fullmatch(text.strip())
+    if match is None:
+        return "", None
+    return match["name"], None if match["unit"] is None else match["unit"].strip()

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.table import Fault, RawTable
+import numpy as np
+
+from rigctl.dataset.importing.columns import Assigned, places_of
+from rigctl.dataset.importing.labels import read_label
+from rigctl.dataset.importing.survey import Survey
+from rigctl.dataset.importing.table import Fault, Part, Source
 from rigctl.rig.layout import Layout
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
     from rigctl.dataset.writer import RunWriter
-    from rigctl.rig import Rig
 
 #: temperatures and pressures say where something was observed
 _CONDITIONS: Final = ("K", "Pa")
@@ -23,45 +26,69 @@ _CONDITIONS: Final = ("K", "Pa")
 class Observations:
     """Rows that are ready to be written: a record without samples each."""
 
-    table: RawTable
-    columns: Sequence[Assigned]
-    layout: Layout
-    faults: Sequence[Fault]
+    source: Source
+    assigned: Sequence[Assigned]
+    parts: Sequence[Part]
+    found: Survey
+
+    @property
+    def layout(self) -> Layout:
+        """Observations have no samples."""
+        return Layout((), (), ("s", "1"))
 
     @property
     def rows(self) -> int:
         """Number of observations."""
-        return len(self.table.lines)
+        return self.found.rows
 
-    def write(self, writer: RunWriter, name: str) -> int:
+    def write(self, writer: RunWriter, name: str | None, stem: str) -> int:
         """Write all of them; returns their number.
 
         Commands, temperatures and pressures are the record's sweep, everything else its measures. A missing
         value is left out.
         """
-        for row in range(self.rows):
-            sweep: dict[str, tuple[float, str]] = {}
-            measures: list[tuple[Assigned, float]] = []
-            for column in self.columns:
-                written = float(self.table.columns[column.place][row])
-                if column.unit is None or written != written:  # noqa: PLR0124 - NaN: missing
-                    continue
-                value = column.unit.to_si(written, difference=column.difference)
-                if _is_condition(column):
-                    sweep[column.name] = (value, column.shown)
-                else:
-                    measures.append((column, value))
-            writer.open_record(0.0, name, sweep, f"line {self.table.lines[row]}", 0.0)
-            for column, value in measures:
-                writer.measure(column.name, value, column.shown, difference=column.difference)
-            writer.close_record(0.0, "complete")
+        for part in self.parts:
+            for row in range(len(part.lines)):
+                self._write_row(writer, part, row, name, stem)
         return self.rows
 
+    def _write_row(self, writer: RunWriter, part: Part, row: int, name: str | None, stem: str) -> None:
+        sweep: dict[str, tuple[float, str]] = {}
+        measures: list[tuple[Assigned, float]] = []
+        for column in self.assigned:
+            written = float(part.columns[column.place][row]) if column.unit is not None else float("nan")
+            if column.unit is None or np.isnan(written):
+                continue
+            value = column.unit.to_si(written, difference=column.difference)
+            if _is_condition(column):
+                sweep[column.name] = (value, column.shown)
+            else:
+                measures.append((column, value))
+        label = read_label(part.labels.texts[int(part.labels.codes[row])]) if part.labels else None
+        called = name or (label if isinstance(label, str) else stem)
+        place = f"line {part.lines[row]}" + (f" of {part.group}" if part.group else "")
+        writer.open_record(0.0, called, sweep, place, 0.0)
+        for column, value in measures:
+            writer.measure(column.name, value, column.shown, difference=column.difference)
+        writer.close_record(0.0, "complete")
 
-def take_observations(table: RawTable, assigned: Sequence[Assigned], rig: Rig) -> Observations:
+
+def take_observations(source: Source, assigned: Sequence[Assigned]) -> Observations:
     """Turn a table without ``time`` into observations."""
-    del rig  # the names have been compared with it already
-    return Observations(table, assigned, Layout((), (), ("s", "1")), table.faults)
+    found = Survey()
+    parts = []
+    for part in source.parts(*places_of(assigned)):
+        bad = {row for column in part.columns.values() for row in np.flatnonzero(np.isinf(column)).tolist()}
+        faults = [Fault(int(part.lines[row]), "not a finite number", group=part.group) for row in sorted(bad)]
+        good = np.array([row not in bad for row in range(len(part.lines))], dtype=bool)
+        labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
+        columns = {place: column[good] for place, column in part.columns.items()}
+        parts.append(Part(columns, part.lines[good], labels, group=part.group))
+        found.rows += int(good.sum())
+        found.faults += [*part.faults, *faults]
+    found.faults.sort(key=lambda fault: fault.line)
+    found.bad_rows = len(found.faults)
+    return Observations(source, assigned, parts, found)
 
 
 def _is_condition(column: Assigned) -> bool:

@@ -2,38 +2,102 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rigctl.dataset.importing.table import Heading, RawTable
-from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.importing.csv_file import labels_of_dictionary, split_heading
+from rigctl.dataset.importing.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
 from rigctl.errors import Location, RigctlError
 
+if TYPE_CHECKING:
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from numpy.typing import NDArray
 
-def read_parquet(path: Path) -> RawTable:
-    """Read a Parquet file; line n is its n-th row.
+
+@dataclass(frozen=True)
+class ParquetFile:
+    """A Parquet file whose schema has been read; line n is its n-th row."""
+
+    path: Path
+    headings: tuple[Heading, ...]
+    names: tuple[str, ...]  #: of the columns, as they stand in the file
+
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+        """The rows in order."""
+        import numpy as np
+
+        places = [*wanted] if record is None else [*wanted, record]
+        with _reading(self.path) as file:
+            line = 1
+            for batch in file.iter_batches(PART_ROWS, columns=[self.names[place] for place in places]):
+                columns = {place: self._numbers(batch[self.names[place]], place) for place in wanted}
+                labels = None if record is None else self._labels(batch[self.names[record]], record)
+                yield Part(columns, np.arange(line, line + len(batch), dtype=np.int64), labels)
+                line += len(batch)
+
+    def _numbers(self, column: pa.Array, place: int) -> NDArray[np.float64]:
+        import pyarrow as pa
+
+        try:
+            numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+        except pa.ArrowException as problem:
+            raise no_numbers(self.path, self.headings[place].name, str(column.type)) from problem
+        return numbers
+
+    def _labels(self, column: pa.Array, place: int) -> Labels:
+        import pyarrow as pa
+
+        if pa.types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+            return labels_of_dictionary(pa.chunked_array([column.dictionary_encode()]))
+        return labels_of_numbers(self._numbers(column, place))
+
+
+def open_parquet_file(path: Path, names: Mapping[str, str]) -> ParquetFile:
+    """Read the headings of a Parquet file.
 
     Raises
     ------
     RigctlError
-        the file is missing or damaged, or a column holds no numbers.
+        the file is missing or damaged.
     """
-    import numpy as np
-    import pyarrow as pa
-
-    where = Location(path)
-    with open_parquet(path) as file:
-        table = file.read()
-    headings, columns = [], []
-    for field, column in zip(table.schema, table.columns, strict=True):
-        name, bracket, rest = field.name.partition("[")
+    with _reading(path) as file:
+        schema = file.schema_arrow
+    headings = []
+    for field in schema:
+        name, unit = split_heading(field.name)
         stored = (field.metadata or {}).get(b"unit")
-        unit = rest.partition("]")[0].strip() if bracket else stored.decode("utf-8") if stored else None
-        headings.append(Heading(name.strip(), unit, where))
-        try:
-            columns.append(column.cast(pa.float64()).to_numpy())
-        except pa.ArrowException as problem:
-            raise RigctlError(
-                f"{field.name}: the column holds no numbers", value=str(field.type), where=where
-            ) from problem
-    lines = np.arange(1, len(table) + 1, dtype=np.int64)
-    return RawTable(path, tuple(headings), tuple(columns), lines)
+        if unit is None and stored is not None:
+            unit = stored.decode("utf-8", "replace")
+        headings.append(Heading(name or field.name, unit, Location(path)))
+    return ParquetFile(path, tuple(headings), tuple(schema.names))
+
+
+def no_numbers(path: Path, name: str, kind: str) -> RigctlError:
+    """The error for a column of something else than numbers."""
+    return RigctlError(
+        f"{name}: the column holds no numbers",
+        value=kind,
+        hint=f"Leave it out: --columns '{name}=-'",
+        where=Location(path),
+    )
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[pq.ParquetFile]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            yield file
+    except (OSError, pa.ArrowException) as problem:
+        missing = isinstance(problem, FileNotFoundError)
+        what = "there is no such file" if missing else "the file is no Parquet file, or it is damaged"
+        raise RigctlError(what, where=Location(path)) from problem

@@ -1,17 +1,19 @@
-"""A table of samples, told apart into records, with the times at which commands were switched."""
+"""Samples written as a run: told apart into records, with the times at which commands were switched."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rigctl.dataset.importing.checks import BETWEEN, Stretch, find_faults, record_labels, stretches
-from rigctl.dataset.importing.columns import Assigned, layout_of
-from rigctl.dataset.conditions import cluster
-from rigctl.dataset.importing.table import Fault, RawTable
+from rigctl.dataset.importing.checks import Checked, Checker, Stretch
+from rigctl.dataset.importing.columns import Assigned, layout_of, places_of
+from rigctl.dataset.importing.conditions import conditions_of
+from rigctl.dataset.importing.labels import describe_label
+from rigctl.dataset.importing.survey import RecordFacts, Survey, survey
+from rigctl.dataset.importing.table import Source
 from rigctl.rig.layout import Layout
 
 if TYPE_CHECKING:
@@ -23,130 +25,124 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples that are ready to be written.
+    """A file of samples that has been gone through once and is ready to be written.
 
-    Parameters
-    ----------
-    block: SI values, shape (rows, ``layout.columns``); the record's column is filled when it is written.
-    labels: the record each row belongs to in the file; `BETWEEN` for none.
-    temperature, setpoint: the columns that make a record's condition, where the file has them.
+    Going through it again costs less than keeping it in memory: a file of any length can be imported.
     """
 
+    source: Source
+    assigned: Sequence[Assigned]
     layout: Layout
-    block: NDArray[np.float64]
-    labels: NDArray[np.float64]
-    temperature: str | None
-    setpoint: str | None
-    faults: Sequence[Fault]
+    found: Survey
 
     @property
     def rows(self) -> int:
-        """Number of samples."""
-        return len(self.block)
+        """Number of samples that can be taken in."""
+        return self.found.rows
 
-    def write(self, writer: RunWriter, name: str) -> int:
-        """Write all of them; returns the number of records."""
-        parts = stretches(self.labels)
-        sweeps = self._sweeps([part for part in parts if part.label != BETWEEN])
-        records = 0
-        for part in parts:
-            rows = self.block[part.start : part.stop]
-            times = rows[:, 0]
-            if part.label == BETWEEN:
-                rows[:, 1] = -1
-            else:
-                path = f"record {part.label:g}"
-                rows[:, 1] = writer.open_record(float(times[0]), name, sweeps[part.start], path, _rate(times))
-                records += 1
-            writer.append_block(rows)
-            self._log_switches(writer, rows)
-            if part.label != BETWEEN:
-                writer.close_record(float(times[-1]), "complete")
-        return records
+    def write(self, writer: RunWriter, name: str | None, stem: str) -> int:
+        """Write all of them; returns the number of records.
 
-    def _sweeps(self, records: Sequence[Stretch]) -> dict[int, Mapping[str, tuple[float, str]]]:
-        """By first row: the median set-point, and the median temperature of records that are alike."""
-        sweeps: dict[int, dict[str, tuple[float, str]]] = {record.start: {} for record in records}
-        for column, same in ((self.temperature, cluster), (self.setpoint, list)):
-            if column is None:
-                continue
-            values = self.block[:, self.layout.columns.index(column)]
-            medians = [_median(values[record.start : record.stop]) for record in records]
-            for record, value in zip(records, same(medians), strict=True):
-                if not np.isnan(value):
-                    sweeps[record.start][column] = (value, self.layout.unit(column))
-        return dict(sweeps)
+        Parameters
+        ----------
+        name: of every record; when left out, what the file calls it, or `stem` where that is a number.
+        """
+        recorder = _Recorder(writer, self.layout, self.found.records, name, stem)
+        for part in checked(self.source, self.assigned, Checker(self.assigned, self.layout)):
+            for stretch in part.stretches:
+                recorder.take(part.block[stretch.start : stretch.stop], stretch)
+        recorder.close()
+        return len(self.found.records)
 
-    def _log_switches(self, writer: RunWriter, rows: NDArray[np.float64]) -> None:
+
+def take_samples(source: Source, assigned: Sequence[Assigned], rig: Rig) -> Samples:
+    """Go through a file of samples; rows that cannot be taken in are listed as faults.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read.
+    """
+    layout = layout_of(assigned, rig)
+    checker = Checker(assigned, layout)
+    parts = checked(source, assigned, checker)
+    return Samples(source, assigned, layout, survey(parts, checker, layout, conditions_of(layout, rig)))
+
+
+def checked(source: Source, assigned: Sequence[Assigned], checker: Checker) -> Iterator[Checked]:
+    """The parts of a file, in SI and without bad rows."""
+    wanted, record = places_of(assigned)
+    for part in source.parts(wanted, record):
+        yield checker.take(part)
+
+
+class _Recorder:
+    """Writes stretch after stretch, and remembers the open record and what its commands were."""
+
+    def __init__(
+        self,
+        writer: RunWriter,
+        layout: Layout,
+        records: Sequence[RecordFacts],
+        name: str | None,
+        stem: str,
+    ) -> None:
+        self._writer = writer
+        self._layout = layout
+        self._records = records
+        self._name = name
+        self._stem = stem
+        self._index = -1
+        self._last_time = 0.0
+        self._told: dict[str, tuple[float, float]] = {}  # time and value of each command's last sample
+
+    def take(self, rows: NDArray[np.float64], stretch: Stretch) -> None:
+        if stretch.begins:
+            self.close()
+            if stretch.record >= 0:
+                self._open(float(rows[0, 0]), self._records[stretch.record])
+        rows[:, 1] = self._index
+        self._writer.append_block(rows)
+        self._log_switches(rows)
+        self._last_time = float(rows[-1, 0])
+
+    def close(self) -> None:
+        """End the open record, if there is one."""
+        if self._index >= 0:
+            self._writer.close_record(self._last_time, "complete")
+        self._index = -1
+        self._told = {}
+
+    def _open(self, time: float, facts: RecordFacts) -> None:
+        own = facts.label if isinstance(facts.label, str) else self._stem
+        sweep = {
+            name: (value, self._layout.unit(name))
+            for name, value in facts.values.items()
+            if not np.isnan(value)
+        }
+        path = describe_label(facts.label)
+        self._index = self._writer.open_record(time, self._name or own, sweep, path, facts.rate)
+        if facts.gap is not None:
+            gap = facts.gap
+            more = f", the longest of {gap.count} gaps" if gap.count > 1 else ""
+            self._writer.event(
+                gap.start, "gap", message=f"no samples for {gap.length:.4g} s from {gap.start:.6g} s on{more}"
+            )
+
+    def _log_switches(self, rows: NDArray[np.float64]) -> None:
         """A command that differs from one sample to the next was switched somewhere between the two."""
         switches = []
-        first = 2 + len(self.layout.channels)
-        for place, actuator in enumerate(self.layout.commands, start=first):
+        for place, actuator in enumerate(self._layout.commands, start=2 + len(self._layout.channels)):
             known = np.flatnonzero(~np.isnan(rows[:, place]))
+            if not len(known):
+                continue
             values, times = rows[known, place], rows[known, 0]
+            if actuator in self._told:
+                time, value = self._told[actuator]
+                times, values = np.concatenate([[time], times]), np.concatenate([[value], values])
+            self._told[actuator] = (float(times[-1]), float(values[-1]))
             for after in (np.flatnonzero(np.diff(values)) + 1).tolist():
                 half = 0.5 * float(times[after] - times[after - 1])
                 switches.append((float(times[after]) - half, actuator, float(values[after]), half))
         for time, actuator, value, half in sorted(switches):
-            writer.event(time, "command", actuator=actuator, value=value, uncertainty=half)
-
-
-def take_samples(table: RawTable, assigned: Sequence[Assigned], rig: Rig) -> Samples:
-    """Turn a table into samples in SI; rows that cannot be taken are left out and listed as faults."""
-    layout = layout_of(assigned, rig)
-    by_name = {column.name: column for column in assigned}
-    values = {column.name: _si(column, table.columns[column.place]) for column in assigned}
-    labels = record_labels(values.get("record"), len(table.lines))
-    by_column = {column: values[column.name] for column in assigned}
-    found = _first_of_each(find_faults(by_column, values["time"], labels, table.lines))
-    good = np.ones(len(table.lines), dtype=bool)
-    good[list(found)] = False
-    block = np.column_stack([values.get(name, labels) for name in layout.columns])[good]
-    return Samples(
-        layout=layout,
-        block=block,
-        labels=labels[good],
-        temperature=_temperature(by_name, rig),
-        setpoint=_setpoint(by_name, rig),
-        faults=[*table.faults, *found.values()],
-    )
-
-
-def _first_of_each(faults: Iterable[tuple[int, Fault]]) -> dict[int, Fault]:
-    """The first fault of each row."""
-    first: dict[int, Fault] = {}
-    for index, fault in faults:
-        first.setdefault(index, fault)
-    return first
-
-
-def _si(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    if column.unit is None:
-        return values
-    offset = 0.0 if column.difference else column.unit.offset
-    return values * column.unit.factor + offset
-
-
-def _temperature(by_name: Mapping[str, Assigned], rig: Rig) -> str | None:
-    """The channel whose temperature makes the condition."""
-    wanted = rig.roles.heat.channel if rig.roles.heat is not None else "oil_temperature"
-    return wanted if wanted in by_name else None
-
-
-def _setpoint(by_name: Mapping[str, Assigned], rig: Rig) -> str | None:
-    """The command that sets the pressure."""
-    role = rig.roles.set_pressure
-    wanted = role.actuator if role is not None else "pressure_setpoint"
-    return wanted if wanted in by_name else None
-
-
-def _median(values: NDArray[np.float64]) -> float:
-    present = values[~np.isnan(values)]
-    return float(np.median(present)) if len(present) else float("nan")
-
-
-def _rate(times: NDArray[np.float64]) -> float:
-    """Samples a second, from the median step; 0 for a single sample."""
-    if len(times) < 2:
-        return 0.0
-    return float(f"{1.0 / np.median(np.diff(times)):.9g}")  # times are decimals, and their steps not exact
+            self._writer.event(time, "command", actuator=actuator, value=value, uncertainty=half)

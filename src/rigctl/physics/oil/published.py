@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 
+from rigctl.files.shipped import shipped
 from rigctl.units import parse_unit
 
 
@@ -41,9 +41,9 @@ class Misfit:
 def published_viscosity() -> tuple[PublishedPoint, ...]:
     """The printed table of HL32 from 20 to 80 degC at atmospheric pressure, read from the shipped CSV.
 
-    Source: Hashim, Al-Salihi & Al Zubaidi; see ``physics/data/README.md``.
+    Source: Hashim, Al-Salihi & Al Zubaidi; see ``data/README.md``.
     """
-    text = files("rigctl.physics").joinpath("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
+    text = shipped("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
     header, *rows = csv.reader(text.splitlines())
     units = [parse_unit(name[name.index("[") + 1 : -1]) for name in header]
     return tuple(

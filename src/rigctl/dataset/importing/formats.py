@@ -1,0 +1,66 @@
+"""Which files can be read, by the end of their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Final, cast
+
+from rigctl.dataset.importing.table import Source
+from rigctl.errors import RigctlError
+
+#: what opens a file: its path, and the names that its columns are given
+Opener = Callable[[Path, Mapping[str, str]], Source]
+
+_HERE: Final = "rigctl.dataset.importing"
+#: module and function, imported when a file asks for them
+OPENERS: Final[Mapping[str, tuple[str, str]]] = {
+    ".csv": ("csv_file", "open_csv"),
+    ".tsv": ("csv_file", "open_csv"),
+    ".txt": ("csv_file", "open_csv"),
+    ".csv.gz": ("csv_file", "open_csv"),
+    ".parquet": ("parquet_file", "open_parquet_file"),
+    ".tdms": ("tdms_file", "open_tdms"),
+    ".mf4": ("mdf_file", "open_mdf"),
+    ".mdf": ("mdf_file", "open_mdf"),
+    ".mat": ("mat_file", "open_mat"),
+}
+
+
+def open_source(path: Path, names: Mapping[str, str]) -> Source:
+    """Open a file of measurements.
+
+    Parameters
+    ----------
+    names: ours by theirs, as ``--columns`` gives them.
+
+    Raises
+    ------
+    RigctlError
+        the kind of file is unknown, what reads it is not installed, or the file cannot be read.
+    """
+    module, function = OPENERS[ending_of(path)]
+    opener = cast("Opener", getattr(import_module(f"{_HERE}.{module}"), function))
+    return opener(path, names)
+
+
+def ending_of(path: Path) -> str:
+    """The end of a file's name that says its kind.
+
+    Raises
+    ------
+    RigctlError
+        it is none that can be read.
+    """
+    name = path.name.lower()
+    for ending in sorted(OPENERS, key=len, reverse=True):
+        if name.endswith(ending):
+            return ending
+    expected = f"a name that ends in {', '.join(OPENERS)}"
+    raise RigctlError("unknown kind of file", value=path.name, expected=expected)
+
+
+def stem_of(path: Path) -> str:
+    """A file's name without what says its kind."""
+    return path.name[: -len(ending_of(path))]

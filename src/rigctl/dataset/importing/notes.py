@@ -1,0 +1,50 @@
+"""What is not wrong with a file but worth saying when it is brought in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from rigctl.dataset.importing.labels import describe_label
+from rigctl.dataset.importing.survey import Span, Survey
+from rigctl.units import show
+
+if TYPE_CHECKING:
+    from rigctl.rig import Rig
+    from rigctl.rig.layout import Layout
+
+#: so many values that are all the same are no longer chance
+_MANY: Final = 10
+
+
+def notes(found: Survey, layout: Layout, rig: Rig) -> Iterator[str]:
+    """Channels that the file lacks, that never change or miss values, and gaps in time."""
+    absent = [name for name in (*rig.channels, *rig.actuators) if name not in layout.columns]
+    if absent:
+        them = "it" if len(absent) == 1 else "one of them"
+        names = ", ".join(absent)
+        yield f"not in the file: {names}; a model that needs {them} cannot be compared with this run"
+    for name, span in found.spans.items():
+        yield from _channel_notes(name, span, found.rows, layout)
+    broken = [record for record in found.records if record.gap is not None]
+    if broken:
+        worst = max(broken, key=lambda record: record.gap.length if record.gap else 0.0)
+        assert worst.gap is not None  # noqa: S101 - of those that have one
+        yield (
+            f"gaps in time in {len(broken)} of {len(found.records)} records; the longest: "
+            f"{worst.gap.length:.4g} s from {worst.gap.start:.6g} s on in "
+            f"{describe_label(worst.label)}"
+        )
+
+
+def _channel_notes(name: str, span: Span, rows: int, layout: Layout) -> Iterator[str]:
+    if not span.values:
+        yield f"{name}: no value at all"
+        return
+    missing = rows - span.values
+    if missing:
+        share = 100.0 * missing / rows
+        yield f"{name}: {missing} of {rows} values are missing ({share:.2g} %); they stay missing"
+    if span.values >= _MANY and span.low == span.high:
+        value = show(span.low, layout.unit(name), difference=name in layout.differences)
+        yield f"{name}: the same value, {value}, in all {span.values} samples; is the sensor connected?"

@@ -1,0 +1,175 @@
+"""What is known of every record of a file before the first of them is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from rigctl.dataset.conditions import cluster
+from rigctl.dataset.importing.checks import Checked, Checker, Stretch
+from rigctl.dataset.importing.conditions import Conditions
+from rigctl.dataset.importing.labels import Label
+from rigctl.dataset.importing.table import Fault
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rigctl.rig.layout import Layout
+
+#: a step of time this much longer than usual is a gap
+GAP: Final = 2.5
+#: so many bad rows are kept one by one
+KEPT_FAULTS: Final = 1000
+#: samples from which the value at a record's start is taken: one of them may be a spike
+_FIRST: Final = 5
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The longest of `count` steps of time that are longer than usual: its length and where it begins, s."""
+
+    count: int
+    length: float
+    start: float
+
+
+@dataclass(frozen=True)
+class RecordFacts:
+    """One record of the file: its rate in Hz (0 for a single sample), the SI values of its condition."""
+
+    label: Label
+    rate: float
+    gap: Gap | None
+    values: Mapping[str, float]
+
+
+@dataclass
+class Span:
+    """What is known of one channel: how many values there are, and the smallest and the largest, SI."""
+
+    values: int = 0
+    low: float = np.inf
+    high: float = -np.inf
+
+    def add(self, values: NDArray[np.float64]) -> None:
+        """Take in some values, NaN where one is missing."""
+        present = values[~np.isnan(values)]
+        self.values += len(present)
+        if len(present):
+            self.low = min(self.low, float(present.min()))
+            self.high = max(self.high, float(present.max()))
+
+
+@dataclass
+class Survey:
+    """A file of samples, gone through once.
+
+    Parameters
+    ----------
+    records: in the order of the file; conditions that are alike have the same values.
+    rows: that can be taken in.
+    faults: what is wrong with the first bad rows; `bad_rows` is the number of all.
+    spans: by channel.
+    """
+
+    records: list[RecordFacts] = field(default_factory=list)
+    rows: int = 0
+    faults: list[Fault] = field(default_factory=list)
+    bad_rows: int = 0
+    spans: dict[str, Span] = field(default_factory=dict)
+
+
+def survey(parts: Iterable[Checked], checker: Checker, layout: Layout, conditions: Conditions) -> Survey:
+    """Go through a file."""
+    found = Survey(spans={name: Span() for name in layout.channels})
+    open_record: _Gathered | None = None
+    for part in parts:
+        found.rows += len(part.block)
+        found.bad_rows += len(part.faults)
+        found.faults += part.faults[: KEPT_FAULTS - len(found.faults)]
+        for name, span in found.spans.items():
+            span.add(part.block[:, layout.columns.index(name)])
+        for stretch in part.stretches:
+            if stretch.begins and open_record is not None:
+                found.records.append(open_record.facts(checker))
+                open_record = None
+            if stretch.record >= 0:
+                open_record = open_record or _Gathered(stretch.record, layout, conditions)
+                open_record.add(part.block, stretch)
+    if open_record is not None:
+        found.records.append(open_record.facts(checker))
+    found.records = _alike(found.records, conditions)
+    return found
+
+
+class _Gathered:
+    """What is gathered of a record while its rows come in."""
+
+    def __init__(self, record: int, layout: Layout, conditions: Conditions) -> None:
+        self._record = record
+        self._layout = layout
+        self._conditions = conditions
+        self._kept: dict[str, list[NDArray[np.float64]]] = {
+            name: [] for name in ("time", *conditions.medians, *conditions.starts, *conditions.levels)
+        }
+
+    def add(self, block: NDArray[np.float64], stretch: Stretch) -> None:
+        for name, kept in self._kept.items():
+            values = block[stretch.start : stretch.stop, self._layout.columns.index(name)]
+            if name in self._conditions.starts:
+                values = values[~np.isnan(values)][:_FIRST]
+            elif name in self._conditions.levels:
+                values = np.unique(values[~np.isnan(values)])
+            kept.append(values.copy())
+
+    def facts(self, checker: Checker) -> RecordFacts:
+        values = {}
+        for name in self._conditions.medians:
+            values[name] = _median(self._whole(name))
+        for name in self._conditions.starts:
+            values[name] = _median(self._whole(name)[:_FIRST])
+        for name in self._conditions.levels:
+            levels = np.unique(self._whole(name))
+            values[name] = float(levels[0]) if len(levels) == 1 else float("nan")
+        times = self._whole("time")
+        steps = np.diff(times)
+        label = checker.book.labels[checker.record_ids[self._record]]
+        usual = float(np.median(steps)) if len(steps) else 0.0
+        return RecordFacts(label, _rate(usual), _gap(times, steps, usual), values)
+
+    def _whole(self, name: str) -> NDArray[np.float64]:
+        """All of a column, which is not kept beside it: a record can be as long as the file."""
+        return np.concatenate(self._kept.pop(name))
+
+
+def _alike(records: list[RecordFacts], conditions: Conditions) -> list[RecordFacts]:
+    """The same records, temperatures of conditions that are alike made equal."""
+    values = [dict(record.values) for record in records]
+    for name in conditions.clustered:
+        for facts, centre in zip(values, cluster([facts[name] for facts in values]), strict=True):
+            facts[name] = centre
+    return [
+        RecordFacts(record.label, record.rate, record.gap, facts)
+        for record, facts in zip(records, values, strict=True)
+    ]
+
+
+def _gap(times: NDArray[np.float64], steps: NDArray[np.float64], usual: float) -> Gap | None:
+    wide = np.flatnonzero(steps > GAP * usual)
+    if not len(wide):
+        return None
+    longest = wide[np.argmax(steps[wide])]
+    return Gap(len(wide), float(steps[longest]), float(times[longest]))
+
+
+def _rate(step: float) -> float:
+    """Samples a second; times are decimals, and their steps not exact."""
+    return float(f"{1.0 / step:.9g}") if step > 0.0 else 0.0
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    present = values[~np.isnan(values)]
+    return float(np.median(present)) if len(present) else float("nan")
