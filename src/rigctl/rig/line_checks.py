@@ -49,8 +49,9 @@ def _queries(rig: Rig, lines: Lines) -> Iterator[Problem]:
             elif place in read:
                 yield Problem(keys, RigctlError("this is read twice", value=f"{{{place}}}"))
             read.add(place)
+    misspelt = bool(read - known)  # hides the one that it left missing
     for name in rig.channels:
-        if name not in read:
+        if name not in read and not misspelt:
             error = RigctlError(
                 f"queries: no answer holds channel '{name}'", expected=f"{{{name}}} in a reply"
             )

@@ -10,6 +10,7 @@ from rigctl.backends.emulated.image import read_intel_hex, shipped_image
 from rigctl.backends.emulated.library import load_libraries
 from rigctl.backends.emulated.port import EmulatedPort
 from rigctl.backends.options import read_flag, refuse_unknown
+from rigctl.backends.protocol import Backend
 from rigctl.backends.serial.bench import SerialBench
 from rigctl.backends.serial.create import BAUD
 from rigctl.backends.serial.port import Port
@@ -23,7 +24,7 @@ from rigctl.rig import Rig
 OPTIONS = (*OF_THE_BENCH, "inputs", "outputs", "baud", "image", "clear_trips")
 
 
-def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench:
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
     """The board's firmware on an emulated microcontroller, in step with `clock`; not yet open.
 
     Parameters
@@ -59,6 +60,18 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SerialBench
         board.device.command(actuator, value, board.time, None)
 
     clear = read_flag("clear_trips", options.get("clear_trips"), default=False)
+    if rig.backend.lines is not None:
+        from rigctl.backends.lines.bench import LineBench
+
+        return LineBench(
+            rig,
+            rig.backend.lines,
+            clock,
+            connect,
+            kind="emulated",
+            identity=bench.identity,
+            by_hand=by_hand,
+        )
     return SerialBench(
         rig,
         clock,
