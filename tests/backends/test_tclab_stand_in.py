@@ -1,0 +1,30 @@
+"""The stand-in of the heater board is no invention: the board's own Python client talks to it as to a board."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from tclab_board import VERSION, Served
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+def test_the_boards_own_client_works_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    import tclab.tclab as client
+
+    with Served(pty=True) as board:
+        monkeypatch.setattr(client, "find_arduino", lambda port="": (board.url, "Arduino Uno"))
+        monkeypatch.setattr(client, "_connected", False)
+        monkeypatch.setattr(client, "time", SimpleNamespace(sleep=lambda _: None, time=time.time))
+        with client.TCLab() as lab:
+            assert lab.version == VERSION
+            assert lab.Q1(120) == 100.0
+            assert lab.Q2(12.5) == 12.5
+            assert board.sketch.heaters == (100.0, 12.5)
+            assert lab.T1 == pytest.approx(21.0, abs=1.0)
+            assert lab.scan()[2:] == (100.0, 12.5)
+        assert board.sketch.heaters == (0.0, 0.0)
+        assert "X" in board.sketch.received

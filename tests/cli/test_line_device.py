@@ -1,0 +1,98 @@
+"""`rigctl run` on a device that is spoken to in lines: the two-heater board, its protocol on a TCP port."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rigctl.dataset import open_run
+from tclab_board import Served
+
+SHORT = ("--arg", "rest=2 s", "--arg", "dwell=2 s")
+
+
+@pytest.fixture
+def board() -> Iterator[Served]:
+    with Served() as served:
+        yield served
+
+
+def begin(folder: Path, board: Served, *more: str) -> subprocess.Popen[str]:
+    (folder / "rigctl.toml").write_text("", encoding="utf-8")
+    command = [sys.executable, "-m", "rigctl", "run", "procedures/tclab-step.yaml", "--port", board.url]
+    return subprocess.Popen(
+        [*command, "--json", *more],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": str(folder / "state")},
+    )
+
+
+def ended(run: subprocess.Popen[str]) -> dict[str, Any]:
+    printed, told = run.communicate(timeout=60)
+    assert printed, told
+    answer: dict[str, Any] = json.loads(printed)
+    return answer
+
+
+def test_a_step_test_from_the_port_to_the_records(board: Served, tmp_path: Path) -> None:
+    answer = ended(begin(tmp_path, board, *SHORT, "--arg", "heater=2", "--arg", "power=30 %"))
+    assert (answer["status"], answer["records"], answer["exit_code"]) == ("finished", 2, 0)
+    run = open_run(Path(answer["path"]))
+    assert run.info["backend"]["firmware"] == "1.4.0 Arduino Uno"
+    up = run.samples(record=0)
+    assert float(up["heater_2"].iloc[0]) == 0.0
+    assert float(up["heater_2"].iloc[-1]) == 30.0
+    assert up["time"].diff().dropna().median() == pytest.approx(0.5, abs=0.05)
+    assert "Q2 30.00" in board.sketch.received
+    assert board.sketch.received[-3:] == ["X", "Q1 0.00", "Q2 0.00"]
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_over_temperature_is_seen_by_rigctl_and_switches_off(board: Served, tmp_path: Path) -> None:
+    run = begin(tmp_path, board, "--arg", "rest=2 s")
+    while board.sketch.heaters == (0.0, 0.0):
+        time.sleep(0.01)
+        assert run.poll() is None, run.communicate()
+    board.sketch.model._T1 = board.sketch.model._H1 = 110.0
+    hot = time.monotonic()
+    while board.sketch.heaters != (0.0, 0.0):
+        time.sleep(0.01)
+    assert time.monotonic() - hot < 5.0
+    answer = ended(run)
+    assert answer["exit_code"] == 1
+    assert "Heater 1 over-temperature" in answer["reason"] or ("cannot warm up this fast" in answer["reason"])
+
+
+def test_the_wrong_board_is_named(board: Served, tmp_path: Path) -> None:
+    board.sketch.always["VER"] = b"ACME toaster 3\r\n"
+    answer = ended(begin(tmp_path, board, *SHORT))
+    assert answer["exit_code"] == 1
+    assert "got 'ACME toaster 3'; expected TCLab Firmware {firmware}" in answer["error"]["message"]
+
+
+def test_off_reaches_it_without_a_run(board: Served, tmp_path: Path) -> None:
+    board.sketch.model._Q1 = 60
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    command = [sys.executable, "-m", "rigctl", "off", "--rig", "rigs/tclab-board.yaml", "--port", board.url]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        check=True,
+    )
+    assert "heater_1 0 %" in done.stdout
+    assert board.sketch.heaters == (0.0, 0.0)
