@@ -52,6 +52,7 @@ class EffectParameter:
     start: a typical size, where a fit begins.
     low, high: bounds; where null is one of them the effect has one sign only.
     difference: a temperature that is an interval.
+    grid: of a shape, the values besides `start` at which a diagnosis looks for the effect, SI.
     """
 
     name: str
@@ -62,6 +63,7 @@ class EffectParameter:
     high: float
     meaning: str
     difference: bool = False
+    grid: tuple[float, ...] = ()
 
     @property
     def shape(self) -> bool:

@@ -33,6 +33,9 @@ class Actuator(Part):
     power: Annotated[float, Q("W", low="0 W")] | None = Field(
         default=None, description="heat it gives while on"
     )
+    repeatability: Annotated[float, Q("1", low="0 %")] | None = Field(
+        default=None, description="how well a level is set again, standard deviation as a share of it"
+    )
     min_interval: Annotated[float, Q("s", low="0 s")] = Field(
         default=0.0, description="shortest time between two switches"
     )

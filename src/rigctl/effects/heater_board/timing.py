@@ -102,7 +102,9 @@ WALL_HEAT_CAPACITY = Effect(
     terms=tuple(_wall(n) for n in HEATERS),
     parameters=(
         EffectParameter("capacity", "J/K", 0.0, 1.0, 0.0, 100.0, "C_w"),
-        EffectParameter("time", "s", None, 60.0, 5.0, 2000.0, "τ_w, until the board follows"),
+        EffectParameter(
+            "time", "s", None, 60.0, 5.0, 2000.0, "τ_w, until the board follows", grid=(20.0, 300.0)
+        ),
     ),
     states=tuple(_wall_state(n) for n in HEATERS),
     looks_like="Heating starts faster than it goes on, as with two time constants.",

@@ -12,6 +12,7 @@ from rigctl.effects.hydraulic_cylinder import (
     switching,
     throttle,
 )
+from rigctl.effects.hydraulic_cylinder.record_level import RECORD_LEVEL as RECORD_LEVEL
 
 EFFECTS = (
     *leakage.EFFECTS,

@@ -19,7 +19,14 @@ _SEAL_WIDTH = 1e4
 
 def _velocity() -> EffectParameter:
     return EffectParameter(
-        "velocity", "mm/s", None, 2e-3, 1e-4, 50e-3, "v_s, width of the change of direction"
+        "velocity",
+        "mm/s",
+        None,
+        2e-3,
+        1e-4,
+        50e-3,
+        "v_s, width of the change of direction",
+        grid=(0.5e-3, 10e-3),
     )
 
 
@@ -70,7 +77,14 @@ STRIBECK_FRICTION = Effect(
         EffectParameter("force", "N", 0.0, 80.0, 0.0, 2e3, "F_c while sliding"),
         EffectParameter("static_force", "N", 0.0, 200.0, 0.0, 4e3, "F_s at the start"),
         EffectParameter(
-            "stribeck_velocity", "mm/s", None, 10e-3, 1e-3, 0.2, "v_st, where the drag has fallen"
+            "stribeck_velocity",
+            "mm/s",
+            None,
+            10e-3,
+            1e-3,
+            0.2,
+            "v_st, where the drag has fallen",
+            grid=(3e-3, 40e-3),
         ),
         _velocity(),
     ),

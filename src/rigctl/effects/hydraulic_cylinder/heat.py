@@ -67,7 +67,9 @@ WALL_HEAT_CAPACITY = Effect(
     terms=(("heat", lambda m, p: -(p.capacity / p.time * p.difference)),),
     parameters=(
         EffectParameter("capacity", "kJ/K", 0.0, 2e4, 0.0, 5e5, "C_w; 40 kg of steel are 18 kJ/K"),
-        EffectParameter("time", "s", None, 120.0, 5.0, 3600.0, "τ_w, until the wall follows the oil"),
+        EffectParameter(
+            "time", "s", None, 120.0, 5.0, 3600.0, "τ_w, until the wall follows the oil", grid=(20.0, 600.0)
+        ),
     ),
     states=(
         EffectState(

@@ -1,0 +1,114 @@
+"""Does the model agree with the data within the noise? Three tests, all of which must pass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.projected import Projected
+from rigctl.compare.scores import Screening
+
+Floats = NDArray[np.float64]
+
+#: the chance of calling a right model wrong
+LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class Test:
+    """One test: its statistic and how often chance alone reaches it."""
+
+    statistic: float
+    p_value: float
+    freedom: int = 0
+
+    __test__ = False  # not a test case
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """The three tests together.
+
+    Attributes
+    ----------
+    tests: ``score`` (the largest candidate's), ``plane`` (residuals of each phase and channel over the
+        operating point), ``chi2`` (the whole misfit).
+    p_value: Holm's smallest: three times the smallest of them.
+    adequate: p_value is not below `LEVEL`.
+    """
+
+    tests: dict[str, Test]
+
+    @property
+    def p_value(self) -> float:
+        """Holm over the tests that could be made."""
+        return min(1.0, len(self.tests) * min(test.p_value for test in self.tests.values()))
+
+    @property
+    def adequate(self) -> bool:
+        """True when no test rejects."""
+        return self.p_value >= LEVEL
+
+
+def adequacy(projected: Projected, screening: Screening) -> Adequacy:
+    """Test a fitted model; the candidates' largest score is in `screening`."""
+    tests = {"plane": plane_test(projected), "chi2": chi2_test(projected)}
+    if screening.scores:
+        tests = {"score": Test(screening.statistic, screening.p_value), **tests}
+    return Adequacy(
+        {name: test for name, test in tests.items() if name == "chi2" or test.freedom or name == "score"}
+    )
+
+
+def plane_test(projected: Projected) -> Test:
+    """Whitened residuals summed over each phase and channel, regressed on {1, T, p, T·p, …}.
+
+    With M the regressors in whitened rows, ``χ² = r̃ᵀM̃(M̃ᵀM̃)⁺M̃ᵀr̃``, M̃ = (I − P_J)M.
+    """
+    lin = projected.linearisation
+    columns = np.vstack([_outer(lin.records[k].regions, lin.regions.plane(k)) for k in projected.places])
+    left = projected.project(columns)
+    lengths = np.linalg.norm(left, axis=0)
+    whole = np.linalg.norm(columns, axis=0)
+    good = lengths > 1e-3 * np.where(whole > 0.0, whole, 1.0)
+    good &= whole > 0.0
+    if not good.any():
+        return Test(0.0, 1.0, 0)
+    span, values, _ = np.linalg.svd(left[:, good] / lengths[good], full_matrices=False)
+    span = span[:, values > 1e-3 * values[0]]
+    statistic = float(np.square(span.T @ projected.residual).sum())
+    return Test(statistic, chi2_tail(statistic, span.shape[1]), span.shape[1])
+
+
+def chi2_test(projected: Projected) -> Test:
+    """``χ² = r̃ᵀr̃``, its variance widened by how well the noise itself is known."""
+    lin = projected.linearisation
+    statistic = float(projected.residual @ projected.residual)
+    freedom = projected.freedom
+    if freedom <= 0:
+        return Test(statistic, 1.0, 0)
+    extra = 0.0
+    problem = lin.fit.problem.only(lin.fit.fitted)
+    for c, channel in enumerate(problem.noise.channels):
+        count = sum(int(problem.ok[k][:, c].sum()) for k in projected.places)
+        known = channel.uncertainty if math.isfinite(channel.uncertainty) else 0.0
+        extra += (2.0 * known * count) ** 2
+    if extra == 0.0:
+        return Test(statistic, chi2_tail(statistic, freedom), freedom)
+    z = (statistic - freedom) / math.sqrt(2.0 * freedom + extra)
+    return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), freedom)
+
+
+def chi2_tail(statistic: float, freedom: int) -> float:
+    """Chance that χ² with `freedom` degrees of freedom is at least `statistic`."""
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * freedom, 0.5 * max(statistic, 0.0)))
+
+
+def _outer(regions: Floats, plane: Floats) -> Floats:
+    """(rows, columns·basis)."""
+    return np.asarray((regions[:, :, None] * plane).reshape(regions.shape[0], -1))

@@ -1,0 +1,63 @@
+"""The effects that a model may lack: those of the library that it has not and that do not contradict it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.registry import library
+from rigctl.model.model import Model
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one choice of its shapes.
+
+    Attributes
+    ----------
+    effect: of the library, or a user's own.
+    columns: the parameters that switch it on, as a system knows them.
+    signs: of each column, 1 or -1 where physics allows one direction only, 0 where both.
+    shapes: values of its shapes that differ from their starts, by qualified name, SI.
+    """
+
+    effect: Effect
+    columns: tuple[str, ...]
+    signs: tuple[int, ...]
+    shapes: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.effect.name
+
+
+def candidates(model: Model) -> tuple[Candidate, ...]:
+    """Every effect that `model` may lack, at every shape of its grid, in the library's order."""
+    present = [model.effect(name) for name in model.effects]
+    excluded = {name for effect in present for name in (effect.name, *effect.instead_of)}
+    found: list[Candidate] = []
+    for effect in (*library(model.family).values(), *model.own):
+        says_the_same = any(other.name in effect.instead_of for other in present)
+        if effect.terms and effect.name not in excluded and not says_the_same:
+            found += _at_each_shape(effect)
+    return tuple(found)
+
+
+def by_effect(found: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
+    """The places of each effect's candidates among `found`."""
+    places: dict[str, list[int]] = {}
+    for place, candidate in enumerate(found):
+        places.setdefault(candidate.name, []).append(place)
+    return {name: tuple(own) for name, own in places.items()}
+
+
+def _at_each_shape(effect: Effect) -> Iterator[Candidate]:
+    switching = [parameter for parameter in effect.parameters if not parameter.shape]
+    columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
+    signs = tuple(int(parameter.sign) for parameter in switching)
+    yield Candidate(effect, columns, signs, {})
+    for parameter in effect.parameters:
+        for value in parameter.grid:
+            yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})

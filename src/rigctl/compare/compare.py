@@ -1,0 +1,150 @@
+"""Compare models with measurements: how well they agree, and where they fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rigctl.compare.adequacy import adequacy
+from rigctl.compare.cells import cell_map
+from rigctl.compare.direction import sentence, trends
+from rigctl.compare.linearise import linearise
+from rigctl.compare.localise import localise, variable_units, worst_stretches
+from rigctl.compare.projected import project
+from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.compare.scores import screen
+from rigctl.compare.slots import slot_evidence
+from rigctl.dataset.run import Run
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import make_problem
+from rigctl.model.measured.hold_out import held_out
+from rigctl.model.measured.noise import DataNoise, noise_of
+from rigctl.model.measured.read import read_measurements
+from rigctl.model.measured.record import Measurements
+from rigctl.model.model import Model
+
+#: told what is being done
+Tell = Callable[[str], None]
+
+
+def compare(
+    runs: Sequence[Run],
+    models: Sequence[Model],
+    *,
+    hold_out: str | None = None,
+    refit: bool = True,
+    tell: Tell | None = None,
+) -> Comparison:
+    """Compare each model with the usable records of `runs`.
+
+    Parameters
+    ----------
+    hold_out: a condition that chooses the records no fit sees, e.g. ``oil == 60 degC``.
+    refit: fit each model's free parameters first, without changing its file; False takes them as they are.
+    tell: told what is being done, for a progress line.
+
+    Raises
+    ------
+    RigctlError
+        the runs are not of the models' bench, too few values for the parameters, or a model that cannot be
+        simulated.
+    """
+    if not runs or not models:
+        raise RigctlError("a comparison needs a run and a model")
+    said = tell or _nothing
+    said("Reading the records")
+    found: list[ModelComparison] = []
+    notes: list[str] = []
+    labels: tuple[str, ...] = ()
+    data: dict[tuple[str, ...], tuple[Measurements, DataNoise]] = {}
+    for model in models:
+        key = (model.family.name, str(model.rig.name if model.rig else ""))
+        if key not in data:
+            measurements = read_measurements(model, runs)
+            data[key] = measurements, noise_of(measurements)
+        measurements, noise = data[key]
+        out = held_out(measurements, hold_out, variable_units(measurements))
+        labels = tuple(measurements.records[k].label for k in out)
+        said(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
+        fitted = fit_model(model, measurements, noise, out, refit=refit, tell=said)
+        said(f"Looking where {model.name} fails")
+        found.append(judge(fitted, model.name, tell=said))
+        notes += [*measurements.notes, noise.model.statement, *_spikes(noise)]
+    return Comparison(
+        runs=tuple(run.id for run in runs),
+        held_out=labels,
+        models=tuple(found),
+        notes=tuple(note for note in dict.fromkeys(notes) if note),
+    )
+
+
+def fit_model(
+    model: Model,
+    measurements: Measurements,
+    noise: DataNoise,
+    held_out: Sequence[int] = (),
+    *,
+    refit: bool = True,
+    tell: Tell | None = None,
+) -> FitResult:
+    """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`."""
+    problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
+    return fit(problem, held_out, refit=refit and bool(problem.shared))
+
+
+def judge(fitted: FitResult, name: str, *, tell: Tell | None = None) -> ModelComparison:
+    """Test a fitted model, and say where it fails."""
+    problem = fitted.problem
+    whole = make_problem(
+        fitted.model, problem.measurements, problem.noise, problem.ok, library=True, progress=tell
+    )
+    linearisation = linearise(fitted, whole)
+    projected = project(linearisation)
+    screening = screen(projected)
+    tests = adequacy(projected, screening)
+    cells = cell_map(projected)
+    where = (*localise(linearisation, cells), *worst_stretches(fitted))
+    directions = trends(fitted)
+    slots = slot_evidence(fitted)
+    return ModelComparison(
+        name=name,
+        fit=fitted,
+        adequacy=tests,
+        where=where,
+        trends=directions,
+        slots=slots,
+        statement=_statement(name, tests.adequate, tests.p_value, where, sentence(directions)),
+        linearisation=linearisation,
+        projected=projected,
+        screening=screening,
+        cells=cells,
+    )
+
+
+def _statement(name: str, adequate: bool, p: float, where: Sequence[object], direction: str) -> str:
+    from rigctl.compare.localise import Place
+
+    if adequate:
+        return (
+            f"{name} agrees with the measurements within their noise (p = {p:.2g}): "
+            "these data show nothing that it lacks"
+        )
+    chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
+    cells = [place for place in where if isinstance(place, Place) and place.by == "cell"]
+    text = f"{name} does not agree with the measurements ({chance})"
+    if cells:
+        worst = cells[0]
+        text += f": {100 * worst.share_of_error:.0f} % of the systematic error is in {worst.label}"
+    return f"{text}. {direction}" if direction else text
+
+
+def _spikes(noise: DataNoise) -> list[str]:
+    return [
+        f"{channel.masked} spikes of {channel.name} were masked: they count in no fit and no test"
+        for channel in noise.model.channels
+        if channel.masked
+    ]
+
+
+def _nothing(_: str) -> None:
+    return None

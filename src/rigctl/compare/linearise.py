@@ -1,0 +1,230 @@
+"""One linearisation of a fitted model, which every test and verdict reads.
+
+    r = W(y − f(θ̂)),   J = W ∂f/∂θ,   S = W ∂f/∂φ at φ = null
+
+with the records' own unknowns already projected off, priors as further rows, and each record reduced to a
+triangle with the same inner products: what follows costs the same for long records as for short ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.candidates import Candidate, candidates
+from rigctl.compare.regions import Regions, make_regions, quiet_columns
+from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RecordTriangle:
+    """One record: rows that keep every inner product of (J, S, E, r) after projection.
+
+    `count` is the number of degrees of freedom that were left: readings and priors less own unknowns.
+    """
+
+    nuisance: Floats
+    signatures: Floats
+    regions: Floats
+    residual: Floats
+    count: int
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """A fitted model, linearised with all its candidates.
+
+    Attributes
+    ----------
+    fit: where.
+    candidates: the effects that were tried, each at each of its shapes.
+    starts: of each candidate, the place of its first column of S.
+    nuisances: names of J's columns: the shared unknowns that the fit could move.
+    regions: what E's columns are: phase and channel.
+    records: the triangles, of the fitted records in order.
+    sizes: (S columns) lengths of the whitened columns before anything is projected off.
+    prior: rows (J, r) of the shared unknowns' priors.
+    """
+
+    fit: FitResult = field(repr=False)
+    candidates: tuple[Candidate, ...] = field(repr=False)
+    starts: tuple[int, ...] = field(repr=False)
+    nuisances: tuple[str, ...]
+    regions: Regions = field(repr=False)
+    records: tuple[RecordTriangle, ...] = field(repr=False)
+    sizes: Floats = field(repr=False)
+    prior: tuple[Floats, Floats] = field(repr=False)
+
+    def columns_of(self, place: int) -> slice:
+        """The columns of S that belong to a candidate."""
+        return slice(self.starts[place], self.starts[place] + len(self.candidates[place].columns))
+
+
+def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | None = None) -> Linearisation:
+    """Linearise `fit` on its fitted records; `problem` has the same data with the whole library at its null.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    chosen = tuple(candidates(fit.problem.model) if tried is None else tried)
+    held = set(fit.solution.at_bound) if fit.solution is not None else set()
+    free = [unknown for unknown in fit.problem.shared if unknown.name not in held]
+    places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
+    inner = problem.only(fit.fitted)
+    local = [fit.local[k] for k in fit.fitted]
+    slopes = _slopes(inner, fit, [unknown.name for unknown in free], chosen, local)
+    regions = make_regions(inner)
+    triangles, sizes = [], np.zeros(sum(len(one.columns) for one in chosen))
+    for k in range(len(inner.records)):
+        block = _record(inner, k, slopes, regions, local[k], fit.outputs[fit.fitted[k]])
+        sizes += block[1]
+        triangles.append(block[0])
+    residual, weight = prior_rows(free, fit.values[[places[unknown.name] for unknown in free]])
+    starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
+    return Linearisation(
+        fit=fit,
+        candidates=chosen,
+        starts=tuple(int(start) for start in starts),
+        nuisances=tuple(unknown.name for unknown in free),
+        regions=regions,
+        records=tuple(triangles),
+        sizes=np.sqrt(sizes),
+        prior=(np.diag(weight), -residual),
+    )
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """(n, channels, columns) of each record: nuisances, candidates' columns, and own unknowns by name."""
+
+    nuisance: list[Floats]
+    signatures: list[Floats]
+    own: list[Mapping[str, Floats]]
+
+
+def _slopes(
+    problem: Problem,
+    fit: FitResult,
+    free: Sequence[str],
+    chosen: Sequence[Candidate],
+    local: Sequence[Floats],
+) -> _Slopes:
+    """Simulate once with every column, and once more for each further choice of shapes."""
+    base = _base(problem, fit)
+    at = problem.with_shared((), base)
+    plain = [name for one in chosen if not one.shapes for name in one.columns]
+    columns = tuple(dict.fromkeys([*free, *problem.local_names, *plain]))
+    found = at.simulate(np.empty(0), local, columns, initial=True).require()
+    index = {name: k for k, name in enumerate(found.columns)}
+    every = [np.take(array, problem.channels, axis=1) for array in found.sensitivities]
+    parts: list[list[Floats]] = [[] for _ in every]
+    shaped = _shaped(at, base, chosen, local)
+    for place, one in enumerate(chosen):
+        for k, array in enumerate(every):
+            own = shaped[place][k] if one.shapes else array[:, :, [index[name] for name in one.columns]]
+            parts[k].append(own)
+    return _Slopes(
+        nuisance=[array[:, :, [index[name] for name in free]] for array in every],
+        signatures=[
+            np.concatenate(own, axis=2) if own else np.empty((*array.shape[:2], 0))
+            for own, array in zip(parts, every, strict=True)
+        ],
+        own=[{name: array[:, :, k] for name, k in index.items()} for array in every],
+    )
+
+
+def _base(problem: Problem, fit: FitResult) -> Floats:
+    """The superset's parameters at the fitted point."""
+    names = problem.compiled.system.parameter_names
+    base = problem.base.copy()
+    for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
+        base[names.index(unknown.name)] = value
+    return base
+
+
+def _shaped(
+    problem: Problem, base: Floats, chosen: Sequence[Candidate], local: Sequence[Floats]
+) -> dict[int, list[Floats]]:
+    """Columns at other shapes; candidates whose shapes do not meet share a simulation."""
+    names = problem.compiled.system.parameter_names
+    rounds: list[dict[int, Candidate]] = []
+    for place, one in enumerate(chosen):
+        if not one.shapes:
+            continue
+        home = next((r for r in rounds if all(other.name != one.name for other in r.values())), None)
+        if home is None:
+            home = {}
+            rounds.append(home)
+        home[place] = one
+    result: dict[int, list[Floats]] = {}
+    for together in rounds:
+        moved = base.copy()
+        for one in together.values():
+            for name, value in one.shapes.items():
+                moved[names.index(name)] = value
+        columns = [name for one in together.values() for name in one.columns]
+        found = problem.with_shared((), moved).simulate(np.empty(0), local, columns).require()
+        for place, one in together.items():
+            at = [columns.index(name) for name in one.columns]
+            result[place] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in found.sensitivities]
+    return result
+
+
+def _record(
+    problem: Problem, k: int, slopes: _Slopes, regions: Regions, local: Floats, outputs: Floats
+) -> tuple[RecordTriangle, Floats]:
+    """Whiten a record, project its own unknowns off, and reduce what is left to a triangle."""
+    whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
+    measured = np.where(ok, record.values, 0.0)
+    residual = whitener(np.where(ok, measured - outputs, 0.0))
+    own = [slopes.own[k][one.name] for one in problem.local[k]]
+    stacked = np.concatenate([slopes.nuisance[k], slopes.signatures[k]], axis=2)
+    white = whitener(stacked)
+    if not np.isfinite(white).all():
+        raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
+    p = slopes.nuisance[k].shape[2]
+    sizes = np.square(white[:, p:]).sum(axis=0)
+    left = np.column_stack([white, regions.of_record(k, whitener.rows), residual])
+    basis = [whitener(np.stack(own, axis=2))] if own else []
+    prior_residual, weight = prior_rows([one.unknown for one in problem.local[k]], local)
+    quiet = quiet_columns(problem, k, outputs)
+    if quiet is not None:
+        basis.append(whitener(quiet))
+        weight = np.concatenate([weight, np.ones(quiet.shape[2])])
+        prior_residual = np.concatenate([prior_residual, np.zeros(quiet.shape[2])])
+    unknowns = weight.size
+    count = whitener.size + int((weight > 0.0).sum())
+    if unknowns:
+        matrix = np.vstack([np.concatenate(basis, axis=1), np.diag(weight)])
+        below = np.zeros((unknowns, left.shape[1]))
+        below[:, -1] = -prior_residual
+        left = np.vstack([left, below])
+        orthogonal = _range(matrix)
+        left = left - orthogonal @ (orthogonal.T @ left)
+        count -= orthogonal.shape[1]
+    triangle: Floats = np.asarray(np.linalg.qr(left, mode="r")) if left.shape[0] > left.shape[1] else left
+    e = p + slopes.signatures[k].shape[2]
+    return (
+        RecordTriangle(triangle[:, :p], triangle[:, p:e], triangle[:, e:-1], triangle[:, -1], count),
+        sizes,
+    )
+
+
+def _range(matrix: Floats) -> Floats:
+    """Orthonormal columns that span the columns of `matrix`, each scaled to length one first."""
+    lengths = np.linalg.norm(matrix, axis=0)
+    scaled = matrix[:, lengths > 0.0] / lengths[lengths > 0.0]
+    if not scaled.shape[1]:
+        return np.empty((matrix.shape[0], 0))
+    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(left[:, values > 1e-10 * values[0]])

@@ -1,0 +1,191 @@
+"""Where does the model fail? By condition, phase, channel and state, with the chance of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.cells import CellMap
+from rigctl.compare.linearise import Linearisation
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.read import condition_text
+from rigctl.model.measured.record import Measurements
+from rigctl.units import show
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Place:
+    """One place and what is wrong there.
+
+    Attributes
+    ----------
+    by: what kind of place.
+    label: which.
+    share_of_error: its share of the systematic error.
+    rmse: of the normalised residuals there; 1 is the noise.
+    p_value: how often chance alone makes as much.
+    """
+
+    by: Literal["condition", "phase", "channel", "state", "cell", "stretch"]
+    label: str
+    share_of_error: float
+    rmse: float
+    p_value: float
+
+
+def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
+    """All places, those of each kind in the order of their share of the error."""
+    fit = linearisation.fit
+    found = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
+    found += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + _states(fit)
+    return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
+
+
+_ORDER = {"channel": 0, "phase": 1, "cell": 2, "condition": 3, "state": 4, "stretch": 5}
+
+
+def variable_units(measurements: Measurements) -> dict[str, str]:
+    """The unit that each operating variable is shown in."""
+    rig = measurements.rig
+    units = {}
+    for name in {name for record in measurements.records for name in record.condition}:
+        if rig is not None and name in rig.channels:
+            units[name] = rig.channels[name].unit
+        elif rig is not None and name in rig.actuators:
+            units[name] = rig.actuators[name].display_unit
+        else:
+            units[name] = _GUESSED.get(name, "1")
+    return units
+
+
+_GUESSED = {
+    "oil": "degC",
+    "supply": "bar",
+    "oil_temperature": "degC",
+    "pressure_setpoint": "bar",
+    "pressure": "bar",
+    "ambient_temperature": "degC",
+}
+
+
+def _normalised(fit: FitResult) -> list[Floats]:
+    """(n, channels) of each fitted record: model less measurement over the noise, NaN where none counts."""
+    found = []
+    for k in fit.fitted:
+        record, ok = fit.problem.records[k], fit.problem.ok[k]
+        found.append(np.where(ok, (fit.outputs[k] - record.values) / fit.problem.noise.sigma, np.nan))
+    return found
+
+
+def _rms(values: Floats) -> float:
+    present = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(present**2))) if present.size else 0.0
+
+
+def _conditions(lin: Linearisation, cells: CellMap) -> list[Place]:
+    fit, groups = lin.fit, np.array(lin.regions.groups)
+    normalised, units = _normalised(fit), variable_units(fit.problem.measurements)
+    found = []
+    for group in dict.fromkeys(groups.tolist()):
+        chosen = np.zeros(cells.z.shape, dtype=bool)
+        chosen[groups == group] = True
+        members = [k for k in range(len(groups)) if groups[k] == group]
+        record = fit.problem.records[fit.fitted[members[0]]]
+        label = condition_text(record.condition, units) or record.label
+        values = np.concatenate([normalised[k].ravel() for k in members])
+        found.append(Place("condition", label, cells.share(chosen), _rms(values), cells.p_value(chosen)))
+    return found
+
+
+def _regions(lin: Linearisation, cells: CellMap, part: int) -> list[Place]:
+    """By phase (part 0) or by channel (part 1)."""
+    kind: Literal["phase", "channel"] = "channel" if part else "phase"
+    names = dict.fromkeys(label[part] for label in lin.regions.labels)
+    found = []
+    for name in names:
+        columns = np.array([label[part] == name for label in lin.regions.labels])
+        chosen = np.zeros(cells.z.shape, dtype=bool)
+        chosen[:, columns] = True
+        rmse = _rms(_of_region(lin, name if part == 0 else None, name if part else None))
+        found.append(Place(kind, name, cells.share(chosen), rmse, cells.p_value(chosen)))
+    return found
+
+
+def _of_region(lin: Linearisation, phase: str | None, channel: str | None) -> Floats:
+    fit = lin.fit
+    outputs = fit.problem.measurements.outputs
+    columns = [k for k, name in enumerate(outputs) if channel in (None, name)]
+    pieces = []
+    for k, values in zip(fit.fitted, _normalised(fit), strict=True):
+        record = fit.problem.records[k]
+        names = np.array(record.phases, dtype=object)[record.phase]
+        rows = np.ones(record.times.size, bool) if phase in (None, "all") else names == phase
+        pieces.append(values[rows][:, columns].ravel())
+    return np.concatenate(pieces) if pieces else np.empty(0)
+
+
+def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
+    """Phase × channel."""
+    found = []
+    for column, (phase, channel) in enumerate(lin.regions.labels):
+        chosen = np.zeros(cells.z.shape, dtype=bool)
+        chosen[:, column] = True
+        if (chosen & cells.here).any():
+            rmse = _rms(_of_region(lin, phase, channel))
+            label = f"{channel} in {phase}"
+            found.append(Place("cell", label, cells.share(chosen), rmse, cells.p_value(chosen)))
+    return found
+
+
+def _states(fit: FitResult) -> list[Place]:
+    """Each channel's error over the channel's own range, in thirds."""
+    found, normalised = [], _normalised(fit)
+    measured = [fit.problem.records[k].values for k in fit.fitted]
+    whole = sum(float(np.nansum(values**2)) for values in normalised) or 1.0
+    for column, name in enumerate(fit.problem.measurements.outputs):
+        error = np.concatenate([values[:, column] for values in normalised])
+        value = np.concatenate([values[:, column] for values in measured])
+        good = np.isfinite(error) & np.isfinite(value)
+        error, value = error[good], value[good]
+        if value.size < 3 or np.ptp(value) == 0.0:
+            continue
+        edges = np.linspace(value.min(), value.max(), 4)
+        unit = fit.problem.measurements.units[column]
+        for low, high in pairwise(edges.tolist()):
+            inside = (value >= low) & (value <= high)
+            if inside.any():
+                squares = float(np.sum(error[inside] ** 2))
+                label = f"{name} {show(float(low), unit, digits=3)} to {show(float(high), unit, digits=3)}"
+                chance = _chi2_tail(squares, int(inside.sum()))
+                found.append(Place("state", label, squares / whole, _rms(error[inside]), chance))
+    return found
+
+
+def _chi2_tail(statistic: float, freedom: int) -> float:
+    from rigctl.compare.adequacy import chi2_tail
+
+    return chi2_tail(statistic, freedom)
+
+
+def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
+    """The record stretches (a phase of one channel) with the largest normalised error."""
+    found = []
+    total = sum(float(np.nansum(values**2)) for values in _normalised(fit)) or 1.0
+    for k, values in zip(fit.fitted, _normalised(fit), strict=True):
+        record = fit.problem.records[k]
+        for p, phase in enumerate(record.phases):
+            for c, channel in enumerate(fit.problem.measurements.outputs):
+                part = values[record.phase == p, c]
+                part = part[np.isfinite(part)]
+                if part.size:
+                    squares = float(np.sum(part**2))
+                    label = f"{channel} in {phase} of {record.label}"
+                    chance = _chi2_tail(squares, part.size)
+                    found.append(Place("stretch", label, squares / total, _rms(part), chance))
+    return tuple(sorted(found, key=lambda place: -place.rmse)[:count])

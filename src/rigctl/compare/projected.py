@@ -1,0 +1,107 @@
+"""A linearisation with the shared unknowns projected off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.linearise import Linearisation, RecordTriangle
+
+Floats = NDArray[np.float64]
+
+#: a signature of which less than this share is left has no direction of its own
+HIDDEN = 1e-3
+_RANK = 1e-8
+
+
+@dataclass(frozen=True)
+class Projected:
+    """``(I − P_J)`` applied to everything, over some of the records.
+
+    Attributes
+    ----------
+    residual: (rows) r̃.
+    signatures: (rows, columns) S̃.
+    lengths: (columns) ‖s̃‖.
+    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over.
+    coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
+    moves: (nuisances) ``J⁺r``: what the unknowns would still move by themselves.
+    rank: how many of the unknowns' directions the data tell apart.
+    freedom: degrees of freedom of r̃.
+    """
+
+    linearisation: Linearisation = field(repr=False)
+    places: tuple[int, ...]
+    residual: Floats
+    signatures: Floats
+    lengths: Floats
+    kappa: Floats
+    coefficients: Floats
+    moves: Floats
+    basis: Floats = field(repr=False)
+    rank: int
+    freedom: int
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(columns) True where enough of a signature is left to be seen."""
+        return self.kappa > HIDDEN
+
+    def project(self, columns: Floats) -> Floats:
+        """``(I − P_J)`` of columns that stand in the records' rows; the priors' rows are added."""
+        padded = np.vstack([columns, np.zeros((self.residual.size - columns.shape[0], columns.shape[1]))])
+        return np.asarray(padded - self.basis @ (self.basis.T @ padded))
+
+
+def project(linearisation: Linearisation, places: Sequence[int] | None = None) -> Projected:
+    """Project the shared unknowns off, over all fitted records or those at `places` among them."""
+    chosen = tuple(range(len(linearisation.records))) if places is None else tuple(places)
+    records = [linearisation.records[k] for k in chosen]
+    weight, prior = linearisation.prior
+    nuisance = np.vstack([*(one.nuisance for one in records), weight])
+    signatures = _stack(records, "signatures", weight.shape[0])
+    residual = np.concatenate([*(one.residual for one in records), prior])
+    lengths = np.linalg.norm(nuisance, axis=0)
+    scaled = nuisance / np.where(lengths > 0.0, lengths, 1.0)
+    if scaled.shape[1]:
+        left, values, right = np.linalg.svd(scaled, full_matrices=False)
+        good = values > _RANK * max(values[0], 1e-300)
+    else:
+        left, values, right = np.empty((residual.size, 0)), np.empty(0), np.empty((0, 0))
+        good = np.empty(0, dtype=bool)
+    basis = left[:, good]
+    inverse = (
+        (right[good].T / values[good]) @ basis.T
+        if good.any()
+        else np.zeros((nuisance.shape[1], residual.size))
+    )
+    inverse = inverse / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    left_over = signatures - basis @ (basis.T @ signatures)
+    norms = np.linalg.norm(left_over, axis=0)
+    sizes = linearisation.sizes
+    return Projected(
+        linearisation=linearisation,
+        places=chosen,
+        residual=residual - basis @ (basis.T @ residual),
+        signatures=left_over,
+        lengths=norms,
+        kappa=np.where(sizes > 0.0, norms / np.where(sizes > 0.0, sizes, 1.0), 0.0),
+        coefficients=inverse @ signatures,
+        moves=inverse @ residual,
+        basis=basis,
+        rank=int(good.sum()),
+        freedom=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - int(good.sum()),
+    )
+
+
+def region_rows(linearisation: Linearisation, places: Sequence[int]) -> list[Floats]:
+    """The regions' columns of each record, as they stand in its rows."""
+    return [linearisation.records[k].regions for k in places]
+
+
+def _stack(records: Sequence[RecordTriangle], name: str, more: int) -> Floats:
+    parts = [getattr(one, name) for one in records]
+    return np.vstack([*parts, np.zeros((more, parts[0].shape[1]))])

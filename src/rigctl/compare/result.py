@@ -1,0 +1,199 @@
+"""What a comparison returns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from rigctl.compare.adequacy import Adequacy
+from rigctl.compare.cells import CellMap
+from rigctl.compare.direction import Trend
+from rigctl.compare.linearise import Linearisation
+from rigctl.compare.localise import Place
+from rigctl.compare.projected import Projected
+from rigctl.compare.scores import Screening
+from rigctl.compare.slots import SlotEvidence
+from rigctl.model.fit.errors import ChannelError
+from rigctl.model.fit.fit import FitResult
+from rigctl.noise import ChannelNoise
+from rigctl.units import parse_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """One model on the data.
+
+    Attributes
+    ----------
+    name: of the model, with its version where it has one.
+    fit: its free parameters fitted, or left as they are.
+    adequacy: the three tests.
+    where: places of the error, the worst of each kind first.
+    trends: directions of the error over the operating variables, the most wrong first.
+    slots: which equation needs a term, the most wanted first.
+    statement: one plain sentence.
+    """
+
+    name: str
+    fit: FitResult
+    adequacy: Adequacy
+    where: tuple[Place, ...]
+    trends: tuple[Trend, ...]
+    slots: tuple[SlotEvidence, ...]
+    statement: str
+    linearisation: Linearisation = field(repr=False)
+    projected: Projected = field(repr=False)
+    screening: Screening = field(repr=False)
+    cells: CellMap = field(repr=False)
+
+    @property
+    def adequate(self) -> bool:
+        """True when the data show nothing that the model lacks."""
+        return self.adequacy.adequate
+
+    def channels(self) -> dict[str, dict[str, Any]]:
+        """By channel, in the channels' units."""
+        measurements = self.fit.problem.measurements
+        shown = dict(zip(measurements.outputs, measurements.units, strict=True))
+        noise = {channel.name: channel for channel in self.fit.problem.noise.channels}
+        return {
+            name: _channel(error, shown[name], noise[name], self.fit.heldout_errors.get(name))
+            for name, error in self.fit.errors.items()
+        }
+
+    def document(self) -> dict[str, Any]:
+        """Its part of the machine-readable answer."""
+        tests = {
+            name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.freedom}
+            for name, test in self.adequacy.tests.items()
+        }
+        parameters = {
+            unknown.name: {
+                "value": float(value),
+                "unit": unknown.unit,
+                "std": _finite(self.fit.std.get(unknown.name, 0.0)),
+            }
+            for unknown, value in zip(self.fit.problem.shared, self.fit.values, strict=True)
+        }
+        return {
+            "model": self.name,
+            "adequate": self.adequate,
+            "p_value": self.adequacy.p_value,
+            "tests": tests,
+            "chi2_reduced": _finite(self.fit.chi2_reduced),
+            "channels": self.channels(),
+            "parameters": parameters,
+            "where": [_place(place) for place in self.where],
+            "trends": [_trend(trend) for trend in self.trends],
+            "slots": [{"slot": slot.slot, "log_evidence": slot.log_evidence} for slot in self.slots],
+            "statement": self.statement,
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Models on the same data.
+
+    Attributes
+    ----------
+    runs: the ids.
+    held_out: the records that no fit saw, by label.
+    models: in the order asked for.
+    notes: on the data and their noise.
+    """
+
+    runs: tuple[str, ...]
+    held_out: tuple[str, ...]
+    models: tuple[ModelComparison, ...]
+    notes: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer; with one model its fields also stand at the top level."""
+        models = [model.document() for model in self.models]
+        top: Mapping[str, Any] = models[0] if len(models) == 1 else {}
+        return {
+            "runs": list(self.runs),
+            "held_out": list(self.held_out),
+            "notes": list(self.notes),
+            "models": models,
+            **top,
+        }
+
+    def summary(self) -> str:
+        """A line for each model."""
+        lines = []
+        for model in self.models:
+            errors = ", ".join(
+                f"{name} {one['rmse']:.3g} {one['unit']}" for name, one in model.channels().items()
+            )
+            verdict = "adequate" if model.adequate else "not adequate"
+            lines.append(f"{model.name}: {verdict} (p = {model.adequacy.p_value:.2g}); error {errors}")
+            lines.append(f"  {model.statement}")
+        return "\n".join(lines)
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each model and channel; units in their own column."""
+        import pandas as pd
+
+        rows = [
+            {"model": model.name, "adequate": model.adequate, "channel": name, **values}
+            for model in self.models
+            for name, values in model.channels().items()
+        ]
+        return pd.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        """The summary and the table, as a notebook shows them."""
+        from html import escape
+
+        return f"<pre>{escape(self.summary())}</pre>{self.frame().to_html(index=False, escape=True)}"
+
+
+def _channel(
+    error: ChannelError, unit: str, noise: ChannelNoise, held_out: ChannelError | None
+) -> dict[str, Any]:
+    factor = 1.0 / parse_unit(unit).factor
+    return {
+        "rmse": error.rmse * factor,
+        "unit": "K" if parse_unit(unit).offset else unit,
+        "bias": error.bias * factor,
+        "max": error.maximum * factor,
+        "noise": error.noise * factor,
+        "noise_source": noise.source,
+        "masked": noise.masked,
+        "nrmse": error.nrmse,
+        "chi2_reduced": error.chi2_reduced,
+        "r2": _finite(error.r2),
+        "heldout_rmse": None if held_out is None else held_out.rmse * factor,
+    }
+
+
+def _place(place: Place) -> dict[str, Any]:
+    return {
+        "by": place.by,
+        "label": place.label,
+        "share_of_error": place.share_of_error,
+        "rmse": place.rmse,
+        "p_value": place.p_value,
+    }
+
+
+def _trend(trend: Trend) -> dict[str, Any]:
+    return {
+        "quantity": trend.quantity,
+        "variable": trend.variable,
+        "measured": trend.measured,
+        "predicted": trend.predicted,
+        "z": trend.z,
+        "wrong_sign": trend.wrong_sign,
+        "text": trend.text,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

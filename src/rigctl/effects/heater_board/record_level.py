@@ -1,0 +1,32 @@
+"""What differs between records of the heater board: the room, and how warm everything is at the start."""
+
+from __future__ import annotations
+
+from rigctl.effects.declaration import Effect, EffectParameter
+from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
+from rigctl.rig.rig import Rig
+
+#: how far the room may be from what is written down, in K
+_ROOM = 2.0
+
+
+def _room(_: Rig | None) -> float:
+    return _ROOM
+
+
+_EFFECT = Effect(
+    name=RECORD,
+    family="heater_board",
+    summary="What differs from record to record.",
+    equation="T_room = T_ambient + d",
+    source="repeated measurements at one condition",
+    looks_like="Records end at other temperatures although nothing was changed.",
+    terms=(("ambient", lambda m, p: p.room),),
+    parameters=(EffectParameter("room", "K", 0.0, 1.0, -30.0, 30.0, "d, of the room", difference=True),),
+)
+
+RECORD_LEVEL = RecordLevel(
+    effect=_EFFECT,
+    quantities=(Quantity("room", "temperature of the room", _room),),
+    starts=(Start("temperature_1", "measured"), Start("temperature_2", "measured")),
+)

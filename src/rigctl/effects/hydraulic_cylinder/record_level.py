@@ -1,0 +1,79 @@
+"""What differs between records of the cylinder: the relief valve's setting, zeros, switch times, starts."""
+
+from __future__ import annotations
+
+from rigctl.effects.declaration import Effect, EffectParameter, Own
+from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
+from rigctl.engine.symbols import Scalar
+from rigctl.physics.scope import Scope
+from rigctl.rig.rig import Rig
+
+#: how well a relief valve is set again when the rig does not say, as a share
+_REPEATABILITY = 0.005
+#: the zero of a position sensor when the rig does not say, in m
+_ZERO = 0.1e-3
+
+
+def _late(_: Scope, p: Own, before: Scalar, after: Scalar) -> Scalar:
+    """Each switch of the standard record is told from the others by what is commanded before and after.
+
+    ``after² (1 + after)/2`` is 1 for an extension, ``after² (1 − after)/2`` for a retraction, 1 − after² for
+    a closing.
+    """
+    moving = after * after
+    extend, retract = 0.5 * moving * (1.0 + after), 0.5 * moving * (1.0 - after)
+    return p.switching + p.extending * extend + p.retracting * retract + p.closing * (1.0 - moving)
+
+
+def _repeatability(rig: Rig | None) -> float:
+    role = rig.roles.set_pressure if rig is not None else None
+    actuator = rig.actuators[role.actuator] if rig is not None and role is not None else None
+    said = actuator.repeatability if actuator is not None else None
+    return _REPEATABILITY if said is None else said
+
+
+def _zero(rig: Rig | None) -> float:
+    channel = rig.channels.get("position") if rig is not None else None
+    uncertainty = channel.calibration.uncertainty if channel is not None else None
+    return 0.5 * uncertainty if uncertainty else _ZERO  # it is stated at 95 %
+
+
+_EFFECT = Effect(
+    name=RECORD,
+    family="hydraulic_cylinder",
+    summary="What differs from record to record.",
+    equation="p_set·(1 + e), x_read = x + z, each switch late by its own time",
+    source="repeated measurements at one condition",
+    looks_like="Records of one condition differ.",
+    terms=(
+        ("relief_setting", lambda m, p: 1.0 + p.setting),
+        ("position_reading", lambda m, p: p.position_zero),
+        ("valve_delay", lambda m, p: _late(m, p, m.before, m.after)),
+    ),
+    parameters=(
+        EffectParameter("setting", "%", 0.0, 1e-3, -0.3, 0.3, "e, error of the relief valve's setting"),
+        EffectParameter("position_zero", "mm", 0.0, 1e-4, -0.05, 0.05, "z, zero of the position sensor"),
+        EffectParameter("switching", "ms", 0.0, 1e-3, -0.5, 0.5, "every switch of every record"),
+        EffectParameter("extending", "ms", 0.0, 1e-3, -0.5, 0.5, "the switch to extend"),
+        EffectParameter("retracting", "ms", 0.0, 1e-3, -0.5, 0.5, "the switch to retract"),
+        EffectParameter("closing", "ms", 0.0, 1e-3, -0.5, 0.5, "the switch to neutral"),
+    ),
+)
+
+RECORD_LEVEL = RecordLevel(
+    effect=_EFFECT,
+    quantities=(
+        Quantity("setting", "error of the pressure setting", _repeatability),
+        Quantity("position_zero", "zero of the position sensor", _zero),
+        Quantity("extending", "time of the switch to extend", switch=(0.0, 1.0)),
+        Quantity("closing", "time of the switch to neutral", switch=(1.0, 0.0)),
+        Quantity("retracting", "time of the switch to retract", switch=(0.0, -1.0)),
+    ),
+    starts=(
+        Start("oil_temperature", "measured"),
+        Start("supply_pressure", "set", input="pressure_setpoint"),
+        Start("pressure_b", "set", input="pressure_setpoint", share=0.9, spread=0.2),
+        Start("position", "rest", rest=2e-3),
+    ),
+    shared_switch="switching",
+)

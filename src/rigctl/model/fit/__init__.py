@@ -1,0 +1,1 @@
+"""A model's free parameters, fitted to measurements."""

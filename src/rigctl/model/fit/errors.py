@@ -1,0 +1,81 @@
+"""How far a model is from the measurements, channel by channel, in the channels' units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Model less measurement on one channel, SI.
+
+    Attributes
+    ----------
+    rmse: root of the mean square.
+    bias: mean.
+    maximum: the largest in size.
+    noise: standard deviation of one reading.
+    nrmse: rmse in units of the noise.
+    chi2_reduced: mean square of the whitened residuals.
+    r2: share of the readings' variance that the model explains.
+    count: how many readings counted.
+    """
+
+    rmse: float
+    bias: float
+    maximum: float
+    noise: float
+    nrmse: float
+    chi2_reduced: float
+    r2: float
+    count: int
+
+
+def channel_errors(
+    problem: Problem, outputs: Sequence[Floats], places: Sequence[int]
+) -> dict[str, ChannelError]:
+    """By channel, over the records at `places`; a channel without a reading there is left out."""
+    found = {}
+    white = {place: _whitened(problem, outputs[place], place) for place in places}
+    for column, name in enumerate(problem.measurements.outputs):
+        pieces, readings, squares = [], [], []
+        for place in places:
+            good = problem.ok[place][:, column]
+            measured = problem.records[place].values[good, column]
+            pieces.append(outputs[place][good, column] - measured)
+            readings.append(measured)
+            squares.append(white[place][problem.whiteners[place].rows[:, 1] == column] ** 2)
+        error, values, square = (np.concatenate(part) for part in (pieces, readings, squares))
+        if error.size:
+            found[name] = _error(error, values, square, float(problem.noise.sigma[column]))
+    return found
+
+
+def _whitened(problem: Problem, outputs: Floats, place: int) -> Floats:
+    ok = problem.ok[place]
+    values = np.where(ok, problem.records[place].values, 0.0)
+    return problem.whiteners[place](np.where(ok, outputs - values, 0.0))
+
+
+def _error(error: Floats, values: Floats, squares: Floats, noise: float) -> ChannelError:
+    rmse = math.sqrt(float(np.mean(error**2)))
+    spread = float(np.mean((values - values.mean()) ** 2))
+    return ChannelError(
+        rmse=rmse,
+        bias=float(error.mean()),
+        maximum=float(error[np.argmax(np.abs(error))]),
+        noise=noise,
+        nrmse=rmse / noise,
+        chi2_reduced=float(squares.mean()),
+        r2=1.0 - rmse**2 / spread if spread > 0.0 else math.nan,
+        count=int(error.size),
+    )

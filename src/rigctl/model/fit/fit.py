@@ -1,0 +1,193 @@
+"""Fit a model's free parameters to measurements, and judge it on records that the fit did not see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares import (
+    Iteration,
+    LeastSquaresResult,
+    Options,
+    Refused,
+    Unknown,
+    least_squares,
+    multi_start,
+)
+from rigctl.errors import RigctlError
+from rigctl.model.fit.errors import ChannelError, channel_errors
+from rigctl.model.fit.problem import Problem
+from rigctl.model.model import Model
+
+Floats = NDArray[np.float64]
+
+#: a fit ends when the next step would lower the cost by less than this share of it
+_COST = 1e-7
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A model fitted to some records, and what it says of them and of the others.
+
+    Attributes
+    ----------
+    problem: all records, fitted and held out.
+    fitted: the places of the records that were fitted; `held_out` those of the others.
+    solution: of the fit; None where nothing was free.
+    values: (shared) of `problem.shared`.
+    local: the records' own unknowns, of all records in order. A held-out record keeps its own: how warm it
+        was and how its valve was set are not the model's to predict.
+    outputs: (n, outputs) of each record, what the model says.
+    """
+
+    problem: Problem = field(repr=False)
+    fitted: tuple[int, ...]
+    solution: LeastSquaresResult | None
+    values: Floats
+    local: tuple[Floats, ...] = field(repr=False)
+    outputs: tuple[Floats, ...] = field(repr=False)
+
+    @property
+    def held_out(self) -> tuple[int, ...]:
+        """The places of the records that the fit did not see."""
+        return tuple(place for place in range(len(self.problem.records)) if place not in self.fitted)
+
+    @cached_property
+    def model(self) -> Model:
+        """The model with the values found, their standard deviations aside."""
+        known = set(self.problem.model.fitted)
+        found = {
+            unknown.name: float(value)
+            for unknown, value in zip(self.problem.shared, self.values, strict=True)
+            if unknown.name in known
+        }
+        return self.problem.model.with_values(found)
+
+    @cached_property
+    def std(self) -> dict[str, float]:
+        """The standard deviation of each shared unknown, SI."""
+        if self.solution is None:
+            return {}
+        return {u.name: float(s) for u, s in zip(self.solution.unknowns, self.solution.std, strict=True)}
+
+    @cached_property
+    def errors(self) -> dict[str, ChannelError]:
+        """By channel, on the fitted records."""
+        return channel_errors(self.problem, self.outputs, self.fitted)
+
+    @cached_property
+    def heldout_errors(self) -> dict[str, ChannelError]:
+        """By channel, on the held-out records; empty where there are none."""
+        return channel_errors(self.problem, self.outputs, self.held_out) if self.held_out else {}
+
+    @cached_property
+    def chi2_reduced(self) -> float:
+        """Whitened squares with the priors' share for each degree of freedom, on the fitted records."""
+        if self.solution is not None:
+            return self.solution.variance_factor
+        problem = self.problem.only(self.fitted)
+        blocks = problem.evaluate(self.values, [self.local[k] for k in self.fitted], False)
+        if isinstance(blocks, Refused):
+            raise RigctlError(blocks.reason)
+        squares = [float(block.residual @ block.residual) for block in blocks]
+        return sum(squares) / max(1, sum(block.residual.size for block in blocks))
+
+
+def fit(
+    problem: Problem,
+    hold_out: Sequence[int] = (),
+    *,
+    refit: bool = True,
+    starts: int = 1,
+    seed: int = 0,
+    local: Sequence[Floats] | None = None,
+    cost: float = _COST,
+    progress: Callable[[Iteration], None] | None = None,
+) -> FitResult:
+    """Fit the shared unknowns on all records but `hold_out`; the records' own ones on each record.
+
+    Parameters
+    ----------
+    refit: False keeps the shared unknowns at their starts.
+    starts: how many points to begin at; more than one is for costs with several minima.
+    local: where the records' own unknowns begin, when something better than their priors is known.
+
+    Raises
+    ------
+    RigctlError
+        nothing is left to fit on, there are fewer values than parameters, or the model has no value at the
+        start.
+    """
+    count = len(problem.records)
+    fitted = tuple(place for place in range(count) if place not in set(hold_out))
+    if not fitted:
+        raise RigctlError("every record is held out: nothing is left to fit on")
+    inner = problem.only(fitted)
+    start = np.array([unknown.start for unknown in problem.shared])
+    if refit and problem.shared:
+        _check_enough(inner)
+        inside = _started(inner, None if local is None else [local[k] for k in fitted])
+        options = Options(cost=cost)
+        solution = (
+            least_squares(inner.evaluate, inner.shared, inside, options=options, progress=progress)
+            if starts <= 1
+            else multi_start(
+                inner.evaluate, inner.shared, inside, count=starts, seed=seed, options=options
+            ).best
+        )
+        values, own = solution.values, dict(zip(fitted, solution.local, strict=True))
+    else:
+        solution, values, own = None, start, {}
+    rest = [place for place in range(count) if place not in own]
+    own |= _own_unknowns(problem, values, rest, local)
+    everything = tuple(own[place] for place in range(count))
+    found = problem.simulate(values, everything).require()
+    outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
+    return FitResult(problem, fitted, solution, values, everything, outputs)
+
+
+def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unknown]]:
+    unknowns = problem.local_unknowns()
+    if local is None:
+        return unknowns
+    from dataclasses import replace
+
+    return [
+        [replace(u, start=float(np.clip(v, u.lower, u.upper))) for u, v in zip(own, values, strict=True)]
+        for own, values in zip(unknowns, local, strict=True)
+    ]
+
+
+def _own_unknowns(
+    problem: Problem, values: Floats, places: Sequence[int], local: Sequence[Floats] | None
+) -> dict[int, Floats]:
+    """The records' own unknowns with the shared ones given."""
+    if not places:
+        return {}
+    base = problem.base.copy()
+    names = problem.compiled.system.parameter_names
+    for unknown, value in zip(problem.shared, values, strict=True):
+        base[names.index(unknown.name)] = value
+    inner = problem.only(places).with_shared((), base)
+    unknowns = _started(inner, None if local is None else [local[k] for k in places])
+    if not any(unknowns):
+        return {place: np.empty(0) for place in places}
+    found = least_squares(inner.evaluate, (), unknowns, options=Options(cost=_COST))
+    return dict(zip(places, found.local, strict=True))
+
+
+def _check_enough(problem: Problem) -> None:
+    values = sum(whitener.size for whitener in problem.whiteners)
+    wanted = len(problem.shared)
+    if values < wanted:
+        names = ", ".join(unknown.name for unknown in problem.shared)
+        records = len(problem.records)
+        raise RigctlError(
+            f"{values} measured value{'' if values == 1 else 's'} of {records} "
+            f"record{'' if records == 1 else 's'} cannot tell {wanted} parameters: {names}",
+            hint="Fit fewer ('fit: false' in the model file), or bring more records",
+        )

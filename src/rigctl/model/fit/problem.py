@@ -1,0 +1,222 @@
+"""A model and its measurements as a least-squares problem in whitened residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.effects.record_level import RecordLevel, record_level
+from rigctl.engine.compile import CompiledSystem, Progress, compile_system
+from rigctl.engine.excitation import Excitation
+from rigctl.engine.least_squares import Block, Refused, Unknown
+from rigctl.engine.simulate import simulate
+from rigctl.engine.trajectories import Trajectories
+from rigctl.model.build import build_system, superset
+from rigctl.model.fit.unknowns import (
+    LocalUnknown,
+    local_unknowns,
+    shared_unknowns,
+    start_values,
+    switch_unknown,
+)
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.model import Model
+from rigctl.model.plant import initial_state
+from rigctl.noise.noise_model import NoiseModel
+from rigctl.noise.whitening import Whitener, whiten
+
+Floats = NDArray[np.float64]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything a fit, a comparison or a diagnosis asks of a model on its data.
+
+    Attributes
+    ----------
+    model: as it is compiled; its free parameters are the unknowns.
+    measurements, noise: the data.
+    ok: (n, outputs) of each record, the values that count: read, and no spikes.
+    compiled: the equations, with the record-level quantities and, if asked for, the library at its null.
+    level: the record-level quantities.
+    shared: the unknowns that all records have in common.
+    local: those of each record.
+    whiteners: of each record.
+    base: (parameters) what the system's parameters are where no unknown says otherwise.
+    starts: of each record, the state at its beginning where no unknown says otherwise.
+    """
+
+    model: Model
+    measurements: Measurements
+    noise: NoiseModel
+    ok: tuple[NDArray[np.bool_], ...]
+    compiled: CompiledSystem
+    level: RecordLevel
+    shared: tuple[Unknown, ...]
+    local: tuple[tuple[LocalUnknown, ...], ...]
+    whiteners: tuple[Whitener, ...] = field(repr=False)
+    base: Floats = field(repr=False)
+    starts: tuple[Floats, ...] = field(repr=False)
+
+    @property
+    def records(self) -> tuple[MeasuredRecord, ...]:
+        """The records, in order."""
+        return self.measurements.records
+
+    @cached_property
+    def local_names(self) -> tuple[str, ...]:
+        """Every record-level parameter that some record has, each once."""
+        return tuple(dict.fromkeys(one.name for own in self.local for one in own if not one.initial))
+
+    @cached_property
+    def initial_names(self) -> tuple[str, ...]:
+        """Every state whose start some record has as an unknown, each once."""
+        return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.initial))
+
+    def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
+        """The same data with other common unknowns, and other values of the parameters beside them."""
+        return replace(self, shared=tuple(shared), base=self.base if base is None else base)
+
+    def only(self, places: Iterable[int]) -> Problem:
+        """These records alone."""
+        chosen = list(places)
+
+        def pick(items: Sequence[T]) -> tuple[T, ...]:
+            return tuple(items[place] for place in chosen)
+
+        return replace(
+            self,
+            measurements=self.measurements.only(chosen),
+            ok=pick(self.ok),
+            local=pick(self.local),
+            whiteners=pick(self.whiteners),
+            starts=pick(self.starts),
+        )
+
+    def local_unknowns(self) -> list[list[Unknown]]:
+        """The records' own unknowns, as `least_squares` takes them."""
+        return [[one.unknown for one in own] for own in self.local]
+
+    def simulate(
+        self, shared: Floats, local: Sequence[Floats], columns: Sequence[str] = (), *, initial: bool = False
+    ) -> Trajectories:
+        """The model's outputs, with derivatives by `columns` and, if wanted, by the records' starts."""
+        excitations = [self._excitation(place, shared, own) for place, own in enumerate(local)]
+        starts = self.initial_names if initial else ()
+        return simulate(self.compiled, excitations, columns=columns, initial_columns=starts)
+
+    def evaluate(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
+        """Whitened residuals ``W(f − y)`` and their derivatives; for `least_squares`."""
+        names = [unknown.name for unknown in self.shared]
+        columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
+        found = self.simulate(shared, local, columns, initial=derivatives)
+        if not found.ok:
+            return Refused(found.summary())
+        return [
+            self._block(place, outputs, slopes, found.columns, names, derivatives)
+            for place, (outputs, slopes) in enumerate(
+                zip(self._seen(found.outputs), self._seen(found.sensitivities), strict=True)
+            )
+        ]
+
+    @cached_property
+    def channels(self) -> NDArray[np.intp]:
+        """The measured outputs' places among the system's."""
+        known = self.compiled.system.output_names
+        return np.array([known.index(name) for name in self.measurements.outputs], dtype=np.intp)
+
+    def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
+        return [np.take(array, self.channels, axis=1) for array in arrays]
+
+    def _excitation(self, place: int, shared: Floats, own: Floats) -> Excitation:
+        record, system = self.records[place], self.compiled.system
+        parameters, start = self.base.copy(), self.starts[place].copy()
+        for unknown, value in zip(self.shared, shared, strict=True):
+            parameters[self._index[unknown.name]] = value
+        for one, value in zip(self.local[place], own, strict=True):
+            if one.initial:
+                start[system.state_names.index(one.name)] = value
+            else:
+                parameters[self._index[one.name]] += value
+        times = record.switch_times.copy()
+        times[1:] -= 2.0 * record.switch_half[1:]
+        return Excitation(record.times, times, record.inputs, start, parameters, record.label)
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: k for k, name in enumerate(self.compiled.system.parameter_names)}
+
+    def _block(
+        self,
+        place: int,
+        outputs: Floats,
+        slopes: Floats,
+        columns: Sequence[str],
+        names: Sequence[str],
+        derivatives: bool,
+    ) -> Block:
+        whitener, record = self.whiteners[place], self.records[place]
+        difference = np.where(self.ok[place], outputs - np.where(self.ok[place], record.values, 0.0), 0.0)
+        residual = whitener(difference)
+        if not derivatives:
+            return Block(residual)
+        white = whitener(slopes)
+        at = {name: k for k, name in enumerate(columns)}
+        own = [at[one.name] for one in self.local[place]]
+        return Block(residual, white[:, [at[name] for name in names]], white[:, own])
+
+
+def make_problem(
+    model: Model,
+    measurements: Measurements,
+    noise: NoiseModel,
+    ok: Sequence[NDArray[np.bool_]],
+    *,
+    library: bool = False,
+    progress: Progress | None = None,
+) -> Problem:
+    """A model on its data; with `library`, every other effect is there at its null.
+
+    Raises
+    ------
+    RigctlError
+        an effect's term does not fit.
+    """
+    level = record_level(model.family)
+    effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
+    everything = superset(model.family, effects) if library else effects
+    own = (*model.own, *((level.effect,) if level.effect is not None else ()))
+    system = build_system(
+        model.family,
+        {**everything, **level.null},
+        measurements.rig or model.rig,
+        parameters={name: value for name, value in model.values.items() if "." not in name},
+        oil=model.oil,
+        own=own,
+    )
+    used = [effect for effect in map(model.effect, everything) if effect.terms]
+    usual = initial_state(model.family, used)
+    records = measurements.records
+    starts = tuple(
+        np.array([start_values(level, record, measurements, usual)[name] for name in system.state_names])
+        for record in records
+    )
+    return Problem(
+        model=model,
+        measurements=measurements,
+        noise=noise,
+        ok=tuple(ok),
+        compiled=compile_system(system, progress=progress),
+        level=level,
+        shared=(*shared_unknowns(model), *switch_unknown(level, measurements)),
+        local=tuple(local_unknowns(level, record, measurements) for record in records),
+        whiteners=tuple(whiten(noise, record.times, good) for record, good in zip(records, ok, strict=True)),
+        base=np.array(system.nominal, dtype=float),
+        starts=starts,
+    )

@@ -1,0 +1,170 @@
+"""What a fit looks for: the model's free parameters, and what belongs to each record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
+from rigctl.engine.least_squares import Prior, Unknown
+from rigctl.model.measured.groups import first_reading
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.model import Model
+from rigctl.physics.units import si_unit
+
+#: a switch whose time is known better than this needs no unknown, s
+_EXACT = 2e-4
+#: a parameter's bounds where its declaration has none, as factors of its value
+_NARROW, _WIDE = 0.05, 20.0
+
+
+@dataclass(frozen=True)
+class LocalUnknown:
+    """An unknown of one record: a parameter of the record-level effect, or the start of a state."""
+
+    name: str
+    unknown: Unknown
+    initial: bool = False
+
+
+def shared_unknowns(model: Model, extra: Sequence[Unknown] = ()) -> list[Unknown]:
+    """The model's free parameters, then `extra`.
+
+    Raises
+    ------
+    RigctlError
+        a start lies outside its bounds.
+    """
+    return [parameter_unknown(model, name) for name in model.fitted] + list(extra)
+
+
+def parameter_unknown(model: Model, name: str) -> Unknown:
+    """A parameter of the model or of one of its effects as an unknown that starts at the model's value."""
+    effect, dot, own = name.partition(".")
+    value = model.values[name]
+    if dot:
+        return effect_unknown(model.effect(effect), own, value)
+    declared = model.family.parameter(name)
+    low = max(declared.low, _NARROW * value) if declared.low == 0.0 and value > 0.0 else declared.low
+    high = declared.high if math.isfinite(declared.high) or not value else _WIDE * abs(value)
+    return Unknown(name, value, low, max(high, value), scale=abs(value) or 1.0, unit=si_unit(declared.unit))
+
+
+def effect_unknown(effect: Effect, name: str, start: float | None = None) -> Unknown:
+    """A parameter of an effect as an unknown, from its typical size unless `start` is given."""
+    declared = effect.parameter(name)
+    typical = abs(declared.start - declared.at_null) or abs(declared.start) or 1.0
+    begin = declared.start if start is None else min(max(start, declared.low), declared.high)
+    return Unknown(
+        qualified(effect.name, name),
+        begin,
+        declared.low,
+        declared.high,
+        scale=max(typical, abs(begin)),
+        unit=si_unit(declared.unit),
+    )
+
+
+def switch_unknown(level: RecordLevel, measurements: Measurements) -> list[Unknown]:
+    """What every switch of every record may be late alike: a logger's habit; none where times are exact."""
+    half = max((float(record.switch_half.max(initial=0.0)) for record in measurements.records), default=0.0)
+    if level.shared_switch is None or half < _EXACT:
+        return []
+    name = qualified(RECORD, level.shared_switch)
+    return [
+        Unknown(name, 0.0, -half, 3.0 * half, scale=half, prior=Prior(0.0, half / math.sqrt(3.0)), unit="s")
+    ]
+
+
+def local_unknowns(
+    level: RecordLevel, record: MeasuredRecord, measurements: Measurements
+) -> tuple[LocalUnknown, ...]:
+    """The unknowns of one record, with what is known of each before."""
+    found = []
+    for quantity in level.quantities:
+        one = _quantity(quantity, record, measurements)
+        if one is not None:
+            found.append(LocalUnknown(quantity.name, one))
+    for start in level.starts:
+        one = _start(start, record, measurements)
+        if one is not None:
+            found.append(LocalUnknown(start.state, one, initial=True))
+    return tuple(found)
+
+
+def _quantity(quantity: Quantity, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
+    if quantity.switch is not None:
+        half = _half_width(quantity.switch, record, measurements)
+        if half < _EXACT:
+            return None
+        prior = Prior(2.0 * half, half / math.sqrt(3.0))
+        return Unknown(quantity.name, 2.0 * half, half, 3.0 * half, scale=half, prior=prior, unit="s")
+    assert quantity.std is not None  # noqa: S101 - one of the two is there
+    std = quantity.std(measurements.rig)
+    return Unknown(quantity.name, 0.0, scale=max(std, 1e-12), prior=Prior(0.0, std))
+
+
+def _half_width(switch: tuple[float, float], record: MeasuredRecord, measurements: Measurements) -> float:
+    """How well the time of a switch from one command to another is known."""
+    if "valve" not in measurements.inputs:
+        return 0.0
+    valve = record.inputs[:, measurements.inputs.index("valve")]
+    before, after = switch
+    for k in range(1, valve.size):
+        if valve[k] == after and (valve[k - 1] == before or (after == 0.0 and valve[k - 1] != 0.0)):
+            return float(record.switch_half[k])
+    return 0.0
+
+
+def _start(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
+    if start.how == "measured":
+        if start.state not in measurements.outputs:
+            return None
+        reading = first_reading(record, measurements.outputs.index(start.state))
+        if not math.isfinite(reading):
+            return None
+        return Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
+    if start.how == "set" and start.spread > 0.0:
+        given = float(record.inputs[0, measurements.inputs.index(start.input)])
+        std = start.spread * given
+        if std <= 0.0:
+            return None
+        return Unknown(
+            start.state,
+            start.share * given,
+            0.0,
+            1.2 * given,
+            scale=std,
+            prior=Prior(start.share * given, std),
+        )
+    return None
+
+
+def start_values(
+    level: RecordLevel, record: MeasuredRecord, measurements: Measurements, usual: dict[str, float]
+) -> dict[str, float]:
+    """The state at the start of a record, where its unknowns do not say otherwise."""
+    found = dict(usual)
+    for start in level.starts:
+        if start.state not in found:
+            continue
+        reading = math.nan
+        if start.state in measurements.outputs:
+            reading = first_reading(record, measurements.outputs.index(start.state))
+        if start.how == "set":
+            found[start.state] = start.share * float(record.inputs[0, measurements.inputs.index(start.input)])
+        elif start.how == "rest":
+            found[start.state] = reading if np.isfinite(reading) and abs(reading) > start.rest else 0.0
+        elif np.isfinite(reading):
+            found[start.state] = reading
+    if "oil_temperature" in found and "oil_temperature" in record.condition:
+        reading = math.nan
+        if "oil_temperature" in measurements.outputs:
+            reading = first_reading(record, measurements.outputs.index("oil_temperature"))
+        if not np.isfinite(reading):
+            found["oil_temperature"] = record.condition["oil_temperature"]
+    return found

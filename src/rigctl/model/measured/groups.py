@@ -1,0 +1,57 @@
+"""Which records are replicates: one condition, the same commands, the same start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigctl.dataset.conditions import cluster
+from rigctl.model.measured.record import MeasuredRecord
+
+#: starts this close, as a share of the channel's whole range, are the same
+_SAME_START = 0.02
+#: command times this close are the same, s
+_SAME_TIME = 0.05
+_DIGITS = 5
+
+
+def group_numbers(records: Sequence[MeasuredRecord]) -> list[int]:
+    """The number of each record's group; the groups are counted in the order of their first records."""
+    starts = _starts(records)
+    seen: dict[object, int] = {}
+    return [
+        seen.setdefault((_condition(record), _commands(record), tuple(start)), len(seen))
+        for record, start in zip(records, starts, strict=True)
+    ]
+
+
+def _condition(record: MeasuredRecord) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted((name, f"{value:.{_DIGITS}g}") for name, value in record.condition.items()))
+
+
+def _commands(record: MeasuredRecord) -> tuple[object, ...]:
+    times = np.round((record.switch_times - record.times[0]) / _SAME_TIME).astype(int)
+    rows = (tuple(f"{value:.{_DIGITS}g}" for value in row) for row in record.inputs)
+    return tuple(zip(times.tolist(), rows, strict=True))
+
+
+def _starts(records: Sequence[MeasuredRecord]) -> list[list[float]]:
+    """What each channel reads at first, alike for records that start alike."""
+    if not records:
+        return []
+    columns = []
+    for place in range(records[0].values.shape[1]):
+        first = [first_reading(record, place) for record in records]
+        present = [record.values[np.isfinite(record.values[:, place]), place] for record in records]
+        every = np.concatenate(present) if present else np.empty(0)
+        width = _SAME_START * float(np.ptp(every)) if every.size else 0.0
+        columns.append([-1.0 if np.isnan(value) else value for value in cluster(first, width)])
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def first_reading(record: MeasuredRecord, output: int, count: int = 5) -> float:
+    """The median of an output's first readings, of the first phase; NaN where there are none."""
+    values = record.values[record.phase == 0, output]
+    present = values[np.isfinite(values)][:count]
+    return float(np.median(present)) if present.size else float("nan")

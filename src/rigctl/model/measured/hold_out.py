@@ -1,0 +1,118 @@
+"""Records that a fit must not see, chosen by a condition: ``oil == 60 degC``, ``record > 20``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from rigctl.errors import RigctlError
+from rigctl.expressions import Expression, ValueType, parse, type_of_unit
+from rigctl.expressions.nodes import Comparison, Constant, Name, walk
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+
+#: what people call an operating variable of a dimension, whatever the data call it
+_CALLED = {
+    "K": ("oil", "temperature", "oil_temperature"),
+    "Pa": ("supply", "pressure", "supply_pressure", "pressure_setpoint"),
+}
+#: operating points this close to what is asked for are meant: temperatures in K, others as a share
+_SAME_TEMPERATURE = 1.0
+_SAME_SHARE = 0.01
+
+
+def held_out(measurements: Measurements, text: str | None, units: Mapping[str, str]) -> tuple[int, ...]:
+    """Places of the records for which the condition is true; none without one.
+
+    Parameters
+    ----------
+    text: an expression of the operating variables and of ``record``, its number from 1.
+    units: of the operating variables.
+
+    Raises
+    ------
+    RigctlError
+        it is no condition, names something unknown, or chooses no record or all of them.
+    """
+    if text is None or not text.strip():
+        return ()
+    named = [_named(record, units) | {"record": k + 1.0} for k, record in enumerate(measurements.records)]
+    types = _types(measurements, units)
+    expression = parse(text)
+    kind = expression.check(types)
+    if not kind.boolean:
+        raise RigctlError(
+            "what is held out is chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'"
+        )
+    checked = expression.checked(types)
+    exact = list(_equalities(checked, types))
+    chosen = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
+    if not chosen:
+        raise RigctlError(
+            "no record is held out by this", value=text, expected=_points(measurements, named) or None
+        )
+    if len(chosen) == len(named):
+        raise RigctlError("this holds every record out: nothing is left to fit on", value=text)
+    return chosen
+
+
+def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, ValueType]:
+    types: dict[str, ValueType] = {"record": type_of_unit("1")}
+    for record in measurements.records:
+        for name in record.condition:
+            types.setdefault(name, type_of_unit(units[name]))
+        for name in _named(record, units):
+            if name not in types:
+                dimension = next(unit for unit, names in _CALLED.items() if name in names)
+                types[name] = type_of_unit(dimension)
+    return types
+
+
+def _named(record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]:
+    """The condition, also under the usual names of its dimensions where no other variable has them."""
+    found = dict(record.condition)
+    for dimension, names in _CALLED.items():
+        same = [
+            name
+            for name in record.condition
+            if type_of_unit(units[name]).dimension == type_of_unit(dimension).dimension
+        ]
+        if len(same) == 1:
+            for name in names:
+                found.setdefault(name, record.condition[same[0]])
+    return found
+
+
+def _equalities(expression: Expression, types: Mapping[str, ValueType]) -> Iterator[tuple[str, float]]:
+    """(name, value) that are compared by == or !=."""
+    assert expression.resolved is not None  # noqa: S101 - it has been checked
+    for node in walk(expression.resolved):
+        if isinstance(node, Comparison):
+            pairs = zip(node.operands, node.operators, node.operands[1:], strict=False)
+            for left, operator, right in pairs:
+                if operator in ("==", "!="):
+                    for one, other in ((left, right), (right, left)):
+                        if isinstance(one, Name) and isinstance(other, Constant) and one.name in types:
+                            yield one.name, other.value
+
+
+def _snapped(
+    values: Mapping[str, float], exact: list[tuple[str, float]], types: Mapping[str, ValueType]
+) -> dict[str, float]:
+    """Values that are as good as what is asked for become it."""
+    result = dict(values)
+    for name, wanted in exact:
+        if name in result:
+            tolerance = _SAME_TEMPERATURE if types[name].is_temperature else _SAME_SHARE * abs(wanted)
+            if math.isclose(result[name], wanted, rel_tol=0.0, abs_tol=tolerance):
+                result[name] = wanted
+    return result
+
+
+def _points(measurements: Measurements, named: list[dict[str, float]]) -> str:
+    names = [*measurements.variables, "record"]
+    ends = [
+        f"{name} from {min(v[name] for v in named):g} to {max(v[name] for v in named):g} (SI)"
+        for name in names
+        if all(name in v for v in named)
+    ]
+    return ", ".join(ends)

@@ -1,0 +1,70 @@
+"""The stretches of constant commands inside a record, and what to call them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.physics.family import ModelFamily
+from rigctl.units import show
+
+Floats = NDArray[np.float64]
+
+_VALVE = {1.0: "extend", -1.0: "retract"}
+#: ends of the parts of a record in which nothing is switched, as shares of its samples
+_PARTS = (("early", 1 / 9), ("middle", 1 / 3), ("late", 1.0))
+_ENOUGH = 30
+
+
+def phases_of(
+    times: Floats, switch_times: Floats, inputs: Floats, family: ModelFamily, units: Sequence[str]
+) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """(phase of each sample, names): a sample at a switch shows what was before it.
+
+    `units` are those that the inputs are shown in. A record in which nothing is switched is told apart into
+    an early, a middle and a late part instead.
+    """
+    changes = [0, *(k for k in range(1, len(inputs)) if not np.array_equal(inputs[k], inputs[k - 1]))]
+    place = np.searchsorted(switch_times[changes[1:]], times, side="left")
+    used = np.unique(place)
+    if used.size == 1 and times.size >= _ENOUGH:
+        ends = [round(share * times.size) for _, share in _PARTS]
+        return np.searchsorted(ends, np.arange(times.size), side="right"), tuple(name for name, _ in _PARTS)
+    names = _names([inputs[changes[k]] for k in used], family, units)
+    return np.searchsorted(used, place).astype(np.intp), names
+
+
+def _names(rows: Sequence[Floats], family: ModelFamily, units: Sequence[str]) -> tuple[str, ...]:
+    moving = [k for k, item in enumerate(family.inputs) if item.role == "move"]
+    found: list[str] = []
+    before: Floats | None = None
+    for row in rows:
+        if moving:
+            name = _VALVE.get(float(row[moving[0]]), "hold" if found else "wait")
+        else:
+            name = _changed(before, row, family, units)
+        before = row
+        found.append(name)
+    return _numbered(found)
+
+
+def _changed(before: Floats | None, row: Floats, family: ModelFamily, units: Sequence[str]) -> str:
+    """What was commanded, in words."""
+    changed = [
+        f"{item.name} {show(float(row[k]), units[k])}" if units[k] else f"{item.name} {row[k]:g}"
+        for k, item in enumerate(family.inputs)
+        if before is None or row[k] != before[k]
+    ]
+    return ", ".join(changed) if before is not None else "start"
+
+
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
+    """Names that occur twice get a number."""
+    seen: dict[str, int] = {}
+    result = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        result.append(name if names.count(name) == 1 else f"{name} {seen[name]}")
+    return tuple(result)

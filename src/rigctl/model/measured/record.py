@@ -1,0 +1,92 @@
+"""What was measured, as a model sees it: inputs that were commanded, outputs that were read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.rig.rig import Rig
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class MeasuredRecord:
+    """One record; everything SI, times in s from its first sample.
+
+    Attributes
+    ----------
+    run, index: where it was recorded.
+    label: what it is called in tables, e.g. ``20261121-064412-campaign/3``.
+    times: (n) of the samples, rising.
+    switch_times: (switches) when inputs were commanded, the first not after the first sample.
+    switch_half: (switches) half-widths of these times; 0 for exact ones.
+    inputs: (switches, inputs) commanded from each of these times on, in the family's order.
+    values: (n, outputs) what the sensors read; NaN where nothing was.
+    condition: the operating point: sweep values, or what else tells the records apart.
+    group: records of equal number were measured at one condition with the same commands.
+    phase: (n) which stretch of constant commands each sample lies in.
+    phases: the stretches' names.
+    """
+
+    run: str
+    index: int
+    label: str
+    times: Floats
+    switch_times: Floats
+    switch_half: Floats
+    inputs: Floats
+    values: Floats
+    condition: Mapping[str, float]
+    group: int
+    phase: Integers
+    phases: tuple[str, ...]
+
+    @property
+    def here(self) -> NDArray[np.bool_]:
+        """(n, outputs) where a value was read."""
+        return np.isfinite(self.values)
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Records of one or more runs, for one model.
+
+    Attributes
+    ----------
+    outputs: the channels, in the order of a record's values.
+    units: what each is shown in.
+    inputs: the model's inputs, in the order of a record's.
+    rig: the bench as it was when the runs were recorded; None for a table of no bench.
+    runs: the ids.
+    notes: what a reader should know of how the data were taken.
+    """
+
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    records: tuple[MeasuredRecord, ...]
+    rig: Rig | None
+    runs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """The number of values read."""
+        return int(sum(record.here.sum() for record in self.records))
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the conditions that differ between records."""
+        names = dict.fromkeys(name for record in self.records for name in record.condition)
+        return tuple(
+            name for name in names if len({record.condition.get(name) for record in self.records}) > 1
+        )
+
+    def only(self, places: Iterable[int]) -> Measurements:
+        """These records alone."""
+        return replace(self, records=tuple(self.records[place] for place in places))

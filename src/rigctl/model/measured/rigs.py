@@ -1,0 +1,51 @@
+"""Which bench the data of a model come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rigctl.dataset.run import Run
+from rigctl.errors import RigctlError
+from rigctl.model.model import Model
+from rigctl.rig.load import parse_rig
+from rigctl.rig.rig import Rig
+
+
+def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
+    """The bench as it was when the first run was recorded, with the channels of every run.
+
+    Raises
+    ------
+    RigctlError
+        a run was recorded on another bench than the model's: one of another family or of other dimensions.
+    """
+    if model.rig is None:
+        return None
+    found: Rig | None = None
+    for run in runs:
+        rig = _recorded(run)
+        if rig is None:
+            continue
+        if rig.name != model.rig.name and not _same_bench(rig, model.rig):
+            raise RigctlError(
+                f"run {run.id} was recorded on '{rig.name}', and the model '{model.name}' is of "
+                f"'{model.rig.name}'",
+                hint="Take a model of that rig, or 'rigctl import' the data with the model's",
+            )
+        more = found is None or len(rig.channels) > len(found.channels)
+        found = rig if more else found
+    return found or model.rig
+
+
+def _recorded(run: Run) -> Rig | None:
+    text = run.header.rig.text
+    if not text:
+        return None
+    try:
+        return parse_rig(text)
+    except RigctlError:  # a rig file of another version: its names are still in the data
+        return None
+
+
+def _same_bench(one: Rig, other: Rig) -> bool:
+    return one.model == other.model and dict(one.geometry) == dict(other.geometry)
