@@ -20,3 +20,15 @@ class BackendLost(RigctlError):
         super().__init__(
             what, value=value, expected=expected, hint=hint, where=where, exit_code=ExitCode.FAILED
         )
+
+
+class BenchTripped(RigctlError):
+    """The bench has tripped and waits for somebody to clear that on purpose; its outputs are safe."""
+
+    def __init__(self, causes: str) -> None:
+        self.causes = causes
+        super().__init__(
+            f"the board has tripped: {causes}",
+            hint="Remove the cause, then clear the trip: 'rigctl off --clear-trips'",
+            exit_code=ExitCode.FAILED,
+        )

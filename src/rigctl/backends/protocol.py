@@ -53,7 +53,8 @@ class Notice:
     """Something the bench noticed by itself and that belongs into the run's events.
 
     `kind` is one of the dataset's event kinds: ``gap`` (samples were lost), ``fault``, ``alarm`` (the
-    board tripped), ``note`` (reconnected, resynchronised).
+    board tripped), ``note`` (reconnected, resynchronised). The field ``switched_off`` of a gap names the
+    actuators that went to their safe value in it without being told to.
     """
 
     time: float

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NoReturn
 
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.protocol import Sample
+from rigctl.backends.protocol import Notice, Sample
 from rigctl.errors import RigctlError
 from rigctl.runner.bench import Bench
 from rigctl.runner.interlocks import Alarm, Interlocks
@@ -35,6 +36,7 @@ class Sampling:
         self._secure = secure
         self.newest = bench.now  #: s, time of the newest sample
         self._told = False  # that the data cannot be kept
+        self._fault = ""  # that the bench has told of since the newest sample
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[Happening] = deque(maxlen=12)
@@ -67,6 +69,8 @@ class Sampling:
         alarm = self._interlocks.check_silence(bench.now, self.newest, 1.0 / bench.rate)
         if alarm is None:
             return
+        if self._fault:
+            alarm = replace(alarm, message=f"{alarm.message}: {self._fault}")
         if self.repeatable:
             self._await_return(alarm)
         self._sound([alarm])
@@ -80,6 +84,7 @@ class Sampling:
         row = (sample.time, bench.writer.record, *sample.values, *sample.commands)
         bench.newest = row
         self.newest = sample.time
+        self._fault = ""
         self._keep(row)
         if bench.history.wanted:
             bench.history.add(row)
@@ -106,8 +111,17 @@ class Sampling:
         for notice in self._backend.take_notices():
             self._bench.log(notice.time, notice.kind, message=notice.message, **notice.fields)
             self.note(notice.time, notice.kind, notice.message)
-            if notice.kind == "gap" and self.repeatable:
-                self._end(SamplesLost(notice.message))
+            if notice.kind == "fault":
+                self._fault = notice.message
+            if notice.kind == "gap":
+                self._gap(notice)
+
+    def _gap(self, notice: Notice) -> None:
+        """A gap ends a record that can be measured again, or whose excitation was cut off in it."""
+        if self.repeatable:
+            self._end(SamplesLost(notice.message))
+        if self._bench.recording and notice.fields.get("switched_off"):
+            self._end(Lost(notice.message))
 
     def _await_return(self, alarm: Alarm) -> NoReturn:
         """Give a lost bench time to come back; the record it was lost in will be measured again."""

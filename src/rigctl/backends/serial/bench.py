@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from rigctl.backends.commands import check_command
-from rigctl.backends.errors import BackendLost
+from rigctl.backends.errors import BackendLost, BenchTripped
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
-from rigctl.backends.serial.board import Board, greet, trip_causes
+from rigctl.backends.serial.board import Board, trip_causes
+from rigctl.backends.serial.greeting import greet
 from rigctl.backends.serial.intake import Intake
 from rigctl.backends.serial.line import Line, Refused
 from rigctl.backends.serial.port import Connect, PortLost
+from rigctl.backends.serial.reconnection import Reconnection
 from rigctl.backends.serial.translation import Translation
 from rigctl.backends.serial.wiring import Wiring
 from rigctl.clock import Clock
@@ -21,8 +23,9 @@ from rigctl.rig import Rig
 
 T = TypeVar("T")
 
+HOST_SILENT = "host silent"  #: the trip that a host's coming ends
 PING_INTERVAL = 0.5  #: s; the board gives up on a silent host after 1.5 s
-_FIRST_RETRY, _LONGEST_RETRY = 0.1, 2.0  # s, between two attempts to reconnect
+_UNANSWERED = 3  # pings in a row, and the board is lost
 _PATIENCE = 0.4  # s by which a ping is brought forward when the stream has stopped
 _REPORT = 0.5  # s for the board to report a switch
 
@@ -40,7 +43,8 @@ class SerialBench:
     baud: bits per second.
     patience: s for a board that starts anew when its port is opened.
     reconnect: s for a lost board to come back.
-    clear_trips: whether causes that still latch from before are cleared when the bench is opened.
+    clear_trips: whether trips that are latched from before are cleared when the bench is opened; see
+        docs/decisions/0011-who-clears-a-trip.md.
     by_hand: told when the operator turns something, where the operator is emulated too.
     """
 
@@ -68,16 +72,14 @@ class SerialBench:
         self._translation = Translation(rig, wiring)
         self._baud = baud
         self._patience = patience
-        self._reconnect = reconnect
+        self._reconnection = Reconnection(clock, connect, baud, patience, reconnect)
         self._clear_trips = clear_trips
         self._by_hand = by_hand
         self._board: Board | None = None
         self._opened = False
         self._rate = 0.0
-        self._lost_at = math.nan
-        self._why_lost = ""
-        self._next_try = self._retry = 0.0
         self._next_ping = 0.0
+        self._unanswered = 0
         self._trip_told = False
         self._ends: dict[str, float] = {}  # pulses that are timed here
         self._intake = Intake(self._translation, clock)
@@ -105,6 +107,7 @@ class SerialBench:
         """Make outputs safe where the board can still be reached, and let the port go."""
         board, self._board = self._board, None
         self._opened = False
+        self._reconnection.drop()
         if board is None:
             return
         try:
@@ -181,7 +184,7 @@ class SerialBench:
         self._check_open()
         self._ends.clear()
         if self._board is None:
-            raise BackendLost(f"the bench cannot be reached: {self._why_lost}")
+            raise BackendLost(f"the bench cannot be reached: {self._reconnection.why}")
         try:
             self._make_safe(self._board)
             self._intake.take(self._board)
@@ -205,17 +208,17 @@ class SerialBench:
                 "another board answers than before", value=board.identity["firmware"], expected=known
             )
         self._make_safe(board)
-        self._settle_trips(board)
+        board.ask("STRM 0")
         board.learn_clock(8)
-        board.line.readings.clear()
-        board.line.switched.clear()
+        board.line.forget()
         self.identity = {**self.identity, **board.identity}
-        self._board = board
         self._intake.tripped, self._trip_told = "", False
         known_commands = dict.fromkeys(self._rig.actuators, 0.0) | self._intake.commanded
         self._intake.commanded = known_commands | self._resting()
         self._next_ping = self.clock.now() + PING_INTERVAL
+        self._settle_trips(board)
         self._start_stream(board)
+        self._board = board
 
     def _resting(self) -> dict[str, float]:
         return {name: float(value) for name, value in self._rig.safe_state.items()}
@@ -226,20 +229,13 @@ class SerialBench:
             board.ask(text)
 
     def _settle_trips(self, board: Board) -> None:
-        """Causes of the last host's end are cleared; others only when that is asked for."""
+        """A silence of the host is over once a host is there; every other trip waits for a person."""
         before = board.trips()
         if not before:
             return
-        harmless = all(
-            cause in ("host silent", "restarted by the MCU watchdog") for cause in trip_causes(before)
-        )
         causes = ", ".join(trip_causes(before))
-        if not (harmless or self._clear_trips):
-            raise RigctlError(
-                f"the board has tripped: {causes}",
-                hint="Remove the cause, then switch the board off and on, or give the option clear_trips",
-                exit_code=ExitCode.FAILED,
-            )
+        if not (self._clear_trips or trip_causes(before) == [HOST_SILENT]):
+            raise BenchTripped(causes)
         try:
             board.ask("SYST:TRIP:CLE")
         except Refused:
@@ -267,14 +263,34 @@ class SerialBench:
         try:
             silent = now - self._intake.heard > silence and now >= self._next_ping - _PATIENCE
             if now >= self._next_ping or silent:
-                self._next_ping = now + PING_INTERVAL
-                if not board.learn_clock(1):
-                    raise PortLost("the board was restarted")
+                self._ping(board, now)
             board.line.poll(min(until, self._next_ping, *self._ends.values()))
         except PortLost as error:
             self._lose(error)
             return
         self._intake.take(board)
+
+    def _ping(self, board: Board, now: float) -> None:
+        """Say that the host lives, and learn what time the board has; one question at a time, so that a
+        sample is never held up for long.
+
+        Raises
+        ------
+        PortLost
+            several pings in a row were not answered, or the board's time says that it was restarted.
+        """
+        self._next_ping = now + PING_INTERVAL
+        try:
+            known = board.learn_clock(1, tries=1)
+        except PortLost:
+            self._unanswered += 1
+            self._next_ping = self.clock.now()
+            if self._unanswered >= _UNANSWERED:
+                raise
+            return
+        self._unanswered = 0
+        if not known:
+            raise PortLost("the board was restarted")
 
     def _carried_out(self, action: Callable[[Board], T]) -> T:
         """Do something with the board, after it has come back where it is lost."""
@@ -291,43 +307,48 @@ class SerialBench:
                 raise RigctlError(str(error), hint=_why(board), exit_code=ExitCode.FAILED) from None
 
     def _lose(self, error: PortLost) -> None:
-        """The line is gone; what the board does by itself now is to switch off."""
+        """Contact is lost; what the board does by itself now is to switch off."""
         board, self._board = self._board, None
+        damaged = ""
         if board is not None:
             self._intake.take(board)
+            damaged = self._intake.damage_since_heard(board)
             board.line.port.close()
-        now = self.clock.now()
-        self._lost_at, self._why_lost = now, str(error)
-        self._retry, self._next_try = _FIRST_RETRY, now
-        self._intake.notice("fault", f"the line to the board is lost: {error}")
+        self._reconnection.begin(f"{error}{damaged}")
+        self._intake.notice("fault", f"contact with the board is lost: {error}{damaged}")
 
     def _try_again(self, until: float) -> None:
-        """One attempt to reconnect, when it is due."""
-        now = self.clock.now()
-        if now - self._lost_at > self._reconnect:
-            raise BackendLost(f"the board did not come back within {self._reconnect:g} s: {self._why_lost}")
-        if now < self._next_try:
-            self.clock.sleep_until(min(self._next_try, until))
+        """What can be done by bench time `until` to find the board again."""
+        board = self._reconnection.attempt(until)
+        if board is None:
             return
-        self._next_try = now + self._retry
-        self._retry = min(2.0 * self._retry, _LONGEST_RETRY)
+        switched_off = self._driven()
         try:
-            port = self._connect()
-        except PortLost as error:
-            self._why_lost = str(error)
-            return
-        try:
-            self._begin(greet(Line(port, self.clock, self._baud), self.clock, self._patience))
+            self._begin(board)
         except (PortLost, Refused) as error:
-            port.close()
-            self._why_lost = str(error)
+            board.line.port.close()
+            self._reconnection.why = str(error)
             return
-        except BaseException:
-            port.close()
-            raise
-        away = self.clock.now() - self._lost_at
-        self._intake.notice("note", f"the board is back after {away:.1f} s, outputs off")
-        self._intake.gap(self._intake.missing_since(self._lost_at, self._rate or self._rig.monitor_rate))
+        except BenchTripped as tripped:  # it can be reached, and be made safe, but does nothing any more
+            self._board = board
+            self._intake.tripped = tripped.causes
+            self._reconnection.why = tripped.what
+            self._intake.notice("alarm", tripped.what)
+        except RigctlError as error:
+            board.line.port.close()
+            raise BackendLost(str(error)) from None
+        lost_at, why = self._reconnection.since, self._reconnection.why
+        now = self.clock.now()
+        self._intake.notice("note", f"the board is back after {now - lost_at:.1f} s, outputs off")
+        resting = self._resting()
+        self._intake.receipts += [CommandReceipt(now, name, resting[name]) for name in switched_off]
+        missing = self._intake.missing_since(lost_at, self._rate or self._rig.monitor_rate)
+        self._intake.gap(missing, cause=why, switched_off=switched_off)
+
+    def _driven(self) -> list[str]:
+        """Actuators that are commanded to something else than their safe value."""
+        resting = self._resting()
+        return [name for name, value in self._intake.commanded.items() if resting.get(name, value) != value]
 
     def _switch(self, board: Board, actuator: str, value: float, duration: float | None) -> CommandReceipt:
         """Send a command and wait for the board to say when it was done."""

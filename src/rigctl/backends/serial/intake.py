@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.board import Board, trip_causes
@@ -12,6 +13,7 @@ from rigctl.backends.serial.translation import Translation
 from rigctl.clock import Clock
 
 _NUMBERS = 1 << 16
+_NOTHING_ELSE = 5  # damaged lines, and no whole one between them
 
 
 class Intake:
@@ -30,7 +32,8 @@ class Intake:
         self._translation = translation
         self._clock = clock
         self._sequence: int | None = None
-        self._damaged = 0
+        self._damaged = self._damaged_when_heard = 0
+        self._told_of_damage = False
         self._last_time = -math.inf
         self.samples: deque[Sample] = deque()
         self.receipts: list[CommandReceipt] = []
@@ -45,7 +48,7 @@ class Intake:
         for _ in range(board.line.readings_at_reply):
             self._take_reading(board, board.line.readings.popleft())
         self._sequence = None
-        self._damaged = board.line.damaged
+        self._damaged = self._damaged_when_heard = board.line.damaged
         self.heard = self._clock.now()
 
     def take(self, board: Board) -> None:
@@ -57,7 +60,10 @@ class Intake:
             self._take_reading(board, line.readings.popleft())
         if line.damaged > self._damaged:
             more, self._damaged = line.damaged - self._damaged, line.damaged
-            self.notice("note", f"{more} damaged lines", lines=more)
+            self.notice("note", f"{more} damaged line{'' if more == 1 else 's'} left out", lines=more)
+            if not self._told_of_damage and line.damaged - self._damaged_when_heard >= _NOTHING_ELSE:
+                self._told_of_damage = True
+                self.notice("fault", "what arrives from the board are damaged lines only")
 
     def take_switched(self, board: Board, event: Switched) -> None:
         """A switch that nobody here has just commanded: the end of a pulse, or a trip."""
@@ -77,10 +83,22 @@ class Intake:
         """Something that belongs into the run's events, now unless another time is given."""
         self.notices.append(Notice(self._clock.now() if time is None else time, kind, message, fields))
 
-    def gap(self, missing: int) -> None:
-        """Samples that will not come."""
+    def gap(self, missing: int, *, cause: str = "", switched_off: Sequence[str] = ()) -> None:
+        """Samples that will not come, and what was switched off meanwhile without being told to."""
         now = self._clock.now()
-        self.notice("gap", f"{missing} samples missing before {now:.3f} s", samples=missing)
+        text = f"{missing} sample{'' if missing == 1 else 's'} missing before {now:.3f} s"
+        if cause:
+            text += f": {cause}"
+        if not switched_off:
+            self.notice("gap", text, samples=missing)
+            return
+        text += f"; meanwhile {', '.join(switched_off)} went to the safe state"
+        self.notice("gap", text, samples=missing, switched_off=list(switched_off))
+
+    def damage_since_heard(self, board: Board) -> str:
+        """What has arrived instead of samples, for a message."""
+        damaged = board.line.damaged - self._damaged_when_heard
+        return f"; {damaged} damaged lines came since the last whole one" if damaged > 1 else ""
 
     def missing_since(self, lost_at: float, rate: float) -> int:
         """How many samples a loss of the line has cost by now, at the least one."""
@@ -95,6 +113,8 @@ class Intake:
 
     def _take_reading(self, board: Board, reading: Reading) -> None:
         self.heard = self._clock.now()
+        self._damaged_when_heard = board.line.damaged
+        self._told_of_damage = False
         step = 1 if self._sequence is None else (reading.sequence - self._sequence) % _NUMBERS
         if step == 0 or step > _NUMBERS // 2:
             self.notice("note", f"sample {reading.sequence} came twice or late, left out")

@@ -63,6 +63,11 @@ class Line:
                 self.readings_at_reply = len(self.readings)
         return True
 
+    def forget(self) -> None:
+        """Drop what the board has sent of its own accord so far."""
+        self.readings.clear()
+        self.switched.clear()
+
     def ask(self, command: str, timeout: float = 0.4) -> str:
         """The board's answer; a question that was lost is asked again, so that it must do no harm twice.
 

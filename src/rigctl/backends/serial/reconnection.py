@@ -1,0 +1,99 @@
+"""Finds a lost board again, a little at a time, so that whoever waits for a sample is not held up."""
+
+from __future__ import annotations
+
+import math
+
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.serial.board import Board
+from rigctl.backends.serial.greeting import Greeting
+from rigctl.backends.serial.line import Line, Refused
+from rigctl.backends.serial.port import Connect, PortLost
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+
+_FIRST_RETRY, _LONGEST_RETRY = 0.1, 2.0  # s, between two attempts
+
+
+class Reconnection:
+    """Attempts with growing distances, until the board answers or `limit` has passed.
+
+    Parameters
+    ----------
+    connect: opens the port.
+    baud: bits per second.
+    patience: s for a board that starts anew when its port is opened.
+    limit: s for it to come back.
+
+    Attributes
+    ----------
+    since: when the board was lost, s.
+    why: what is known of the reason.
+    """
+
+    def __init__(self, clock: Clock, connect: Connect, baud: int, patience: float, limit: float) -> None:
+        self._clock = clock
+        self._connect = connect
+        self._baud = baud
+        self._patience = patience
+        self._limit = limit
+        self._greeting: Greeting | None = None
+        self._next_try = self._pause = 0.0
+        self.since = math.nan
+        self.why = ""
+
+    def begin(self, why: str) -> None:
+        """The board has just been lost."""
+        self.since = self._next_try = self._clock.now()
+        self._pause = _FIRST_RETRY
+        self.why = why
+        self._greeting = None
+
+    def attempt(self, until: float) -> Board | None:
+        """What can be done by about bench time `until`: the board when it answers, None when not yet.
+
+        Raises
+        ------
+        BackendLost
+            it has been away for too long, or another device answers.
+        """
+        now = self._clock.now()
+        if now - self.since > self._limit:
+            self.drop()
+            raise BackendLost(f"the board did not come back within {self._limit:g} s: {self.why}")
+        if self._greeting is None and now < self._next_try:
+            self._clock.sleep_until(min(self._next_try, until))
+            return None
+        try:
+            if self._greeting is None:
+                self._greeting = self._open(now)
+            board = self._greeting.ask(until)
+        except (PortLost, Refused) as error:
+            self.why = str(error)
+            self.drop()
+            return None
+        except RigctlError as error:
+            self.drop()
+            raise BackendLost(str(error)) from None
+        if board is not None:
+            self._greeting = None  # the port is the board's now
+        return board
+
+    def drop(self) -> None:
+        """Let the port go that an attempt has opened."""
+        if self._greeting is not None:
+            self._greeting.line.port.close()
+        self._greeting = None
+
+    def _open(self, now: float) -> Greeting:
+        self._next_try = now + self._pause
+        self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
+        try:
+            port = self._connect()
+        except RigctlError as error:  # a port that has just come back may not be ours yet, or be looked at
+            raise PortLost(str(error)) from None
+        try:
+            return Greeting(Line(port, self._clock, self._baud), self._clock, self._patience)
+        except PortLost:
+            port.close()
+            raise
