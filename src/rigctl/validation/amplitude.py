@@ -1,0 +1,132 @@
+"""How large a hidden effect must be to have a wanted size in the data.
+
+The size λ of an effect is ‖(I − P_J)·W·(y_with − y_without)‖ of noise-free outputs, in sigmas. W and J belong
+to the model under test, so that λ is computed by a callable; it grows nearly in proportion to the amplitude.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.validation.bench.campaign import Campaign, clean_outputs
+from rigctl.validation.bench.record import BenchFailure
+from rigctl.validation.hidden_effect import HiddenEffect, Shape, hide
+
+#: time [s] and channels [SI] of every record, without noise
+Clean: TypeAlias = list[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]]
+#: λ of the difference between a campaign with an effect and the one without
+SizeOf: TypeAlias = Callable[[Clean, Clean], float]
+
+#: how near λ must come to what is wanted
+_CLOSE = 0.02
+_MOST_TRIALS = 14
+#: largest change of the amplitude from one trial to the next
+_LEAP = 30.0
+#: λ below which nothing can be learnt from a trial about the next
+_NOTHING = 1e-6
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """An amplitude [SI] and the size λ that it has; `reached` is False where no amplitude has the size."""
+
+    value: float
+    size: float
+    reached: bool
+
+
+@dataclass
+class Amplitudes:
+    """Finds amplitudes and remembers what it has tried.
+
+    Parameters
+    ----------
+    size_of: λ of two campaigns, for one noise and one kind of campaign.
+    """
+
+    size_of: SizeOf
+    _tried: dict[object, list[tuple[float, float]]] = field(default_factory=dict)
+
+    def find(
+        self, hidden: HiddenEffect, wanted: float, plain: Campaign, *, shape: Shape = "other", sign: int = 1
+    ) -> Amplitude:
+        """The amplitude, with the sign of the direction, that has the size `wanted` on the bench of `plain`.
+
+        Noise, scatter and seed of `plain` do not count. Where λ cannot be reached within what is physical,
+        the largest that was met comes back as not reached.
+        """
+        steady = replace(plain, seed=0)
+        key = (hidden.effect, shape, sign, plain.chamber_pressures, plain.repeated)
+        points = (tuple(plain.temperatures), tuple(plain.pressures), plain.bench)
+        tried = self._tried.setdefault((key, points), [])
+
+        def size(amplitude: float) -> float:
+            with_it = hide(steady, [(hidden, sign * amplitude)], shape)
+            try:
+                found = float(self.size_of(clean_outputs(with_it), clean_outputs(steady)))
+            except BenchFailure:
+                found = math.inf
+            tried.append((amplitude, found))
+            return found
+
+        amplitude, found = _search(size, wanted, abs(hidden.typical), hidden.largest, tried)
+        reached = abs(found / wanted - 1.0) <= _CLOSE
+        return Amplitude(sign * amplitude, found, reached)
+
+
+def _search(
+    size: Callable[[float], float],
+    wanted: float,
+    typical: float,
+    largest: float,
+    tried: list[tuple[float, float]],
+) -> tuple[float, float]:
+    """Secant on the logarithms, held within what is known to be too small and too large."""
+    if not tried:
+        size(min(typical, largest))
+    for _ in range(_MOST_TRIALS):
+        _, found = _nearest(tried, wanted)
+        if abs(found / wanted - 1.0) <= _CLOSE:
+            break
+        low = max((a for a, s in tried if s < wanted), default=0.0)
+        high = min((a for a, s in tried if s > wanted and a > low), default=math.inf)
+        if low >= largest:
+            break
+        size(_next(tried, wanted, low, min(high, largest), bounded=math.isfinite(high)))
+    return _nearest(tried, wanted)
+
+
+def _nearest(tried: list[tuple[float, float]], wanted: float) -> tuple[float, float]:
+    """The trial whose size is the nearest by ratio; among those that failed or did nothing, the largest."""
+    return min(tried, key=lambda trial: (_distance(trial[1], wanted), -trial[0]))
+
+
+def _distance(found: float, wanted: float) -> float:
+    return abs(math.log(found / wanted)) if _NOTHING < found < math.inf else math.inf
+
+
+def _next(
+    tried: list[tuple[float, float]], wanted: float, low: float, high: float, *, bounded: bool
+) -> float:
+    known = sorted((t for t in tried if _NOTHING < t[1] < math.inf), key=lambda t: _distance(t[1], wanted))
+    if not known:
+        if not bounded:
+            return min(high, low * _LEAP)
+        return math.sqrt(low * high) if low else high / _LEAP
+    amplitude, found = known[0]
+    power = 1.0
+    if len(known) > 1 and known[1][0] != amplitude:
+        slope = math.log(found / known[1][1]) / math.log(amplitude / known[1][0])
+        power = min(max(slope, 0.3), 3.0)
+    guess = amplitude * min(max(math.pow(wanted / found, 1.0 / power), 1.0 / _LEAP), _LEAP)
+    if low < guess < high or (guess == high and not bounded):
+        return guess
+    if not bounded:
+        return min(guess, high)
+    return math.sqrt(low * high) if low else 0.5 * min(high, guess)

@@ -1,0 +1,103 @@
+"""What a diagnosis said of one scenario, reduced to what the rates are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, TypeAlias
+
+from rigctl.validation.scenario import Scenario
+
+Verdict: TypeAlias = Literal["adequate", "missing_effect", "ambiguous", "outside_library"]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A 95 % interval of an effect's parameter and the value that the bench really has, SI."""
+
+    effect: str
+    parameter: str
+    truth: float
+    low: float
+    high: float
+
+    @property
+    def covers(self) -> bool:
+        """True when the truth lies in it."""
+        return self.low <= self.truth <= self.high
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one scenario.
+
+    Attributes
+    ----------
+    verdict: of the diagnosis; None when there was none.
+    effects: that it names: the most probable set.
+    classes: effects that it says the data cannot tell apart.
+    first: the effect at the top of its ranking.
+    sizes, amplitudes: λ and amplitude (SI) of each hidden effect, as they were made.
+    rival_cosine: largest |cos| between a hidden effect and any other of the library, in this data.
+    separation: d between the hidden effect and its nearest rival.
+    intervals: of parameters whose truth is known.
+    untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
+    failure: what went wrong; such a trial counts against the tool.
+    seconds: that it took.
+    """
+
+    scenario: Scenario
+    verdict: Verdict | None = None
+    effects: tuple[str, ...] = ()
+    classes: tuple[tuple[str, ...], ...] = ()
+    first: str | None = None
+    sizes: tuple[float, ...] = ()
+    amplitudes: tuple[float, ...] = ()
+    rival_cosine: float | None = None
+    separation: float | None = None
+    intervals: tuple[Interval, ...] = ()
+    untested: str = ""
+    failure: str = ""
+    seconds: float = 0.0
+
+    @property
+    def counts(self) -> bool:
+        """True unless the scenario could not be made."""
+        return not self.untested
+
+    @property
+    def accepted(self) -> bool:
+        """True when the diagnosis names effects."""
+        return self.verdict in ("missing_effect", "ambiguous") and bool(self.effects)
+
+    def named_class(self, effect: str) -> frozenset[str]:
+        """The effects among which the diagnosis does not decide, `effect` among them."""
+        return frozenset({effect}).union(*(group for group in self.classes if effect in group))
+
+    @property
+    def right(self) -> bool:
+        """True when every effect it names is hidden, or is of one class with a hidden one."""
+        truth = set(self.scenario.truth)
+        return self.accepted and all(truth & self.named_class(effect) for effect in self.effects)
+
+    @property
+    def exact(self) -> bool:
+        """True when it names as many effects as are hidden, and each hidden one or one of its class."""
+        truth = self.scenario.truth
+        found = all(any(effect in self.named_class(named) for named in self.effects) for effect in truth)
+        return self.right and found and len(self.effects) == len(truth)
+
+    def document(self) -> dict[str, Any]:
+        """The outcome as plain data."""
+        return {**asdict(self), "scenario": self.scenario.document()}
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Outcome:
+        """The outcome that `document` made, also after a way through JSON."""
+        fields = dict(document)
+        for name in ("effects", "sizes", "amplitudes"):
+            fields[name] = tuple(fields[name])
+        fields["scenario"] = Scenario.read(fields["scenario"])
+        fields["classes"] = tuple(tuple(group) for group in fields["classes"])
+        fields["intervals"] = tuple(Interval(**interval) for interval in fields["intervals"])
+        return cls(**fields)

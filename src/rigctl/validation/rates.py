@@ -1,0 +1,247 @@
+"""Rates of the benchmark with their Wilson bounds, pooled over effects, beside their targets."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rigctl.validation.outcome import Outcome
+
+#: two-sided 95 %
+_Z = 1.959963984540054
+#: separation below which a class must be reported, and above which one effect
+SEPARABLE = 2.33
+#: a rival nearer than this caps what any method can reach
+NEAR_TWIN = 0.85
+#: what stands in the confusion matrix where no effect was named
+NOTHING_NAMED = "none"
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often something happened.
+
+    Attributes
+    ----------
+    name, of: what is counted, among which trials.
+    low, high: Wilson bounds at 95 %.
+    at_least, at_most: the target; None for a bound that there is not.
+    """
+
+    name: str
+    of: str
+    count: int
+    trials: int
+    at_least: float | None = None
+    at_most: float | None = None
+
+    @property
+    def value(self) -> float:
+        """The share; nan without trials."""
+        return self.count / self.trials if self.trials else math.nan
+
+    @property
+    def low(self) -> float:
+        """Lower Wilson bound."""
+        return wilson(self.count, self.trials)[0]
+
+    @property
+    def high(self) -> float:
+        """Upper Wilson bound."""
+        return wilson(self.count, self.trials)[1]
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the share reaches its target; None without a target or without trials."""
+        if not self.trials or (self.at_least is None and self.at_most is None):
+            return None
+        enough = self.at_least is None or self.value >= self.at_least
+        return enough and (self.at_most is None or self.value <= self.at_most)
+
+    def document(self) -> dict[str, Any]:
+        """The rate as plain data."""
+        return {
+            "name": self.name,
+            "of": self.of,
+            "count": self.count,
+            "trials": self.trials,
+            "value": self.value if self.trials else None,
+            "low": self.low,
+            "high": self.high,
+            "at_least": self.at_least,
+            "at_most": self.at_most,
+            "met": self.met,
+        }
+
+
+def wilson(count: int, trials: int, z: float = _Z) -> tuple[float, float]:
+    """Wilson's interval of a share: (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²))/(1 + z²/n); (0, 1) without trials.
+
+    Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+    """
+    if not trials:
+        return 0.0, 1.0
+    share, square = count / trials, z * z / trials
+    half = z * math.sqrt(share * (1.0 - share) / trials + square / (4.0 * trials))
+    centre = share + square / 2.0
+    return max(0.0, (centre - half) / (1.0 + square)), min(1.0, (centre + half) / (1.0 + square))
+
+
+def rates(outcomes: Iterable[Outcome]) -> tuple[Rate, ...]:
+    """All rates that have a target, then false alarms by noise and what wrong shapes cost."""
+    made = [outcome for outcome in outcomes if outcome.counts]
+    nothing = _of(made, lambda o: o.scenario.kind == "nothing")
+    one = _of(made, lambda o: o.scenario.kind == "one")
+    found = [
+        *_false_alarms(nothing),
+        *_first(_of(one, lambda o: o.scenario.shape != "wrong"), "hidden effect found as first"),
+        *_accepted(made),
+        *_together(made),
+        *_removed(made),
+        *_coverage(made),
+        *_classes(one),
+        *_first(_of(one, lambda o: o.scenario.shape == "wrong"), "the same, wrong shape", targets=False),
+    ]
+    return tuple(rate for rate in found if rate.trials)
+
+
+def confusion(outcomes: Iterable[Outcome]) -> dict[str, dict[str, int]]:
+    """By hidden effect (rows), how often each was found as first; a verdict of `adequate` counts as none."""
+    rows: dict[str, Counter[str]] = {}
+    for outcome in outcomes:
+        if outcome.scenario.kind == "one" and outcome.counts:
+            named = outcome.first if outcome.verdict != "adequate" else None
+            rows.setdefault(outcome.scenario.truth[0], Counter())[named or NOTHING_NAMED] += 1
+    return {truth: dict(rows[truth].most_common()) for truth in sorted(rows)}
+
+
+def document(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Everything that is printed, as plain data."""
+    return {
+        "scenarios": len(outcomes),
+        "untested": [{"scenario": o.scenario.name, "why": o.untested} for o in outcomes if o.untested],
+        "failed": [{"scenario": o.scenario.name, "why": o.failure} for o in outcomes if o.failure],
+        "rates": [rate.document() for rate in rates(outcomes)],
+        "confusion": confusion(outcomes),
+        "seconds": sum(outcome.seconds for outcome in outcomes),
+    }
+
+
+def _of(outcomes: Sequence[Outcome], wanted: Callable[[Outcome], bool]) -> list[Outcome]:
+    return [outcome for outcome in outcomes if wanted(outcome)]
+
+
+def _rate(
+    name: str,
+    of: str,
+    among: Sequence[Outcome],
+    happened: Callable[[Outcome], bool],
+    *,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Rate:
+    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)
+
+
+def _false_alarms(nothing: Sequence[Outcome]) -> list[Rate]:
+    name = "false alarm, nothing hidden"
+
+    def alarm(outcome: Outcome) -> bool:
+        return outcome.verdict != "adequate"
+
+    estimated = _of(nothing, lambda o: not o.scenario.noise_known)
+    found = [
+        _rate(name, "noise known", _of(nothing, lambda o: o.scenario.noise_known), alarm, at_most=0.02),
+        _rate(name, "noise estimated", estimated, alarm, at_most=0.05),
+    ]
+    for noise in dict.fromkeys(sorted(outcome.scenario.noise for outcome in estimated)):
+        among = [outcome for outcome in estimated if outcome.scenario.noise == noise]
+        found.append(_rate(name, f"noise estimated: {noise.replace('_', ' ')}", among, alarm))
+    return found
+
+
+def _distinct(outcome: Outcome) -> bool:
+    return outcome.rival_cosine is not None and outcome.rival_cosine < NEAR_TWIN
+
+
+def _first(one: Sequence[Outcome], name: str, *, targets: bool = True) -> list[Rate]:
+    found = []
+    for low, high, target in ((0.0, 8.0, 0.85), (8.0, 20.0, 0.97), (20.0, math.inf, 0.99)):
+        sized = [outcome for outcome in one if low <= outcome.scenario.hidden[0].size < high]
+        sizes = sorted({outcome.scenario.hidden[0].size for outcome in sized})
+        of = "λ = " + ", ".join(f"{size:g}" for size in sizes)
+        distinct = _of(sized, _distinct)
+        wanted = target if targets else None
+        found += [
+            _rate(name, f"{of}, all cos < {NEAR_TWIN:g}", distinct, _found_first, at_least=wanted),
+            _rate(name, of, sized, _found_first),
+        ]
+    return found
+
+
+def _found_first(outcome: Outcome) -> bool:
+    return outcome.verdict not in (None, "adequate") and outcome.first in outcome.scenario.truth
+
+
+def _accepted(made: Sequence[Outcome]) -> list[Rate]:
+    among = _of(made, lambda o: o.scenario.kind in ("one", "two"))
+
+    def wrong(outcome: Outcome) -> bool:
+        return outcome.accepted and not outcome.right
+
+    shaped = [o for o in among if o.scenario.shape != "wrong"]
+    far = [o for o in among if o.scenario.shape == "wrong"]
+    return [
+        _rate("accepted and wrong", "one or two hidden", shaped, wrong, at_most=0.01),
+        _rate("accepted and wrong", "wrong shape", far, wrong),
+    ]
+
+
+def _together(made: Sequence[Outcome]) -> list[Rate]:
+    two = _of(made, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= 10.0)
+    return [
+        _rate("two hidden effects exactly", "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),
+        _rate(
+            "two hidden effects exactly", f"all cos < {NEAR_TWIN:g}", _of(two, _distinct), lambda o: o.exact
+        ),
+    ]
+
+
+def _removed(made: Sequence[Outcome]) -> list[Rate]:
+    removed = _of(made, lambda o: o.scenario.kind == "removed")
+    name = "outside_library, truth removed from it"
+
+    def outside(outcome: Outcome) -> bool:
+        return outcome.verdict == "outside_library"
+
+    return [
+        _rate(name, f"best rival's cos < {NEAR_TWIN:g}", _of(removed, _distinct), outside, at_least=0.95),
+        _rate(name, "all", removed, outside),
+    ]
+
+
+def _coverage(made: Sequence[Outcome]) -> list[Rate]:
+    found = []
+    for shape, low, high in (("same", 0.90, 0.98), ("other", None, None)):
+        intervals = [i for o in made if o.scenario.shape == shape for i in o.intervals]
+        count = sum(interval.covers for interval in intervals)
+        of = f"{'the library’s own' if shape == 'same' else 'other'} shape"
+        found.append(Rate("95 % interval covers the truth", of, count, len(intervals), low, high))
+    return found
+
+
+def _classes(one: Sequence[Outcome]) -> list[Rate]:
+    judged = _of(one, lambda o: o.right and o.separation is not None)
+    near = _of(judged, lambda o: o.separation is not None and o.separation < SEPARABLE)
+    apart = _of(judged, lambda o: o.separation is not None and o.separation >= SEPARABLE)
+
+    def several(outcome: Outcome) -> bool:
+        return len(outcome.named_class(outcome.scenario.truth[0])) > 1
+
+    return [
+        _rate("reports the class", f"d < {SEPARABLE}", near, several, at_least=1.0),
+        _rate("class of one", f"d >= {SEPARABLE}", apart, lambda o: not several(o), at_least=1.0),
+    ]

@@ -1,0 +1,138 @@
+"""One trial of the benchmark: what is hidden, how large, in which shape and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from rigctl.validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter
+from rigctl.validation.bench.sensing import TEN_BITS, Noise
+from rigctl.validation.hidden_effect import Shape, hide
+from rigctl.validation.hidden_effects import find_hidden
+
+Kind: TypeAlias = Literal["nothing", "one", "two", "removed"]
+NoiseVariant: TypeAlias = Literal["white", "coloured", "ten_bits", "scatter", "all"]
+NOISES: tuple[NoiseVariant, ...] = ("white", "coloured", "ten_bits", "scatter", "all")
+
+#: correlation of coloured noise from one sample to the next
+CORRELATION = 0.6
+#: how well the pressure setting is repeated, as a share
+SCATTER = 0.002
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An effect to hide: its size λ in the data, in sigmas, and its direction in the library's sense."""
+
+    effect: str
+    size: float
+    sign: int = 1
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A campaign to make and to diagnose; everything is fixed by it but the amplitudes.
+
+    Attributes
+    ----------
+    kind: what is hidden; with "removed" the library to diagnose with lacks what is hidden.
+    hidden: none, one or two effects with the sizes wanted.
+    noise: "white", "coloured" (correlation 0.6), "ten_bits" (converter steps), "scatter" (0.2 % of the
+        pressure setting), or "all" three.
+    repeated: conditions that are measured twice.
+    noise_known: the diagnosis is told the standard deviations instead of estimating them.
+    temperatures, pressures: degC and bar.
+    """
+
+    kind: Kind
+    hidden: tuple[Wanted, ...] = ()
+    shape: Shape = "other"
+    noise: NoiseVariant = "white"
+    chamber_pressures: bool = False
+    repeated: int = 4
+    noise_known: bool = False
+    seed: int = 0
+    temperatures: tuple[float, ...] = field(default=TEMPERATURES)
+    pressures: tuple[float, ...] = field(default=PRESSURES)
+
+    def __post_init__(self) -> None:
+        count = {"nothing": (0,), "one": (1,), "two": (2,), "removed": (1, 2)}[self.kind]
+        if len(self.hidden) not in count:
+            raise ValueError(f"a scenario of kind {self.kind} cannot hide {len(self.hidden)} effects")
+
+    @property
+    def name(self) -> str:
+        """All of it in one line, unique: ``one coulomb_friction+10 other white chambers 4 7x4 seed 3``."""
+        effects = " ".join(f"{w.effect}{'+' if w.sign > 0 else '-'}{w.size:g}" for w in self.hidden)
+        sensors = "chambers" if self.chamber_pressures else "published"
+        grid = f"{self.repeated} {len(self.temperatures)}x{len(self.pressures)}"
+        noise = f"{self.noise} known" if self.noise_known else self.noise
+        parts = (self.kind, effects, self.shape if self.hidden else "", noise, sensors, grid)
+        return " ".join([*filter(None, parts), f"seed {self.seed}"])
+
+    @property
+    def truth(self) -> tuple[str, ...]:
+        """The names of the hidden effects."""
+        return tuple(wanted.effect for wanted in self.hidden)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Effects that the library to diagnose with must lack."""
+        return self.truth if self.kind == "removed" else ()
+
+    @property
+    def plain(self) -> Campaign:
+        """The campaign with its noise, and nothing hidden."""
+        noise, scatter = noise_of(self.noise)
+        return Campaign(
+            noise=noise,
+            scatter=scatter,
+            temperatures=self.temperatures,
+            pressures=self.pressures,
+            repeated=self.repeated,
+            chamber_pressures=self.chamber_pressures,
+            seed=self.seed,
+        )
+
+    def campaign(self, amplitudes: Sequence[float]) -> Campaign:
+        """The campaign that hides its effects with these amplitudes (SI, signed), one for each."""
+        pairs = [(find_hidden(w.effect), a) for w, a in zip(self.hidden, amplitudes, strict=True)]
+        return hide(self.plain, pairs, self.shape)
+
+    def document(self) -> dict[str, Any]:
+        """The scenario as plain data."""
+        return {
+            "kind": self.kind,
+            "hidden": [vars(wanted) for wanted in self.hidden],
+            "shape": self.shape,
+            "noise": self.noise,
+            "chamber_pressures": self.chamber_pressures,
+            "repeated": self.repeated,
+            "noise_known": self.noise_known,
+            "seed": self.seed,
+            "temperatures": list(self.temperatures),
+            "pressures": list(self.pressures),
+        }
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Scenario:
+        """The scenario that `document` made."""
+        fields = dict(document)
+        fields["hidden"] = tuple(Wanted(**wanted) for wanted in fields["hidden"])
+        fields["temperatures"], fields["pressures"] = (
+            tuple(fields["temperatures"]),
+            tuple(fields["pressures"]),
+        )
+        return cls(**fields)
+
+
+def noise_of(variant: NoiseVariant) -> tuple[Noise, Scatter]:
+    """Noise of every sample and scatter from run to run."""
+    coloured = variant in ("coloured", "all")
+    stepped = variant in ("ten_bits", "all")
+    scattered = variant in ("scatter", "all")
+    return (
+        Noise(correlation=CORRELATION if coloured else 0.0, step=dict(TEN_BITS) if stepped else {}),
+        Scatter(setting=SCATTER if scattered else 0.0),
+    )

@@ -1,0 +1,86 @@
+"""The benchmark's figures for people: on a terminal, and in Markdown for the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rigctl.validation.outcome import Outcome
+from rigctl.validation.rates import Rate, confusion, rates
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_HEADINGS = ("what", "of", "share", "95 % bounds", "trials", "target")
+_CONFUSED = ("hidden", "found as first", "mistaken for")
+
+
+def rates_table(outcomes: Sequence[Outcome]) -> Table:
+    """The rates as a table for the terminal; met targets are green, missed ones red."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*_HEADINGS)
+    colours = {True: "green", False: "red", None: ""}
+    for rate in rates(outcomes):
+        row = _row(rate)
+        table.add_row(*map(Text, row[:2]), Text(row[2], style=colours[rate.met]), *map(Text, row[3:]))
+    return table
+
+
+def confusion_table(outcomes: Sequence[Outcome]) -> Table:
+    """Which effects were taken for which, as a table for the terminal."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*_CONFUSED)
+    for row in _confused(outcomes):
+        table.add_row(*map(Text, row))
+    return table
+
+
+def markdown(outcomes: Sequence[Outcome]) -> str:
+    """Both tables in Markdown."""
+    return "\n".join(
+        [
+            *_markdown(_HEADINGS, [_row(rate) for rate in rates(outcomes)]),
+            "",
+            *_markdown(_CONFUSED, _confused(outcomes)),
+            "",
+        ]
+    )
+
+
+def _row(rate: Rate) -> tuple[str, ...]:
+    bounds = f"{_percent(rate.low)} to {_percent(rate.high)}"
+    return (rate.name, rate.of, _percent(rate.value), bounds, f"{rate.count} of {rate.trials}", _target(rate))
+
+
+def _target(rate: Rate) -> str:
+    if rate.met is None:
+        return ""
+    if rate.at_least is not None and rate.at_most is not None:
+        wanted = f"{_percent(rate.at_least)} to {_percent(rate.at_most)}"
+    elif rate.at_least is not None:
+        wanted = f"at least {_percent(rate.at_least)}"
+    else:
+        wanted = f"at most {_percent(rate.at_most or 0.0)}"
+    return f"{wanted}: {'met' if rate.met else 'missed'}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def _confused(outcomes: Sequence[Outcome]) -> list[tuple[str, str, str]]:
+    rows = []
+    for truth, named in confusion(outcomes).items():
+        right = named.get(truth, 0)
+        others = ", ".join(f"{name} {count}" for name, count in named.items() if name != truth)
+        rows.append((truth, f"{right} of {sum(named.values())}", others))
+    return rows
+
+
+def _markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = ["| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
+    return lines + ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]

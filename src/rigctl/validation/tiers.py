@@ -1,0 +1,151 @@
+"""Which trials the benchmark consists of: a quick tier for every day, a full one for the figures in print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rigctl.validation.hidden_effect import HiddenEffect, Shape
+from rigctl.validation.hidden_effects import HIDDEN_EFFECTS, find_hidden
+from rigctl.validation.scenario import NOISES, NoiseVariant, Scenario, Wanted
+
+Tier: TypeAlias = Literal["quick", "full"]
+
+#: sizes λ that effects are hidden with
+SIZES = (6.0, 10.0, 30.0)
+#: what two effects at once are hidden with, each
+_TOGETHER = (10.0, 30.0)
+_REMOVED = 30.0
+#: so many conditions are measured twice; more where scatter must be estimated from them
+_REPEATED, _REPEATED_SCATTER = 4, 8
+#: effects of the quick tier: one of each family of causes
+_QUICK = (
+    "piston_leakage",
+    "relief_thermal_drift",
+    "laminar_throttle",
+    "entrained_air",
+    "coulomb_friction",
+    "spring_load",
+    "valve_open_delay",
+    "position_backlash",
+)
+#: trials of the full tier, about: nothing hidden for each noise and set of sensors, one for each size
+_NOTHING_SEEDS = 20
+_KNOWN_SEEDS = 30
+_ONE_SEEDS = 4
+_SHAPE_SEEDS = 2
+_PAIRS = 60
+
+
+def acting() -> tuple[HiddenEffect, ...]:
+    """Effects that a campaign of strokes can show and that a fit does not take up by itself.
+
+    The rest is base physics, cannot act in so short a record, or is another name for a fitted parameter.
+    """
+    same_as_fitted = ("load_mass", "thermocouple_offset")
+    return tuple(
+        hidden
+        for hidden in HIDDEN_EFFECTS
+        if not hidden.base and not hidden.cannot_act and hidden.effect not in same_as_fitted
+    )
+
+
+def scenarios(tier: Tier) -> tuple[Scenario, ...]:
+    """The trials of a tier, in an order in which a part of them is a fair sample of all."""
+    if tier == "quick":
+        found = list(_quick())
+    else:
+        effects = acting()
+        found = [
+            *_nothing(_NOTHING_SEEDS),
+            *_known(_KNOWN_SEEDS),
+            *_one(effects, SIZES, "other", range(_ONE_SEEDS)),
+            *_one([e for e in effects if e.shaped], (10.0, 30.0), "wrong", range(_SHAPE_SEEDS)),
+            *_one([e for e in effects if e.comparable], (30.0,), "same", range(_SHAPE_SEEDS)),
+            *_two(effects, _PAIRS),
+            *_removed(effects, range(3)),
+        ]
+    order = np.random.default_rng(0).permutation(len(found))
+    return tuple(found[int(i)] for i in order)
+
+
+def _quick() -> Iterator[Scenario]:
+    effects = [find_hidden(name) for name in _QUICK]
+    yield from _nothing(1)
+    yield from _one(effects, (10.0,), "other", range(1))
+    yield from _one(effects, (30.0,), "other", range(1, 2))
+    yield from _two(effects, 3)
+    yield from _removed(effects[:4], range(1))
+
+
+def _scenario(
+    kind: Literal["nothing", "one", "two", "removed"],
+    hidden: Sequence[Wanted],
+    shape: Shape,
+    noise: NoiseVariant,
+    seed: int,
+    *,
+    chambers: bool,
+) -> Scenario:
+    repeated = _REPEATED_SCATTER if noise in ("scatter", "all") else _REPEATED
+    return Scenario(
+        kind=kind,
+        hidden=tuple(hidden),
+        shape=shape,
+        noise=noise,
+        chamber_pressures=chambers,
+        repeated=repeated,
+        seed=seed,
+    )
+
+
+def _nothing(seeds: int) -> Iterator[Scenario]:
+    for place, noise in enumerate(NOISES):
+        for chambers in (False, True):
+            for seed in range(seeds):
+                yield _scenario("nothing", (), "other", noise, 1000 * place + seed, chambers=chambers)
+
+
+def _known(seeds: int) -> Iterator[Scenario]:
+    """Nothing hidden, in noise that the diagnosis is told: it can be told of white noise only."""
+    for chambers in (False, True):
+        for seed in range(seeds):
+            plain = _scenario("nothing", (), "other", "white", 5000 + seed, chambers=chambers)
+            yield replace(plain, noise_known=True)
+
+
+def _one(
+    effects: Sequence[HiddenEffect], sizes: Sequence[float], shape: Shape, seeds: range
+) -> Iterator[Scenario]:
+    """Noise, sensors and direction change from trial to trial, so that every effect meets several."""
+    for place, effect in enumerate(effects):
+        for row, size in enumerate(sizes):
+            for seed in seeds:
+                turn = place + row + seed
+                wanted = Wanted(effect.effect, size, effect.signs[seed // 2 % len(effect.signs)])
+                noise = NOISES[turn % len(NOISES)]
+                yield _scenario(
+                    "one", (wanted,), shape, noise, 10_000 + 10 * seed + row, chambers=bool(seed % 2)
+                )
+
+
+def _two(effects: Sequence[HiddenEffect], count: int) -> Iterator[Scenario]:
+    pairs = list(combinations(effects, 2))
+    drawn = np.random.default_rng(1).choice(len(pairs), size=count, replace=False)
+    for row, place in enumerate(sorted(int(i) for i in drawn)):
+        for turn, size in enumerate(_TOGETHER):
+            wanted = [Wanted(effect.effect, size, effect.signs[0]) for effect in pairs[place]]
+            noise = NOISES[(row + turn) % len(NOISES)]
+            yield _scenario("two", wanted, "other", noise, 20_000 + row, chambers=bool((row + turn) % 2))
+
+
+def _removed(effects: Sequence[HiddenEffect], seeds: range) -> Iterator[Scenario]:
+    for place, effect in enumerate(effects):
+        for seed in seeds:
+            wanted = Wanted(effect.effect, _REMOVED, effect.signs[seed % len(effect.signs)])
+            noise = NOISES[(place + seed) % len(NOISES)]
+            yield _scenario("removed", (wanted,), "other", noise, 30_000 + seed, chambers=bool(seed % 2))
