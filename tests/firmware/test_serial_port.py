@@ -9,55 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.backends.emulated.board import EmulatedBoard
-from rigctl.backends.emulated.image import read_intel_hex, shipped_image
-from rigctl.backends.emulated.pty_bridge import PtyBridge
+from board_emulation import Emulation
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.serial.bench import SerialBench
 from rigctl.backends.serial.create import create
-from rigctl.backends.serial.wiring import wiring_of
-from rigctl.backends.simulated.create import prepare
-from rigctl.clock import ScaledClock, real_clock
+from rigctl.clock import ScaledClock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
-
-
-class Emulation:
-    """A board on a pty, running until it is stopped; its plug can be pulled and put back."""
-
-    def __init__(self, rig: Rig, name: Path) -> None:
-        device = prepare(rig, {"plant": "roles", "noise": "off", "seed": 1}).switch_on()
-        self.board = EmulatedBoard(rig, wiring_of(rig, {}), read_intel_hex(shipped_image(115200)), device)
-        self.name = name
-        self._clock = real_clock()
-        self._end = threading.Event()
-        self.plug()
-
-    def plug(self) -> None:
-        self._end.clear()
-        self._bridge = PtyBridge(self.board, self._clock)
-        self._bridge.link(self.name)
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def unplug(self) -> None:
-        self._end.set()
-        self._thread.join()
-        self._bridge.close()
-        self.name.unlink()
-
-    def _run(self) -> None:
-        while not self._end.is_set():
-            self._bridge.step()
 
 
 @pytest.fixture
 def emulation(uno_rig: Rig, tmp_path: Path) -> Iterator[Emulation]:
     made = Emulation(uno_rig, tmp_path / "ttyRIG")
     yield made
-    if made.name.is_symlink():
-        made.unplug()
-    made.board.close()
+    made.close()
 
 
 @contextmanager
@@ -126,7 +91,7 @@ def test_two_hosts_on_one_port(uno_rig: Rig, emulation: Emulation) -> None:
 
 def test_another_baud_rate_is_named_as_the_likely_cause(uno_rig: Rig, emulation: Emulation) -> None:
     bench = create(uno_rig, ScaledClock(), {"port": str(emulation.name), "baud": 9600})
-    with pytest.raises(BackendLost, match="answer"):
+    with pytest.raises(BackendLost, match="nobody answers at 9600 baud"):
         bench.open()
 
 

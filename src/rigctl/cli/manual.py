@@ -33,6 +33,9 @@ def off(
     backend: Backend = None,
     port: Port = None,
     *,
+    clear_trips: Annotated[
+        bool, typer.Option("--clear-trips", help="Also clear what has tripped; its cause must be gone.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Bring every output of the bench to its safe state, now. A run in progress on it is ended.
@@ -42,7 +45,7 @@ def off(
     from rigctl.runner.manual import switch_off
 
     bench = _open_rig(rig)
-    done = switch_off(bench, _how(bench, backend, port, "1x"))
+    done = switch_off(bench, _how(bench, backend, port, "1x", clear_trips=clear_trips))
     typer.echo(json.dumps({"rig": bench.name, "done": done}) if as_json else done)
 
 
@@ -155,7 +158,7 @@ def _open_rig(path: Path | None) -> Rig:
     )
 
 
-def _how(rig: Rig, backend: str | None, port: str | None, speed: str) -> Launch:
+def _how(rig: Rig, backend: str | None, port: str | None, speed: str, *, clear_trips: bool = False) -> Launch:
     from rigctl.project import find_project
     from rigctl.runner.launch import Launch, bench_options, clock_for
     from rigctl.runner.operator import AutomaticOperator
@@ -165,7 +168,7 @@ def _how(rig: Rig, backend: str | None, port: str | None, speed: str) -> Launch:
         runs=find_project().runs,
         operator=AutomaticOperator(),
         backend=kind,
-        options=bench_options(kind, rig, port=port),
+        options=bench_options(kind, rig, port=port, clear_trips=clear_trips),
         clock=clock_for(speed, kind),
     )
 

@@ -102,6 +102,7 @@ def bench_options(
     seed: int | None = None,
     recording: str | None = None,
     runs: Path | None = None,
+    clear_trips: bool = False,
 ) -> dict[str, object]:
     """The options of a backend for what a command line can say.
 
@@ -110,12 +111,22 @@ def bench_options(
     RigctlError
         something is given that this backend has no use for.
     """
-    given: dict[str, object] = {"port": port, "seed": seed, "run": recording}
-    taken = {"simulated": ("seed",), "replay": ("run",), "serial": ("port",), "emulated": ("seed",)}
+    given: dict[str, object] = {
+        "port": port,
+        "seed": seed,
+        "run": recording,
+        "clear_trips": clear_trips or None,
+    }
+    taken = {
+        "simulated": ("seed",),
+        "replay": ("run",),
+        "serial": ("port", "clear_trips"),
+        "emulated": ("seed", "clear_trips"),
+    }
     known = taken.get(backend, tuple(given))
     for name, value in given.items():
         if value is not None and name not in known:
-            what = "a run to play" if name == "run" else f"--{name}"
+            what = "a run to play" if name == "run" else f"--{name.replace('_', '-')}"
             raise RigctlError(f"the {backend} backend takes no {what.removeprefix('a ')}", value=str(value))
     options = {name: given[name] for name in known if given.get(name) is not None}
     if backend == "serial":

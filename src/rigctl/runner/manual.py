@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rigctl.backends.errors import BenchTripped
 from rigctl.backends.protocol import Sample
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 from rigctl.procedure import Plan, expand, parse_procedure
@@ -53,12 +54,18 @@ def switch_off(rig: Rig, how: Launch) -> str:
     owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
     if owner is not None and owner.run:
         return f"{Path(owner.run).name}: {send(Path(owner.run), Request.ABORT)}"
-    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True), opened(rig, how) as backend:
-        backend.safe()
+    told = ""
+    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
+        try:
+            with opened(rig, how) as backend:
+                backend.safe()
+                told = "".join(f"; {notice.message}" for notice in backend.take_notices())
+        except BenchTripped as tripped:
+            told = f"; {tripped}"
     states = ", ".join(
         f"{name} {rig.actuators[name].show(float(value))}" for name, value in rig.safe_state.items()
     )
-    return f"outputs are safe: {states}"
+    return f"outputs are safe: {states}{told}"
 
 
 def jog(

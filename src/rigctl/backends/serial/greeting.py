@@ -87,9 +87,10 @@ def greet(line: Line, clock: Clock, patience: float) -> Board:
 
 
 def _silence(line: Line) -> str:
+    name = line.port.name
     if line.heard:
-        return f"{line.port.name}: what arrives is no answer; another device, firmware or baud rate"
-    return f"{line.port.name}: nobody answers; is the board on this port, and flashed with rigctl's firmware?"
+        return f"{name}: what arrives is no answer; another device, firmware or speed than {line.baud} baud"
+    return f"{name}: nobody answers at {line.baud} baud; is it the port, its speed, or other firmware?"
 
 
 def _wrong(what: str) -> RigctlError:

@@ -33,6 +33,7 @@ class Line:
     def __init__(self, port: Port, clock: Clock, baud: int) -> None:
         self.port = port
         self._clock = clock
+        self.baud = baud
         self._character = _BITS / baud
         self._reader = LineReader()
         self._tags = count(1)

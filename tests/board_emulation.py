@@ -1,0 +1,48 @@
+"""The emulated board on a pseudo-terminal, in another thread, in real time."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+from rigctl.backends.emulated.board import EmulatedBoard
+from rigctl.backends.emulated.image import read_intel_hex, shipped_image
+from rigctl.backends.emulated.pty_bridge import PtyBridge
+from rigctl.backends.serial.wiring import wiring_of
+from rigctl.backends.simulated.create import prepare
+from rigctl.clock import real_clock
+from rigctl.rig import Rig
+
+
+class Emulation:
+    """A board on a pty, running until it is stopped; its plug can be pulled and put back."""
+
+    def __init__(self, rig: Rig, name: Path) -> None:
+        device = prepare(rig, {"plant": "roles", "noise": "off", "seed": 1}).switch_on()
+        self.board = EmulatedBoard(rig, wiring_of(rig, {}), read_intel_hex(shipped_image(115200)), device)
+        self.name = name
+        self._clock = real_clock()
+        self._end = threading.Event()
+        self.plug()
+
+    def plug(self) -> None:
+        self._end.clear()
+        self._bridge = PtyBridge(self.board, self._clock)
+        self._bridge.link(self.name)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        self._end.set()
+        self._thread.join()
+        self._bridge.close()
+        self.name.unlink()
+
+    def close(self) -> None:
+        if self.name.is_symlink():
+            self.unplug()
+        self.board.close()
+
+    def _run(self) -> None:
+        while not self._end.is_set():
+            self._bridge.step()

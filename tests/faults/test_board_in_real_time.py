@@ -1,0 +1,150 @@
+"""`rigctl` as a process on the emulated board's port: killed, doubled, at the wrong speed, after a trip."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from board_emulation import Emulation
+from rigctl.dataset import open_run, verify
+from rigctl.errors import ExitCode
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
+
+HEATING = """\
+procedure: heating
+rig: bench.yaml
+steps:
+  - record: {name: heating, rate: 100 Hz}
+    do:
+      - set: {heater: on}
+      - wait: 1 h
+finally:
+  - set: {heater: off}
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    (tmp_path / "bench.yaml").write_text(bench_file("HL32 bench on an Uno"), encoding="utf-8")
+    (tmp_path / "other.yaml").write_text(bench_file("another bench"), encoding="utf-8")
+    (tmp_path / "heating.yaml").write_text(HEATING, encoding="utf-8")
+    return tmp_path
+
+
+def bench_file(name: str) -> str:
+    text = shipped("rigs", "hl32-bench-uno.yaml").read_text(encoding="utf-8")
+    return text.replace("name: HL32 bench on an Uno", f"name: {name}")
+
+
+@pytest.fixture
+def emulation(project: Path) -> Iterator[Emulation]:
+    made = Emulation(load_rig(project / "bench.yaml"), project / "ttyRIG")
+    yield made
+    made.close()
+
+
+def begin(project: Path, *arguments: str) -> subprocess.Popen[str]:
+    home = str(project / "home")
+    return subprocess.Popen(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=project,
+        env={**os.environ, "XDG_STATE_HOME": home, "HOME": home},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
+    with begin(project, *arguments) as process:
+        out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def heated(emulation: Emulation, process: subprocess.Popen[str], *, on: bool = True) -> None:
+    """Wait until the heater is on or off."""
+    while emulation.board.outputs[0] is not on:
+        assert process.poll() is None or not on, process.communicate()
+        time.sleep(0.005)
+
+
+def test_a_host_that_is_killed_while_heating_leaves_outputs_off_and_its_data(
+    project: Path, emulation: Emulation
+) -> None:
+    with begin(project, "run", "heating.yaml", "--port", "ttyRIG") as process:
+        try:
+            heated(emulation, process)
+            time.sleep(2.0)
+            killed = emulation.board.time
+            process.kill()
+            heated(emulation, process, on=False)
+            assert emulation.board.time - killed <= 2.1
+        finally:
+            process.kill()
+    (folder,) = (project / "runs").glob("2*")
+    assert verify(folder).good
+    samples = open_run(folder).samples()
+    recorded = samples[samples["record"] == 0]["time"]
+    assert recorded.iloc[-1] - recorded.iloc[0] > 1.0  # at most the last second is lost
+    assert recorded.diff().dropna().max() < 0.05
+
+    code, out, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG", "--dry", "--json")
+    assert code == ExitCode.DONE, err
+    notes = open_run(Path(json.loads(out)["path"])).events
+    assert any("host silent; cleared" in str(text) for text in notes["message"])
+
+
+def test_two_hosts_on_one_port(project: Path, emulation: Emulation) -> None:
+    with begin(project, "run", "heating.yaml", "--port", "ttyRIG", "--json") as process:
+        try:
+            heated(emulation, process)
+            code, _, err = rigctl(project, "run", "heating.yaml", "--rig", "other.yaml", "--port", "ttyRIG")
+            assert code != ExitCode.DONE
+            assert "somebody else has this port open" in err
+            assert emulation.board.outputs[0], "the first one goes on"
+            assert "ending" in rigctl(project, "abort")[1]
+            out, _ = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    run = open_run(Path(json.loads(out)["path"]))
+    assert list(run.events["kind"]).count("gap") == 0
+    assert emulation.board.outputs == (False, False, False)
+
+
+def test_a_wrong_baud_rate_is_named_and_moves_nothing(project: Path, emulation: Emulation) -> None:
+    text = (project / "bench.yaml").read_text(encoding="utf-8")
+    (project / "bench.yaml").write_text(text.replace("baud: 115200", "baud: 9600"), encoding="utf-8")
+    code, _, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG")
+    assert code == ExitCode.FAILED
+    assert "nobody answers at 9600 baud; is it the port, its speed" in err
+    assert emulation.board.outputs == (False, False, False)
+
+
+def test_a_trip_is_cleared_on_purpose_only(project: Path, emulation: Emulation) -> None:
+    emulation.board.avr.send(b"DIAG:HANG\n")
+    while not emulation.board.avr.resets:
+        time.sleep(0.01)
+    code, _, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG")
+    assert code == ExitCode.FAILED
+    assert "the board has tripped: restarted by the MCU watchdog" in err
+    assert "rigctl off --clear-trips" in err
+    bench = ("--rig", "bench.yaml", "--port", "ttyRIG")
+    code, out, _ = rigctl(project, "off", *bench)
+    assert code == ExitCode.DONE
+    assert out.startswith("outputs are safe: heater off, valve neutral; the board has tripped: restarted")
+    code, out, _ = rigctl(project, "off", *bench, "--clear-trips")
+    assert code == ExitCode.DONE
+    assert "restarted by the MCU watchdog; cleared" in out
+    assert rigctl(project, "off", *bench)[1] == "outputs are safe: heater off, valve neutral\n"
