@@ -39,10 +39,11 @@ ENTRIES = (
     Entry("jog", "rigctl.cli.manual:jog", BENCH, "Move one actuator by hand, within the limits."),
     Entry("monitor", "rigctl.cli.manual:monitor", BENCH, "Watch the channels without a run."),
     Entry("runs", "rigctl.cli.runs:app", DATA, "List, show, verify, annotate, exclude and query runs."),
-    Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV or Parquet as a run."),
-    Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data as CSV or Parquet."),
+    Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV, Parquet, TDMS, MDF4 or MAT."),
+    Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data in these formats."),
     Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
+    Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry("effects", "rigctl.cli.effects:app", PHYSICS, "The library of effects, and your own."),
     Entry(
         "emulate",

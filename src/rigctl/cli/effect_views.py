@@ -6,16 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.cli.tables import console, table
 from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.document import effect_document
 from rigctl.effects.equations import terms_in_symbols, text_of
-from rigctl.files.write import to_json
 from rigctl.model.signature import Signature
 from rigctl.model.trial import SAME, Trial
 from rigctl.report.braille import draw_curve
@@ -23,37 +20,23 @@ from rigctl.report.effect_figure import shown_unit
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
 
-_PIPED_WIDTH = 160
 #: a part of a reading below which its change is rounding of the integration
 _ROUNDING = 1e-8
 #: so many effects that look alike are named
 _FEW = 3
 
 
-def print_json(document: Mapping[str, Any]) -> None:
-    """One JSON document on stdout."""
-    typer.echo(to_json(document))
-
-
-def console() -> Console:
-    """A console that does not wrap tables when it is piped."""
-    made = Console(highlight=False)
-    if not made.is_terminal:
-        made.width = _PIPED_WIDTH
-    return made
-
-
 def show_list(effects: Sequence[Effect]) -> None:
     """A table of effects for each family."""
     for family in dict.fromkeys(effect.family for effect in effects):
-        table = _table("effect", "kind", "acts at", "parameters", "")
+        listed = table("effect", "kind", "acts at", "parameters", "")
         for effect in effects:
             if effect.family == family:
                 where = "base physics" if effect.base else ", ".join(effect.slots)
                 names = ", ".join(parameter.name for parameter in effect.parameters)
-                table.add_row(effect.name, effect.kind, where, names, escape(effect.summary))
+                listed.add_row(effect.name, effect.kind, where, names, escape(effect.summary))
         console().print(f"[bold]{family}[/]")
-        console().print(table)
+        console().print(listed)
 
 
 def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
@@ -61,12 +44,12 @@ def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
     out = console()
     for family in documents:
         out.print(f"[bold]{family['family']}[/]")
-        slots = _table("slot", "unit", "", "meaning", "its own variables")
+        slots = table("slot", "unit", "", "meaning", "its own variables")
         for slot in family["slots"]:
             own = ", ".join(f"{local['name']} [{local['unit']}]" for local in slot["local"])
             slots.add_row(slot["name"], slot["unit"], slot["combine"], escape(slot["meaning"]), escape(own))
         out.print(slots)
-        variables = _table("variable", "unit", "meaning")
+        variables = table("variable", "unit", "meaning")
         for item in family["variables"]:
             variables.add_row(item["name"], item["unit"], escape(item["meaning"]))
         out.print(variables)
@@ -98,9 +81,9 @@ def show_effect(effect: Effect) -> None:
 
 
 def _parameters(effect: Effect) -> Table:
-    table = _table("parameter", "null", "start", "bounds", "sign", "meaning")
+    made = table("parameter", "null", "start", "bounds", "sign", "meaning")
     for parameter in effect.parameters:
-        table.add_row(
+        made.add_row(
             parameter.name,
             "shape" if parameter.null is None else _shown(parameter, parameter.null),
             _shown(parameter, parameter.start),
@@ -109,8 +92,8 @@ def _parameters(effect: Effect) -> Table:
             escape(parameter.meaning),
         )
     for way in effect.other_ways:
-        table.add_row(way.name, "", "", f"in {way.unit}", "", escape(f"sets {way.parameter}: {way.meaning}"))
-    return table
+        made.add_row(way.name, "", "", f"in {way.unit}", "", escape(f"sets {way.parameter}: {way.meaning}"))
+    return made
 
 
 def _shown(parameter: EffectParameter, si: float) -> str:
@@ -208,10 +191,3 @@ def trial_document(trial: Trial, rig: Rig | None) -> dict[str, Any]:
         "indistinguishable": [each.name for each in trial.alike if each.likeness > SAME],
         "warnings": list(trial.warnings),
     }
-
-
-def _table(*columns: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    return table

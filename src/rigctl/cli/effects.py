@@ -62,7 +62,8 @@ def list_(
 
     Example: rigctl effects list --family hydraulic_cylinder --slots
     """
-    from rigctl.cli.effect_views import print_json, show_list, show_slots
+    from rigctl.cli.effect_views import show_list, show_slots
+    from rigctl.cli.tables import print_json
     from rigctl.effects import library
     from rigctl.effects.document import effect_document, family_document
     from rigctl.physics.families import FAMILIES, find_family
@@ -103,7 +104,8 @@ def show(
 
     Example: rigctl effects show barus --with piston_leakage
     """
-    from rigctl.cli.effect_views import print_json, show_effect, show_signature, signature_document
+    from rigctl.cli.effect_views import show_effect, show_signature, signature_document
+    from rigctl.cli.tables import print_json
     from rigctl.effects.document import effect_document
     from rigctl.model.signature import signature
 
@@ -141,7 +143,8 @@ def check(
 
     Example: rigctl effects check my-effect.yaml --rig rigs/hl32-bench.yaml
     """
-    from rigctl.cli.effect_views import print_json, show_trial, trial_document
+    from rigctl.cli.effect_views import show_trial, trial_document
+    from rigctl.cli.tables import print_json
     from rigctl.effects.user import is_effect_file
     from rigctl.effects.user.load import place_of
     from rigctl.model.trial import faults_on_record, try_effect

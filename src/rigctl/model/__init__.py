@@ -1,7 +1,9 @@
 """A model: a family's base equations, effects, and the values of their parameters."""
 
 from rigctl.model.build import Effects, build_system, superset
+from rigctl.model.difference import ModelDifference, difference
 from rigctl.model.history.change import Change, ModelError
+from rigctl.model.history.errors import VersionError, version_errors
 from rigctl.model.history.save import load_version, save_version
 from rigctl.model.history.store import current_version, find_version, versions
 from rigctl.model.history.version import Version, VersionValue
@@ -18,14 +20,17 @@ __all__ = [
     "Effects",
     "InputSource",
     "Model",
+    "ModelDifference",
     "ModelError",
     "PlantInputs",
     "StatedValue",
     "Value",
     "Version",
+    "VersionError",
     "VersionValue",
     "build_system",
     "current_version",
+    "difference",
     "family_of",
     "find_version",
     "initial_state",
@@ -40,5 +45,6 @@ __all__ = [
     "save_version",
     "stated_values",
     "superset",
+    "version_errors",
     "versions",
 ]

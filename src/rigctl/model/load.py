@@ -144,7 +144,7 @@ def _effects(
         for key, setting in settings.items():
             read = partial(read_parameter, effect, key, setting.value, known)
             found = reader.read((*keys, key), read)
-            std = reader.read((*keys, "std"), partial(_effect_std, effect, key, setting, known))
+            std = reader.read((*keys, key, "std"), partial(_effect_std, effect, key, setting, known))
             for parameter, si in (found or {}).items():
                 declared = effect.parameter(parameter)
                 value = _stated(si, setting, std)

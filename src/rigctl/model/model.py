@@ -159,10 +159,10 @@ class Model:
         if name in self.effects:
             rest = {other: values for other, values in self.effects.items() if other != name}
             return replace(self, effects=MappingProxyType(rest))
-        base = find_effect(name, self.family)
-        if not base.base:
-            raise unknown_name("effect of this model", name, self.effects)
-        return self._with_base(base, present=False)
+        base = {known.name: known for known in library(self.family).values() if known.base}
+        if name not in base:
+            raise unknown_name("effect of this model", name, [*self.effects, *base])
+        return self._with_base(base[name], present=False)
 
     def with_values(
         self, values: Mapping[str, float], *, std: Mapping[str, float] | None = None, source: str = ""

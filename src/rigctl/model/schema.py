@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -45,6 +45,11 @@ class Setting(_Part):
         return {"anyOf": [properties["value"], mapping]}
 
 
+def _nothing(written: object) -> object:
+    """A heading with nothing below it is an empty mapping."""
+    return {} if written is None else written
+
+
 class ModelFile(_Part):
     """A family, the bench it is of, and the values of its parameters and effects."""
 
@@ -52,10 +57,12 @@ class ModelFile(_Part):
     description: str = Field(default="", description="for reports")
     rig: str | None = Field(default=None, description="the bench's rig file")
     oil: str | None = Field(default=None, description="the fluid, instead of the rig's")
-    parameters: dict[Name, Setting] = Field(default_factory=dict, description="of the family")
-    effects: dict[Name, dict[Name, Setting]] = Field(
-        default_factory=dict, description="what the model has besides its base, by name"
+    parameters: Annotated[dict[Name, Setting], BeforeValidator(_nothing)] = Field(
+        default_factory=dict, description="of the family"
     )
+    effects: Annotated[
+        dict[Name, Annotated[dict[Name, Setting], BeforeValidator(_nothing)]], BeforeValidator(_nothing)
+    ] = Field(default_factory=dict, description="what the model has besides its base, by name")
     own_effects: tuple[str, ...] = Field(
         default=(), description="effect files of one's own, whose names 'effects' may then use"
     )

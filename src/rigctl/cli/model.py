@@ -1,0 +1,134 @@
+"""`rigctl model`: what a model says, how it came to be, and how to change it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rigctl.cli.family import FamilyOption
+from rigctl.errors import RigctlError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    help="What a model says, how it came to be, and how to change it.\n\n"
+    "M is a model file, and M@3 its version 3. Every change made here becomes the next version; earlier ones "
+    "are kept in '.history' beside the file and never change.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+ModelFile = Annotated[
+    Path, typer.Argument(metavar="M", help="A model file; M@3 is its version 3.", show_default=False)
+]
+
+
+@app.command()
+def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False) -> None:
+    """Show a model: its equations in short, its effects, and every parameter.
+
+    A parameter has its value and unit, its standard deviation once a fit has found it, whether a fit may
+    change it, and where it comes from.
+
+    Example: rigctl model show models/hl32-textbook.yaml
+    """
+    from rigctl.cli.model_views import model_document, show_model
+    from rigctl.cli.plans import find_file
+    from rigctl.cli.tables import print_json
+    from rigctl.files.version_suffix import split_version
+    from rigctl.model import current_version, find_version, load_model
+
+    path = find_file(model)
+    found = load_model(path)
+    head, number = split_version(path)
+    version = current_version(head) if number is None else find_version(head, number)
+    print_json(model_document(found, version)) if as_json else show_model(found, version)
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A model, or M@3.", show_default=False)],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another one.", show_default=False)],
+    *,
+    family: FamilyOption = None,
+    as_json: Json = False,
+) -> None:
+    """Show what makes model B out of model A: effects and parameters.
+
+    Example: rigctl model diff models/hl32-textbook.yaml@1 models/hl32-textbook.yaml
+    """
+    from rigctl.cli.model_views import difference_document, show_difference
+    from rigctl.cli.plans import find_file
+    from rigctl.cli.tables import print_json
+    from rigctl.model import difference, load_model
+
+    found = difference(load_model(find_file(first)), load_model(find_file(second)))
+    print_json(difference_document(found)) if as_json else show_difference(found)
+
+
+@app.command()
+def history(model: ModelFile, *, as_json: Json = False) -> None:
+    """Show every version of a model: when and how it was made, and how the error fell.
+
+    Example: rigctl model history models/hl32-textbook.yaml
+    """
+    from rigctl.cli.model_views import history_document, show_history
+    from rigctl.cli.plans import find_file
+    from rigctl.cli.tables import print_json
+    from rigctl.model import current_version, versions
+
+    path = find_file(model)
+    found, current = versions(path), current_version(path)
+    print_json(history_document(found, current)) if as_json else show_history(found, current)
+
+
+@app.command()
+def remove(
+    model: ModelFile,
+    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect of the model, or base physics.")],
+    *,
+    family: FamilyOption = None,
+    as_json: Json = False,
+) -> None:
+    """Take an effect out of a model; the result is its next version.
+
+    Base physics is taken away by its null value. The other parameters keep their values.
+
+    Example: rigctl model remove models/hl32-textbook.yaml piston_leakage
+    """
+    from rigctl.cli.tables import print_json
+    from rigctl.model import Change, load_model, save_version
+
+    path = own_model(model)
+    found = load_model(path).without_effect(effect)
+    version = save_version(found, path, Change("remove", effect=effect))
+    if as_json:
+        print_json({"model": str(version.head), "version": version.number, "effect": effect})
+        return
+    typer.echo(f"{version.head} is now version {version.number}, without {effect}.")
+    typer.echo(
+        f"Version {version.parent} is kept: rigctl model diff {version.head}@{version.parent} {version.head}"
+    )
+
+
+def own_model(written: Path) -> Path:
+    """The model file that a command is to change: from the current folder or the project.
+
+    Raises
+    ------
+    RigctlError
+        there is none, or it is one of those that come with rigctl.
+    """
+    from rigctl.cli.plans import find_file
+    from rigctl.files.version_suffix import is_there
+    from rigctl.project import find_project
+
+    path = find_file(written)
+    if not is_there(written) and not path.is_relative_to(find_project().root):
+        raise RigctlError(
+            "this model comes with rigctl and is not changed",
+            value=str(written),
+            hint="Copy it into your project, or make one that has it with 'rigctl init'",
+        )
+    return path

@@ -1,0 +1,255 @@
+"""How models, their differences and their versions are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.cli.tables import console, table
+from rigctl.model import Model, StatedValue, Version, VersionError, stated_values, version_errors
+from rigctl.model.difference import ModelDifference, ValueDifference
+from rigctl.model.history.change import ModelError
+from rigctl.report.bars import draw_bar
+
+#: who says a value that the model file does not explain itself
+_SAID_BY = {
+    "model": "model file",
+    "rig": "rig file",
+    "oil": "oil",
+    "family": "typical",
+    "effect": "typical",
+}
+
+
+def show_model(model: Model, version: Version) -> None:
+    """Equations in short, effects, and a table of all parameters."""
+    out, family = console(), model.family
+    out.print(f"[bold]{escape(model.name)}[/] {escape(_which(version))}: {escape(model.description)}")
+    out.print(f"  {family.name}: {escape(family.title)}. Base equations: {escape(family.source)}")
+    rig = f"rig '{model.rig.name}'" if model.rig is not None else "no rig"
+    oil = model.oil or (model.rig.oil if model.rig is not None else None)
+    out.print(f"  {escape(rig)}{f', oil {oil}' if oil else ''}")
+    states = ", ".join(f"{state.name} ({state.unit})" for state in family.states)
+    out.print(f"  states: {escape(states or 'none')}")
+    out.print(f"  readings: {', '.join(model.system().output_names)}")
+    for name in model.effects:
+        effect = model.effect(name)
+        out.print(f"  effect [bold]{name}[/] at {', '.join(effect.slots)}: {escape(effect.equation)}")
+    if not model.effects:
+        out.print("  no effects besides its base")
+    out.print(_parameters(stated_values(model)))
+
+
+def _which(version: Version) -> str:
+    """Which version of which file, in words."""
+    kept = "" if version.kept or version.done.kind == "start" else ", not kept yet"
+    return f"({version.head}, version {version.number}{kept})"
+
+
+def _parameters(values: Sequence[StatedValue]) -> Table:
+    made = table("parameter", "value", "", "unit", "", "from", "meaning")
+    made.columns[1].justify = "right"
+    for stated in values:
+        made.add_row(
+            stated.name,
+            f"{stated.value:.6g}",
+            escape(_spread(stated)),
+            escape(stated.unit),
+            "fitted" if stated.fit else "fixed",
+            escape(stated.source or _SAID_BY[stated.origin]),
+            escape(stated.meaning),
+        )
+    return made
+
+
+def _spread(stated: StatedValue) -> str:
+    """The standard deviation, with its unit where that is another one."""
+    if stated.std_value is None:
+        return ""
+    unit = "" if stated.std_unit == stated.unit else f" {stated.std_unit}"
+    return f"± {stated.std_value:.2g}{unit}"
+
+
+def model_document(model: Model, version: Version) -> dict[str, Any]:
+    """A model as data."""
+    values = stated_values(model)
+    return {
+        "model": str(model.path),
+        "version": version.number,
+        "kept": version.kept,
+        "description": model.description,
+        "family": model.family.name,
+        "title": model.family.title,
+        "source": model.family.source,
+        "rig": model.rig.name if model.rig is not None else None,
+        "oil": model.oil or (model.rig.oil if model.rig is not None else None),
+        "states": [
+            {"name": state.name, "unit": state.unit, "meaning": state.meaning}
+            for state in model.family.states
+        ],
+        "readings": list(model.system().output_names),
+        "effects": [
+            {
+                "effect": name,
+                "summary": model.effect(name).summary,
+                "equation": model.effect(name).equation,
+                "slots": list(model.effect(name).slots),
+            }
+            for name in model.effects
+        ],
+        "parameters": [{"name": stated.name, **value_document(stated)} for stated in values],
+    }
+
+
+def value_document(stated: StatedValue) -> dict[str, Any]:
+    """A value as data, in the units beside it."""
+    return {
+        "value": stated.value,
+        "unit": stated.unit,
+        "std": stated.std_value,
+        "std_unit": stated.std_unit,
+        "fit": stated.fit,
+        "fixed": stated.fixed,
+        "origin": stated.origin,
+        "from": stated.source or _SAID_BY[stated.origin],
+        "meaning": stated.meaning,
+    }
+
+
+def show_difference(found: ModelDifference) -> None:
+    """Effects and parameters that differ."""
+    out = console()
+    out.print(f"[bold]{escape(str(found.before.path))}[/] to [bold]{escape(str(found.after.path))}[/]")
+    if found.same:
+        out.print("  They say the same.")
+        return
+    for name in found.added:
+        out.print(f"  [green]+[/] {name}: {escape(found.after.effect(name).equation)}")
+    for name in found.removed:
+        out.print(f"  [red]-[/] {name}: {escape(found.before.effect(name).equation)}")
+    for field, old, new in found.fields:
+        out.print(f"  {field}: {escape(old or 'none')} to {escape(new or 'none')}")
+    if found.values:
+        made = table("parameter", "A", "B", "unit", "change", "standard deviations")
+        for value in found.values:
+            made.add_row(*map(escape, _row(value)))
+        out.print(made)
+
+
+def _row(found: ValueDifference) -> tuple[str, ...]:
+    unit = next(stated.unit for stated in (found.after, found.before) if stated is not None)
+    change, deviations = found.change, found.deviations
+    return (
+        found.name,
+        _side(found.before),
+        _side(found.after),
+        unit,
+        "" if change is None else f"{100.0 * change:+.3g} %",
+        "" if deviations is None else f"{deviations:.2g}",
+    )
+
+
+def _side(stated: StatedValue | None) -> str:
+    """A value as one of two columns; what is fitted says so."""
+    if stated is None:
+        return ""
+    parts = (f"{stated.value:.6g}", _spread(stated), "fitted" if stated.fit else "")
+    return " ".join(part for part in parts if part)
+
+
+def difference_document(found: ModelDifference) -> dict[str, Any]:
+    """A difference as data."""
+    return {
+        "before": str(found.before.path),
+        "after": str(found.after.path),
+        "same": found.same,
+        "effects": {"added": list(found.added), "removed": list(found.removed)},
+        "fields": [{"field": field, "before": old, "after": new} for field, old, new in found.fields],
+        "parameters": [
+            {
+                "name": value.name,
+                "before": value_document(value.before) if value.before else None,
+                "after": value_document(value.after) if value.after else None,
+                "change": value.change,
+                "deviations": value.deviations,
+            }
+            for value in found.values
+        ],
+    }
+
+
+def show_history(versions: Sequence[Version], current: Version) -> None:
+    """A table of versions, and the error of each as bars."""
+    out = console()
+    out.print(f"[bold]{escape(str(current.head))}[/]")
+    made = table("version", "from", "when (UTC)", "what was done", "fitted to", "held out", "χ²")
+    for version in versions:
+        after = version.done.after
+        made.add_row(
+            f"{version.number}{' (head)' if version.number == current.number else ''}",
+            "" if version.parent is None else str(version.parent),
+            f"{version.time:%Y-%m-%d %H:%M}",
+            escape(f"{version.done}{'' if version.kept or version.parent is None else ', not kept yet'}"),
+            escape(", ".join(version.done.runs)),
+            escape(version.done.hold_out),
+            "" if after is None or after.chi2_reduced is None else f"{after.chi2_reduced:.4g}",
+        )
+    out.print(made)
+    found = version_errors(versions)
+    if found:
+        show_errors([(_label(each), each.error) for each in found])
+        if len({(each.runs, each.hold_out) for each in found}) > 1:
+            out.print("  Not all were found on the same runs and held-out records: compare with care.")
+
+
+def _label(found: VersionError) -> str:
+    return f"{found.version.number} {found.version.done}"
+
+
+def show_errors(steps: Sequence[tuple[str, ModelError]]) -> None:
+    """The error of each channel after each step, as bars on one scale, down to the noise."""
+    out = console()
+    width = max(len(label) for label, _ in steps)
+    for channel in dict.fromkeys(name for _, error in steps for name in error.rmse):
+        unit = next((error.units[channel] for _, error in steps if channel in error.units), "")
+        bars = _bars(steps, channel)
+        largest = max(value for _, _, value in bars)
+        out.print(f"  [bold]{channel}[/], root mean square error{escape(f' [{unit}]' if unit else '')}")
+        for label, kind, value in bars:
+            colour = {"fitted": "cyan", "held out": "yellow"}.get(kind, "dim")
+            bar = draw_bar(value, largest)
+            out.print(f"  {escape(label):<{width}}  {kind:<8} [{colour}]{bar}[/] {value:.4g}", soft_wrap=True)
+
+
+def _bars(steps: Sequence[tuple[str, ModelError]], channel: str) -> list[tuple[str, str, float]]:
+    """Label, kind and value of every bar of a channel."""
+    bars: list[tuple[str, str, float]] = []
+    for label, error in steps:
+        if channel in error.rmse:
+            bars.append((label, "fitted", error.rmse[channel]))
+        if channel in error.heldout_rmse:
+            named = label if channel not in error.rmse else ""
+            bars.append((named, "held out", error.heldout_rmse[channel]))
+    noise = [error.noise[channel] for _, error in steps if channel in error.noise]
+    return bars + [("", "noise", value) for value in noise[-1:]]
+
+
+def history_document(versions: Sequence[Version], current: Version) -> dict[str, Any]:
+    """The versions of a model as data; `errors` are those that the bars show."""
+    return {
+        "model": str(current.head),
+        "current": current.number,
+        "versions": [{**version.document(), "kept": version.kept} for version in versions],
+        "errors": [
+            {
+                "version": found.version.number,
+                "runs": list(found.runs),
+                "hold_out": found.hold_out or None,
+                **found.error.document(),
+            }
+            for found in version_errors(versions)
+        ],
+    }

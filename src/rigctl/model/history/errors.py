@@ -1,0 +1,42 @@
+"""How the error of a model fell from version to version."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rigctl.model.history.change import ModelError
+from rigctl.model.history.version import Version
+
+
+@dataclass(frozen=True)
+class VersionError:
+    """The error of a version, and the runs and held-out records on which it was found."""
+
+    version: Version
+    error: ModelError
+    runs: tuple[str, ...]
+    hold_out: str
+
+
+def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
+    """The error of each version that is known: as it was after the change that made it.
+
+    Of a version that was made by hand, it is what the first version made out of it was before its change.
+    """
+    first_child: dict[int, Version] = {}
+    for version in versions:
+        if version.parent is not None and version.done.before is not None:
+            first_child.setdefault(version.parent, version)
+    found = []
+    for version in versions:
+        child = first_child.get(version.number)
+        if version.done.after is not None:
+            found.append(_error(version, version.done.after, version))
+        elif child is not None and child.done.before is not None:
+            found.append(_error(version, child.done.before, child))
+    return tuple(found)
+
+
+def _error(version: Version, error: ModelError, found_on: Version) -> VersionError:
+    return VersionError(version, error, found_on.done.runs, found_on.done.hold_out)

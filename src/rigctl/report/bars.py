@@ -1,0 +1,16 @@
+"""A horizontal bar drawn with block characters, an eighth of a character fine, for a terminal."""
+
+from __future__ import annotations
+
+import math
+
+_EIGHTHS = " ▏▎▍▌▋▊▉█"
+
+
+def draw_bar(value: float, largest: float, *, width: int = 40) -> str:
+    """A bar of `value` where `largest` fills the width; nothing for what is not a positive number."""
+    if not (value > 0.0 and largest > 0.0 and math.isfinite(value)):
+        return ""
+    eighths = max(round(min(value / largest, 1.0) * width * 8), 1)
+    whole, rest = divmod(eighths, 8)
+    return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")
