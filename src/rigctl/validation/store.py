@@ -1,0 +1,105 @@
+"""Results of the benchmark on disk: one JSON line for each finished scenario.
+
+A line is written whole and handed to the disk before the next begins, so that a kill at any moment loses at
+most the scenarios in work. A line that was cut short is passed over when the file is read again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rigctl.errors import Location, RigctlError
+from rigctl.validation.outcome import Outcome
+from rigctl.validation.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class ResultStore:
+    """The results of one version of the tool in one file.
+
+    Attributes
+    ----------
+    path: of the file; it and its folder are made when the first result is kept.
+    version: of what is judged; results of other versions stay in the file and are not read.
+    """
+
+    path: Path
+    version: str
+
+    def outcomes(self, scenarios: Iterable[Scenario] | None = None) -> tuple[Outcome, ...]:
+        """What is kept, of these scenarios or of all, each scenario once: its last result.
+
+        Raises
+        ------
+        RigctlError
+            the file cannot be read.
+        """
+        wanted = None if scenarios is None else {scenario.name for scenario in scenarios}
+        found = {}
+        for line in self._lines():
+            if line.get("version") == self.version and (wanted is None or line["scenario"] in wanted):
+                found[line["scenario"]] = Outcome.read(line["outcome"])
+        return tuple(found.values())
+
+    def missing(self, scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
+        """The scenarios that have no result yet."""
+        done = {line["scenario"] for line in self._lines() if line.get("version") == self.version}
+        return tuple(scenario for scenario in scenarios if scenario.name not in done)
+
+    def keep(self, outcome: Outcome) -> None:
+        """Append a result.
+
+        Raises
+        ------
+        RigctlError
+            the disk is full or gone.
+        """
+        line = {"scenario": outcome.scenario.name, "version": self.version, "outcome": outcome.document()}
+        text = json.dumps(line, ensure_ascii=False, default=_plain)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("ab") as file:
+                if self._cut_short():
+                    file.write(b"\n")
+                file.write(text.encode("utf-8") + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as problem:
+            raise RigctlError(
+                f"cannot keep the result: {problem.strerror}", where=Location(self.path)
+            ) from problem
+
+    def _cut_short(self) -> bool:
+        """True when the last line lacks its end."""
+        with self.path.open("rb") as file:
+            if file.seek(0, os.SEEK_END) == 0:
+                return False
+            file.seek(-1, os.SEEK_END)
+            return file.read(1) != b"\n"
+
+    def _lines(self) -> Iterator[dict[str, Any]]:
+        try:
+            text = self.path.read_text(encoding="utf-8", errors="replace")
+        except FileNotFoundError:
+            return
+        except OSError as problem:
+            raise RigctlError(
+                f"cannot read the results: {problem.strerror}", where=Location(self.path)
+            ) from problem
+        for line in text.split("\n"):
+            try:
+                found = json.loads(line)
+            except ValueError:
+                continue
+            if isinstance(found, dict) and {"scenario", "outcome"} <= found.keys():
+                yield found
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers as Python's."""
+    return value.item() if hasattr(value, "item") else str(value)

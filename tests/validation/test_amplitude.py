@@ -1,0 +1,54 @@
+"""Amplitudes for a wanted size, found in few simulations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigctl.validation.amplitude import Amplitudes, Clean
+from rigctl.validation.bench.campaign import Campaign
+from rigctl.validation.hidden_effects import find_hidden
+
+SMALL = Campaign(temperatures=(30.0,), pressures=(30.0,))
+
+
+class Size:
+    """The norm of the difference of the positions, in 0.1 mm."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, with_it: Clean, without: Clean) -> float:
+        self.calls += 1
+        pairs = zip(with_it, without, strict=True)
+        return float(np.linalg.norm([(a["position"] - b["position"]) / 1e-4 for (_, a), (_, b) in pairs]))
+
+
+@pytest.mark.parametrize(
+    "effect", ["coulomb_friction", "valve_open_delay", "piston_leakage", "entrained_air"]
+)
+def test_size_is_reached_within_two_per_cent(effect: str) -> None:
+    size = Size()
+    search = Amplitudes(size)
+    for wanted in (6.0, 10.0, 30.0):
+        found = search.find(find_hidden(effect), wanted, SMALL)
+        assert found.reached
+        assert found.size == pytest.approx(wanted, rel=0.021)
+    assert size.calls <= 10
+    again = search.find(find_hidden(effect), 10.0, SMALL)
+    assert again.size == pytest.approx(10.0, rel=0.021)
+    assert size.calls <= 10
+
+
+def test_direction_is_the_librarys() -> None:
+    found = Amplitudes(Size()).find(find_hidden("position_thermal_drift"), 10.0, SMALL, sign=-1)
+    assert found.reached
+    assert found.value < 0.0
+
+
+def test_what_cannot_be_reached_is_said() -> None:
+    found = Amplitudes(Size()).find(find_hidden("pressure_gain"), 6.0, SMALL)
+    assert not found.reached
+    small = Amplitudes(Size()).find(find_hidden("radiation_loss"), 6.0, SMALL)
+    assert not small.reached
+    assert 0.0 < small.size < 6.0

@@ -1,0 +1,130 @@
+"""Rates of the benchmark: Wilson's bounds, and what counts as right."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.validation.outcome import Interval, Outcome
+from rigctl.validation.rates import confusion, document, rates, wilson
+from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.tables import confusion_table, markdown, rates_table
+
+NOTHING = Scenario("nothing")
+ONE = Scenario("one", (Wanted("coulomb_friction", 10.0),))
+TWO = Scenario("two", (Wanted("coulomb_friction", 10.0), Wanted("piston_leakage", 10.0)))
+REMOVED = Scenario("removed", (Wanted("coulomb_friction", 30.0),))
+
+
+def one(verdict="missing_effect", effects=("coulomb_friction",), **rest) -> Outcome:
+    given = {"first": effects[0] if effects else None, "rival_cosine": 0.5, "separation": 5.0, **rest}
+    return Outcome(ONE, verdict=verdict, effects=effects, **given)
+
+
+def test_wilson_against_published_values() -> None:
+    assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert wilson(5, 10) == pytest.approx((0.2366, 0.7634), abs=1e-4)
+    assert wilson(10, 10) == pytest.approx((0.7225, 1.0), abs=1e-4)
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+@given(st.integers(1, 10_000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_wilson_holds_the_share(pair: tuple[int, int]) -> None:
+    count, trials = pair
+    low, high = wilson(count, trials)
+    assert 0.0 <= low <= count / trials + 1e-12
+    assert count / trials - 1e-12 <= high <= 1.0
+
+
+def by_name(outcomes: list[Outcome]) -> dict[tuple[str, str], tuple[int, int]]:
+    return {(rate.name, rate.of): (rate.count, rate.trials) for rate in rates(outcomes)}
+
+
+def test_false_alarms() -> None:
+    outcomes = [
+        Outcome(NOTHING, verdict="adequate"),
+        Outcome(NOTHING, verdict="ambiguous", effects=("coulomb_friction",)),
+        Outcome(NOTHING, failure="no convergence"),
+        Outcome(Scenario("nothing", noise_known=True), verdict="adequate"),
+    ]
+    found = by_name(outcomes)
+    assert found["false alarm, nothing hidden", "noise estimated"] == (2, 3)
+    assert found["false alarm, nothing hidden", "noise known"] == (0, 1)
+
+
+def test_a_class_that_holds_the_truth_is_right() -> None:
+    twins = (("coulomb_friction", "stribeck_friction"),)
+    ambiguous = one("ambiguous", ("stribeck_friction",), classes=twins, separation=1.0)
+    assert ambiguous.right
+    assert ambiguous.exact
+    assert not one(effects=("stribeck_friction",)).right
+    found = by_name([ambiguous, one(), one(effects=("stribeck_friction",)), one("adequate", (), first="x")])
+    assert found["accepted and wrong", "one or two hidden"] == (1, 4)
+    assert found["hidden effect found as first", "λ = 10, all cos < 0.85"] == (1, 4)
+    assert found["reports the class", "d < 2.33"] == (1, 1)
+    assert found["class of one", "d >= 2.33"] == (1, 1)
+
+
+def test_two_effects_must_both_be_named_and_nothing_else() -> None:
+    def two(*effects: str) -> Outcome:
+        return Outcome(TWO, verdict="missing_effect", effects=effects)
+
+    assert two("piston_leakage", "coulomb_friction").exact
+    assert two("piston_leakage").right
+    assert not two("piston_leakage").exact
+    assert not two("piston_leakage", "coulomb_friction", "spring_load").right
+    assert not two("piston_leakage", "spring_load").exact
+
+
+def test_removed_truth_coverage_and_what_was_not_made() -> None:
+    inside = Interval("coulomb_friction", "force", 100.0, 90.0, 110.0)
+    outside = Interval("coulomb_friction", "force", 100.0, 101.0, 110.0)
+    same = Scenario("one", ONE.hidden, "same")
+    outcomes = [
+        Outcome(REMOVED, verdict="outside_library", rival_cosine=0.3),
+        Outcome(REMOVED, verdict="missing_effect", effects=("spring_load",), rival_cosine=0.95),
+        Outcome(same, verdict="missing_effect", effects=("coulomb_friction",), intervals=(inside, outside)),
+        Outcome(ONE, untested="λ 10 cannot be reached"),
+    ]
+    found = by_name(outcomes)
+    name = "outside_library, truth removed from it"
+    assert found[name, "best rival's cos < 0.85"] == (1, 1)
+    assert found[name, "all"] == (1, 2)
+    assert found["95 % interval covers the truth", "the library’s own shape"] == (1, 2)
+    assert document(outcomes)["untested"] == [{"scenario": ONE.name, "why": "λ 10 cannot be reached"}]
+
+
+def test_confusion_counts_what_was_found_first() -> None:
+    outcomes = [one(), one(), one(effects=("spring_load",)), one("adequate", (), first="spring_load")]
+    assert confusion(outcomes) == {"coulomb_friction": {"coulomb_friction": 2, "spring_load": 1, "none": 1}}
+
+
+def test_tables_show_the_same_figures() -> None:
+    from io import StringIO
+
+    from rich.console import Console
+
+    outcomes = [one(), one(effects=("spring_load",)), Outcome(NOTHING, verdict="adequate")]
+    text = markdown(outcomes)
+    assert "| coulomb_friction | 1 of 2 | spring_load 1 |" in text
+    assert "| 50.0 % | 9.5 % to 90.5 % | 1 of 2 | at least 97.0 %: missed |" in text
+    console = Console(file=StringIO(), width=200)
+    console.print(rates_table(outcomes))
+    console.print(confusion_table(outcomes))
+    shown = console.file.getvalue()
+    assert "1 of 2" in shown
+    assert "spring_load 1" in shown
+    json.dumps(document(outcomes), allow_nan=False)
+
+
+def test_an_outcome_survives_json() -> None:
+    outcome = one(
+        classes=(("a", "b"),),
+        intervals=(Interval("e", "p", 1.0, 0.5, 2.0),),
+        sizes=(9.9,),
+        amplitudes=(50.0,),
+    )
+    assert Outcome.read(json.loads(json.dumps(outcome.document()))) == outcome

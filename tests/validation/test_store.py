@@ -1,0 +1,72 @@
+"""Results that survive a kill, and work that goes on where it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.validation.outcome import Outcome
+from rigctl.validation.parallel import Standing, run_scenarios
+from rigctl.validation.scenario import Scenario
+from rigctl.validation.store import ResultStore
+from validation_work import dying, quick
+
+SCENARIOS = [Scenario("nothing", seed=seed) for seed in range(8)]
+
+
+def test_a_line_that_was_cut_short_is_done_again(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "kept" / "results.jsonl", "1")
+    for scenario in SCENARIOS[:3]:
+        store.keep(Outcome(scenario, verdict="adequate"))
+    whole = store.path.read_bytes()
+    store.path.write_bytes(whole[:-40])
+    assert [s.seed for s in store.missing(SCENARIOS)] == [2, 3, 4, 5, 6, 7]
+    store.keep(Outcome(SCENARIOS[2], verdict="ambiguous"))
+    assert [outcome.verdict for outcome in store.outcomes()] == ["adequate", "adequate", "ambiguous"]
+
+
+def test_results_of_another_version_do_not_count(tmp_path: Path) -> None:
+    path = tmp_path / "results.jsonl"
+    ResultStore(path, "1").keep(Outcome(SCENARIOS[0], verdict="adequate"))
+    assert len(ResultStore(path, "2").missing(SCENARIOS)) == len(SCENARIOS)
+    assert ResultStore(path, "2").outcomes() == ()
+
+
+def test_the_last_result_of_a_scenario_counts(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "results.jsonl", "1")
+    for verdict in ("adequate", "ambiguous"):
+        store.keep(Outcome(SCENARIOS[0], verdict=verdict))
+    assert [outcome.verdict for outcome in store.outcomes(SCENARIOS)] == ["ambiguous"]
+
+
+def test_a_store_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="cannot keep the result"):
+        ResultStore(tmp_path, "1").keep(Outcome(SCENARIOS[0]))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
+    store = ResultStore(tmp_path / "results.jsonl", "1")
+    first = run_scenarios(SCENARIOS[:4], quick, store, workers=workers)
+    assert {outcome.scenario.seed: bool(outcome.failure) for outcome in first} == {
+        0: False, 1: True, 2: False, 3: True,
+    }  # fmt: skip
+    seen: list[Standing] = []
+    found = run_scenarios(SCENARIOS, quick, store, workers=workers, progress=seen.append)
+    assert len(found) == 8
+    assert len(store.path.read_text(encoding="utf-8").splitlines()) == 8
+    assert [standing.done for standing in seen] == [4, 5, 6, 7, 8]
+    assert seen[-1].left == 0.0
+    assert seen[-1].failed == 2
+    assert str(seen[-1]).startswith("8 of 8, 2 failed")
+
+
+def test_a_killed_process_costs_only_what_was_in_work(tmp_path: Path) -> None:
+    store = ResultStore(tmp_path / "results.jsonl", "1")
+    with pytest.raises(RigctlError, match="was killed"):
+        run_scenarios(SCENARIOS, dying, store, workers=2)
+    kept = len(store.outcomes())
+    assert kept < 8
+    assert len(run_scenarios(SCENARIOS, quick, store, workers=1)) == 8
