@@ -13,27 +13,38 @@ def export(
     *,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Ends in .csv or .parquet; RUN.csv by default."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Ends in .csv, .parquet, .tdms, .mf4 or .mat; RUN.csv by default.",
+        ),
     ] = None,
-    table: Annotated[str, typer.Option(help="samples, records or events.")] = "samples",
+    table: Annotated[
+        str | None,
+        typer.Option(help="samples; observations: condition and measures of each record; records; events."),
+    ] = None,
     record: Annotated[
         list[int] | None, typer.Option(help="Only the samples of this record; repeatable.")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Write a run's data to a file that any program reads, with units in its heading.
+    """Write a run's data to a file that other programs read, every column with its unit.
 
-    'rigctl import' reads it back.
+    The end of the file's name says its kind: CSV, Parquet, TDMS (LabVIEW), MDF4 or MAT (MATLAB); in the last
+    three each record is a group of its own. 'rigctl import' reads samples and observations back. Without
+    --table it is the samples, or the observations of a run that has no samples.
 
     Example: rigctl export latest -o strokes.csv
     """
     from rigctl.dataset import open_run
-    from rigctl.dataset.exporting import export_run
+    from rigctl.dataset.exporting import default_table, export_run
     from rigctl.files.write import to_json
 
     opened = open_run(run)
-    suffix = "" if table == "samples" else f"-{table}"
+    table = table or default_table(opened)
+    suffix = f"-{table}" if table != "samples" else ""
     path = output or Path(f"{opened.id}{suffix}.csv")
     rows = export_run(opened, path, table=table, records=record, overwrite=overwrite)
     if as_json:

@@ -75,7 +75,9 @@ def import_file(
         raise refuse(path, found.faults, found.bad_rows)
     if not taken.rows:
         raise RigctlError("there is nothing to import", where=Location(path))
-    said = tuple(notes(found, taken.layout, rig)) if isinstance(taken, Samples) and rig is not None else ()
+    said = taken.source.remarks
+    if isinstance(taken, Samples) and rig is not None:
+        said += tuple(notes(found, taken.layout, rig))
     writer = RunWriter.create(runs, _header(path, rig, taken.layout, runs, operator))
     try:
         for sentence in said:

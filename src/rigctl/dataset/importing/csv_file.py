@@ -47,6 +47,7 @@ class CsvFile:
     headings: tuple[Heading, ...]
     cells: Cells
     first_line: int
+    remarks: tuple[str, ...] = ()
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows in order; a row that cannot be read is a fault of its part."""

@@ -26,6 +26,7 @@ class ParquetFile:
     path: Path
     headings: tuple[Heading, ...]
     names: tuple[str, ...]  #: of the columns, as they stand in the file
+    remarks: tuple[str, ...] = ()
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows in order."""

@@ -97,6 +97,10 @@ class Source(Protocol):
     def headings(self) -> tuple[Heading, ...]:
         """One per column."""
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What of the file is not used, one sentence each."""
+
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows in order, read anew.
 

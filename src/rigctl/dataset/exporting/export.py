@@ -1,0 +1,91 @@
+"""A run's tables, handed out as files that other programs read, and that can be brought in again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol, cast
+
+from rigctl.dataset.exporting.tables import observations
+from rigctl.dataset.parquet import replace_with, write_error
+from rigctl.errors import Location, RigctlError, unknown_name
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from rigctl.dataset.run import Run
+
+#: modules that write each kind of file, by the end of its name
+FORMATS: Final[Mapping[str, str]] = {
+    ".csv": "csv_file",
+    ".parquet": "parquet_file",
+    ".tdms": "tdms_file",
+    ".mf4": "mdf_file",
+    ".mat": "mat_file",
+}
+#: the tables of a run that can be handed out
+TABLES: Final = ("samples", "observations", "records", "events")
+
+
+class Writer(Protocol):
+    """Writes a table to a new file: `names` are the records' names by index, `title` what the table is."""
+
+    def __call__(self, path: Path, table: pa.Table, names: Sequence[str], title: str) -> None:
+        """Write it."""
+
+
+def export_run(
+    run: Run,
+    path: Path,
+    *,
+    table: str | None = None,
+    records: Sequence[int] | None = None,
+    overwrite: bool = False,
+) -> int:
+    """Write one of a run's tables, every column with its unit; returns the number of rows.
+
+    Parameters
+    ----------
+    path: its ending says the format: ``.csv``, ``.parquet``, ``.tdms``, ``.mf4`` or ``.mat``.
+    table: ``samples``; ``observations``, the condition and the measures of every record; ``records`` or
+        ``events``. When left out the samples, or the observations of a run that has no samples.
+    records: only the samples of these records.
+    overwrite: replace a file that is there.
+
+    Raises
+    ------
+    RigctlError
+        the file is there already or cannot be written, or there is no such table, format or record, or what
+        writes it is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        endings = ", ".join(FORMATS)
+        raise RigctlError("unknown kind of file", value=path.name, expected=f"a name that ends in {endings}")
+    wanted = table or default_table(run)
+    if wanted not in TABLES:
+        raise unknown_name("table", wanted, TABLES)
+    if path.exists() and not overwrite:
+        raise RigctlError("the file is there already", where=Location(path), hint="'--overwrite' replaces it")
+    content = _table(run, wanted, records)
+    module = import_module(f"rigctl.dataset.exporting.{FORMATS[suffix]}")
+    write = cast("Writer", module.write)
+    with replace_with(path) as draft, write_error(path):
+        write(draft, content, run.records["name"].tolist(), wanted)
+    return int(content.num_rows)
+
+
+def default_table(run: Run) -> str:
+    """The samples of a run, or the observations of one that has no samples."""
+    return "samples" if run.info["rows"] or not run.info["records"] else "observations"
+
+
+def _table(run: Run, table: str, records: Sequence[int] | None) -> pa.Table:
+    import pyarrow as pa
+
+    if table == "observations":
+        return observations(run)
+    if table != "samples" or records is None:
+        return run.table(table)
+    return pa.concat_tables([run.table("samples", record=record) for record in records])

@@ -1,0 +1,110 @@
+"""A run's tables as they are handed out: what only rigctl's own files need is taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from rigctl.dataset.run import Run
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column with its unit, "" for none; `values` are numbers, or texts in an array of objects."""
+
+    name: str
+    unit: str
+    values: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Rows that belong together: a record, what lies between two, or a whole table."""
+
+    name: str
+    columns: tuple[Column, ...]
+
+
+def observations(run: Run) -> pa.Table:
+    """One row per record: its condition and its measures; its name too, where they differ."""
+    table = run.table("records")
+    fields = [
+        table.schema.field(index)
+        for index, column in enumerate(table.schema)
+        if (column.metadata or {}).get(b"kind") in (b"sweep", b"measure")
+    ]
+    kept = table.select([field.name for field in fields])
+    kept = kept.rename_columns([field.metadata[b"variable"].decode("utf-8") for field in fields])
+    if len(set(table["name"].to_pylist())) > 1:
+        kept = kept.add_column(0, "record", table["name"])
+    return kept
+
+
+def unit_of(field: pa.Field) -> str:
+    """The unit of a column, "" for none and for the number of a record."""
+    unit: str = (field.metadata or {}).get(b"unit", b"").decode("utf-8")
+    return "" if unit == "1" and field.name == "record" else unit
+
+
+def headed(table: pa.Table) -> pa.Table:
+    """The table with ``name [unit]`` for names, and without metadata."""
+    import pyarrow as pa
+
+    fields = []
+    for field in table.schema:
+        unit = unit_of(field)
+        fields.append(pa.field(f"{field.name} [{unit}]" if unit else field.name, field.type))
+    return pa.table(table.columns, schema=pa.schema(fields))
+
+
+def pieces(table: pa.Table, names: Sequence[str], title: str) -> Iterator[Piece]:
+    """Samples record by record, in the order of the run; any other table whole.
+
+    A record is called by its name where no two have the same, else by name and index. What lies between
+    records has a column ``record`` of −1, by which it is known again.
+    """
+    columns = [_column(table, index) for index in range(table.num_columns)]
+    if title != "samples":
+        yield Piece(title, tuple(columns))
+        return
+    numbers = next(column.values for column in columns if column.name == "record")
+    alike = len(set(names)) < len(names)
+    for count, (start, stop) in enumerate(_equal(numbers)):
+        record = int(numbers[start])
+        here = [Column(c.name, c.unit, c.values[start:stop]) for c in columns]
+        if record < 0:
+            yield Piece(f"between records, {count}", tuple(here))
+        else:
+            name = f"{names[record]} {record}" if alike else names[record]
+            yield Piece(name, tuple(column for column in here if column.name != "record"))
+
+
+def _equal(numbers: NDArray[np.int32]) -> list[tuple[int, int]]:
+    """Where equal numbers begin and end."""
+    import numpy as np
+
+    edges = (np.flatnonzero(np.diff(numbers)) + 1).tolist()
+    return list(pairwise([0, *edges, len(numbers)])) if len(numbers) else []
+
+
+def _column(table: pa.Table, index: int) -> Column:
+    import numpy as np
+    import pyarrow as pa
+
+    field, column = table.schema.field(index), table.column(index)
+    unit = unit_of(field)
+    if pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
+        texts = ["" if text is None else text for text in column.to_pylist()]
+        return Column(field.name, unit, np.array(texts, dtype=object))
+    if pa.types.is_boolean(field.type):
+        column = column.cast(pa.int8())
+    if column.null_count:
+        column = column.cast(pa.float64())
+    return Column(field.name, unit, column.to_numpy())

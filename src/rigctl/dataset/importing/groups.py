@@ -1,0 +1,276 @@
+"""Files that hold groups of columns: each group is a record, unless the file says otherwise.
+
+A LabVIEW file has groups of channels, an MDF file channel groups, a MATLAB file structures; here they are
+alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.importing.table import (
+    PART_ROWS,
+    Heading,
+    Labels,
+    Part,
+    labels_of_numbers,
+    labels_of_texts,
+)
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: how other programs write units that have another name here
+_UNITS: Final[Mapping[str, str]] = {
+    "deg C": "degC",
+    "Deg C": "degC",
+    "degrees C": "degC",
+    "Celsius": "degC",
+    "sec": "s",
+    "seconds": "s",
+    "-": "1",
+    "none": "1",
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a group: `read` gives the values from one row to another, as the file has them."""
+
+    name: str
+    unit: str | None
+    read: Callable[[int, int], NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns of equal length. `name` is what the file calls them; empty where it has only one group."""
+
+    name: str
+    rows: int
+    columns: tuple[Column, ...]
+
+    def column(self, name: str) -> Column | None:
+        """The column of that name."""
+        return next((column for column in self.columns if column.name == name), None)
+
+
+#: opens the file and gives its groups, as often as it is called
+Reading = Callable[[], AbstractContextManager[Sequence[Group]]]
+
+
+@dataclass(frozen=True)
+class GroupedFile:
+    """A file of groups whose headings are known: those of all groups together, in the order they appear.
+
+    `noun` is what the format calls a group; `remarks` say what of the file is not used.
+    """
+
+    path: Path
+    headings: tuple[Heading, ...]
+    reading: Reading
+    noun: str = "group"
+    remarks: tuple[str, ...] = ()
+
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+        """The rows of group after group; what a group lacks is missing."""
+        with self.reading() as groups:
+            for group in groups:
+                for start in range(0, group.rows, PART_ROWS):
+                    yield self._part(group, start, min(start + PART_ROWS, group.rows), wanted, record)
+
+    def _part(self, group: Group, start: int, stop: int, wanted: Collection[int], record: int | None) -> Part:
+        import numpy as np
+
+        columns = {place: self._numbers(group, self.headings[place].name, start, stop) for place in wanted}
+        lines = np.arange(start + 1, stop + 1, dtype=np.int64)
+        place = f"{self.noun} '{group.name}'" if group.name else ""
+        return Part(columns, lines, self._labels(group, start, stop, record), group=place)
+
+    def _numbers(self, group: Group, name: str, start: int, stop: int) -> NDArray[np.float64]:
+        import numpy as np
+
+        column = group.column(name)
+        if column is None:
+            return np.full(stop - start, np.nan)
+        return as_numbers(self.path, name, column.read(start, stop))
+
+    def _labels(self, group: Group, start: int, stop: int, record: int | None) -> Labels | None:
+        """A column of records goes before the name of the group."""
+        import numpy as np
+
+        column = None if record is None else group.column(self.headings[record].name)
+        if column is None:
+            codes = np.zeros(stop - start, dtype=np.int64)
+            return Labels(codes, (group.name,), named=True) if group.name else None
+        values = column.read(start, stop)
+        if is_text(values):
+            return labels_of_texts([_as_text(value) for value in values])
+        return labels_of_numbers(as_numbers(self.path, column.name, values))
+
+
+def open_groups(path: Path, reading: Reading, names: Mapping[str, str], noun: str = "group") -> GroupedFile:
+    """A file of groups, ready to be read.
+
+    Parameters
+    ----------
+    names: ours by theirs, so that the column of time is known.
+
+    Raises
+    ------
+    RigctlError
+        there is nothing in the file, a column has two units, or the groups are no records.
+    """
+    with reading() as found:
+        groups, remarks = _with_time(found, names, noun)
+        if not groups:
+            raise RigctlError("the file has no data", where=Location(path))
+        _check_alike(path, groups, names, noun)
+        headings = _headings(path, groups, noun)
+    return GroupedFile(path, headings, _chosen(reading, {group.name for group in groups}), noun, remarks)
+
+
+def _chosen(reading: Reading, chosen: Collection[str]) -> Reading:
+    """Only the groups that are used."""
+
+    @contextmanager
+    def opened() -> Iterator[Sequence[Group]]:
+        with reading() as groups:
+            yield [group for group in groups if group.name in chosen and group.rows]
+
+    return opened
+
+
+def _ours(name: str, names: Mapping[str, str]) -> str:
+    return names.get(name, name).partition("[")[0].strip()
+
+
+def _with_time(
+    groups: Sequence[Group], names: Mapping[str, str], noun: str
+) -> tuple[list[Group], tuple[str, ...]]:
+    """Groups with rows; where some have time, those without it hold something else than samples."""
+    filled = [group for group in groups if group.rows and group.columns]
+    timed = [group for group in filled if any(_ours(c.name, names) == "time" for c in group.columns)]
+    if not timed:
+        return filled, ()
+    others = [group.name for group in filled if group not in timed]
+    return timed, tuple(f"{noun} '{name}' has no time and is left out" for name in others)
+
+
+def _check_alike(path: Path, groups: Sequence[Group], names: Mapping[str, str], noun: str) -> None:
+    """Records have channels in common; groups that have none are parts of one measurement."""
+    own = [
+        {_ours(column.name, names) for column in group.columns} - {"time", "record", "-"} for group in groups
+    ]
+    if len(groups) > 1 and not set.intersection(*own):
+        listed = ", ".join(f"'{group.name}'" for group in groups[:5]) + (", …" if len(groups) > 5 else "")
+        raise RigctlError(
+            f"its {noun}s have no channel in common: they are no records, but parts of one measurement with "
+            "times of their own",
+            value=listed,
+            expected=f"one {noun} for each record, with the same channels",
+            hint="Bring the channels to the same times first, or write them to a CSV file",
+            where=Location(path),
+        )
+
+
+def _headings(path: Path, groups: Sequence[Group], noun: str) -> tuple[Heading, ...]:
+    units: dict[str, tuple[str | None, str]] = {}
+    for group in groups:
+        for column in group.columns:
+            unit, first = units.setdefault(column.name, (column.unit, group.name))
+            if unit != column.unit:
+                raise RigctlError(
+                    f"{column.name}: its unit is not the same in every {noun}",
+                    value=f"{column.unit or 'no unit'} in '{group.name}'",
+                    expected=f"{unit or 'no unit'} as in '{first}'",
+                    where=Location(path),
+                )
+    return tuple(Heading(name, unit, Location(path)) for name, (unit, _) in units.items())
+
+
+def unit_of(written: object) -> str | None:
+    """The unit that a file gives a channel, as it is called here; None where it gives none."""
+    text = str(written).strip() if written is not None else ""
+    return _UNITS.get(text, text) or None
+
+
+def common_length(path: Path, where: str, lengths: Mapping[str, int], names: Mapping[str, str]) -> int:
+    """The number of rows of all columns that are not left out; `where` says of what, e.g. ``group 'A'``.
+
+    Raises
+    ------
+    RigctlError
+        they have not the same number; names two of them.
+    """
+    used = {name: rows for name, rows in lengths.items() if _ours(name, names) != "-"}
+    first = next((name for name in used if _ours(name, names) == "time"), next(iter(used), ""))
+    for name, rows in used.items():
+        if rows != used[first]:
+            raise RigctlError(
+                f"in {where}: columns of different lengths",
+                value=f"{rows} values of {name}",
+                expected=f"{used[first]} as of {first}",
+                hint=f"Leave it out: --columns '{name}=-'",
+                where=Location(path),
+            )
+    return used.get(first, 0)
+
+
+def is_text(values: NDArray[Any]) -> bool:
+    """Whether an array holds texts."""
+    return values.dtype.kind in "SU" or (
+        values.dtype.kind == "O" and all(isinstance(value, str | bytes) for value in values[:10])
+    )
+
+
+def as_numbers(path: Path, name: str, values: NDArray[Any]) -> NDArray[np.float64]:
+    """The values as numbers.
+
+    Raises
+    ------
+    RigctlError
+        they are something else.
+    """
+    import numpy as np
+
+    if values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    raise RigctlError(
+        f"{name}: the column holds no numbers",
+        value="text" if is_text(values) else str(values.dtype),
+        hint=f"Leave it out: --columns '{name}=-'",
+        where=Location(path),
+    )
+
+
+def _as_text(value: object) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+@contextmanager
+def telling(path: Path, kind: str) -> Iterator[None]:
+    """Whatever a library raises over a file that is damaged, or is none of its kind, in plain words."""
+    try:
+        yield
+    except RigctlError:
+        raise
+    except FileNotFoundError as problem:
+        raise RigctlError("there is no such file", where=Location(path)) from problem
+    except Exception as problem:
+        raise RigctlError(f"the file is no {kind} file, or it is damaged", where=Location(path)) from problem
+
+
+def missing_extra(extra: str, package: str, path: Path) -> RigctlError:
+    """The error for a file whose reader is not installed."""
+    return RigctlError(
+        f"this kind of file needs {package}, which is not installed",
+        hint=f"Install it: pip install 'rigctl[{extra}]'",
+        where=Location(path),
+    )

@@ -1,0 +1,209 @@
+"""MATLAB's MAT files up to version 7: vectors, structures of vectors, and arrays of such structures.
+
+Each structure is a record; units are texts in a structure ``units`` with the same field names, beside the
+vectors or in the structure. Nothing in a file is ever executed: functions and objects are named and left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.importing.csv_file import split_heading
+from rigctl.dataset.importing.groups import (
+    Column,
+    Group,
+    GroupedFile,
+    as_numbers,
+    common_length,
+    is_text,
+    open_groups,
+    telling,
+    unit_of,
+)
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: beginning of a file of version 7.3, which is HDF5
+_NEWEST: Final = b"MATLAB 7.3 MAT-file"
+#: fields of a structure that name it
+_NAMES: Final = ("name", "label")
+
+
+@dataclass
+class _Found:
+    """What has been understood of a file, and what has not."""
+
+    groups: list[Group] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+def open_mat(path: Path, names: Mapping[str, str]) -> GroupedFile:
+    """Read what a MAT file holds.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, is of version 7.3, or holds nothing that is a table.
+    """
+    found = _Found()
+    variables = _load(path)
+    units = _units(variables.pop("units", None))
+    vectors: dict[str, Any] = {}
+    for name, value in variables.items():
+        if _is_structure(value):
+            _take_structures(path, name, value, units, names, found)
+        else:
+            vectors[name] = value
+    if not found.groups:
+        found.groups += _group(path, "", vectors, units, names, found.remarks)
+    else:
+        found.remarks += [f"variable '{name}' is no structure and is left out" for name in vectors]
+    if not found.groups:
+        raise RigctlError(
+            "nothing in it is a table",
+            value="; ".join(found.remarks) or None,
+            expected="vectors of equal length, or structures of them",
+            where=Location(path),
+        )
+    read = open_groups(path, lambda: nullcontext(found.groups), names, noun="structure")
+    remarks = (*read.remarks, *found.remarks)
+    return GroupedFile(path, read.headings, read.reading, read.noun, remarks)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    """The variables of a file, one-element and empty dimensions removed."""
+    from scipy.io import loadmat
+
+    with telling(path, "MAT"):
+        with path.open("rb") as file:
+            if file.read(len(_NEWEST)) == _NEWEST:
+                raise RigctlError(
+                    "the file is of version 7.3, which cannot be read",
+                    hint="Save it as version 7: save('file.mat', '-struct', 'data', '-v7')",
+                    where=Location(path),
+                )
+        loaded = loadmat(path, squeeze_me=True, struct_as_record=False)
+    return {name: value for name, value in loaded.items() if not name.startswith("__")}
+
+
+def _is_structure(value: Any) -> bool:
+    """A structure, or an array of structures."""
+    return bool(_structures(value))
+
+
+def _structures(value: Any) -> list[Any]:
+    from scipy.io.matlab import mat_struct
+
+    if isinstance(value, mat_struct):
+        return [value]
+    if getattr(getattr(value, "dtype", None), "kind", "") == "O" and value.ndim == 1:
+        found = [item for item in value if isinstance(item, mat_struct)]
+        return found if len(found) == len(value) else []
+    return []
+
+
+def _fields(structure: Any) -> dict[str, Any]:
+    return {name: getattr(structure, name) for name in structure._fieldnames}  # noqa: SLF001 - its only list
+
+
+def _units(value: Any) -> dict[str, str]:
+    """Texts of a structure ``units``."""
+    structures = _structures(value)
+    fields = _fields(structures[0]) if len(structures) == 1 else {}
+    return {name: unit for name, unit in fields.items() if isinstance(unit, str)}
+
+
+def _take_structures(
+    path: Path, name: str, value: Any, units: Mapping[str, str], names: Mapping[str, str], found: _Found
+) -> None:
+    """Each structure of a variable as a group."""
+    several = _structures(value)
+    for number, structure in enumerate(several, start=1):
+        fields = _fields(structure)
+        own = {**units, **_units(fields.pop("units", None))}
+        named = next((fields.pop(key) for key in _NAMES if isinstance(fields.get(key), str)), "")
+        label = named or (f"{name}({number})" if len(several) > 1 else name)
+        if any(group.name == label for group in found.groups):
+            label = f"{label} ({number})"
+        if "signals" in fields and "time" in fields:
+            fields = {"time": fields["time"], **_signals(fields["signals"])}
+        found.groups += _group(path, label, fields, own, names, found.remarks)
+
+
+def _signals(value: Any) -> dict[str, Any]:
+    """The signals of what Simulink calls a structure with time."""
+    found: dict[str, Any] = {}
+    for number, signal in enumerate(_structures(value), start=1):
+        fields = _fields(signal)
+        label = fields.get("label")
+        name = label if isinstance(label, str) and label else f"signal_{number}"
+        values: Any = fields.get("values")
+        if getattr(values, "ndim", 0) == 2:
+            found |= {f"{name}_{place}": column for place, column in enumerate(values.T, start=1)}
+        else:
+            found[name] = values
+    return found
+
+
+def _group(
+    path: Path,
+    label: str,
+    fields: Mapping[str, Any],
+    units: Mapping[str, str],
+    names: Mapping[str, str],
+    remarks: list[str],
+) -> Iterator[Group]:
+    """The vectors among some fields as a group; says of the others why they are left out."""
+    import numpy as np
+
+    where = f"structure '{label}'" if label else "the file"
+    vectors: dict[str, NDArray[Any]] = {}
+    for name, value in fields.items():
+        array = np.atleast_1d(np.asarray(value)) if not _is_structure(value) else None
+        reason = _unusable(array, value)
+        if reason is None and array is not None:
+            vectors[name] = array
+        elif reason:
+            remarks.append(f"in {where}: '{name}' is {reason} and is left out")
+    longest = max((len(array) for array in vectors.values()), default=0)
+    for name in [name for name, array in vectors.items() if len(array) == 1 < longest]:
+        remarks.append(f"in {where}: '{name}' is a single value and is left out")
+        del vectors[name]
+    if not vectors:
+        return
+    rows = common_length(path, where, {name: len(array) for name, array in vectors.items()}, names)
+    columns = []
+    for name, array in vectors.items():
+        plain, unit = split_heading(name)
+        columns.append(Column(plain or name, unit_of(units.get(name)) or unit, _reader(path, name, array)))
+    yield Group(label, rows, tuple(columns))
+
+
+def _unusable(array: NDArray[Any] | None, value: Any) -> str | None:
+    """Why a value is no column: in words, empty for one that holds nothing; None for a column."""
+    if array is None:
+        return "a structure in a structure"
+    kind = type(value).__name__
+    if kind in ("MatlabFunction", "MatlabOpaque", "MatlabObject"):
+        return "a function or an object"
+    if array.size == 0:
+        return ""
+    if array.ndim > 1:
+        return f"a matrix of {' x '.join(str(size) for size in array.shape)}, whose columns have no names"
+    if is_text(array):
+        return None if array.size > 1 else "a text"
+    return None if array.dtype.kind in "fiub" else "no numbers"
+
+
+def _reader(path: Path, name: str, array: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
+    def read(start: int, stop: int) -> NDArray[Any]:
+        part = array[start:stop]
+        return part if is_text(part) else as_numbers(path, name, part)
+
+    return read

@@ -1,0 +1,98 @@
+"""ASAM MDF 4 (and 3): each channel group is a record; time is its master, units are the channels' own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigctl.dataset.importing.csv_file import split_heading
+from rigctl.dataset.importing.groups import (
+    Column,
+    Group,
+    GroupedFile,
+    missing_extra,
+    open_groups,
+    telling,
+    unit_of,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def open_mdf(path: Path, names: Mapping[str, str]) -> GroupedFile:
+    """Read what an MDF file holds.
+
+    Raises
+    ------
+    RigctlError
+        asammdf is not installed, the file cannot be read, or its channel groups are no records.
+    """
+    try:
+        from asammdf import MDF
+    except ImportError as problem:
+        raise missing_extra("mdf", "asammdf", path) from problem
+
+    @contextmanager
+    def reading() -> Iterator[Sequence[Group]]:
+        with telling(path, "MDF"):
+            path.open("rb").close()  # the library would take a name that is not there for a new file
+            with MDF(path) as file:
+                yield _groups(file)
+
+    return open_groups(path, reading, names, noun="channel group")
+
+
+def _groups(file: Any) -> list[Group]:
+    found: list[Group] = []
+    for index, group in enumerate(file.groups):
+        rows = int(group.channel_group.cycles_nr)
+        if not rows:
+            continue
+        master = file.masters_db.get(index)
+        columns = [_column(file, index, place) for place in range(len(group.channels)) if place != master]
+        if master is not None:
+            columns.insert(0, Column("time", "s", _master(file, index)))
+        found.append(Group(_name(group, index, {other.name for other in found}), rows, tuple(columns)))
+    return found
+
+
+def _name(group: Any, index: int, taken: set[str]) -> str:
+    """What the file calls a channel group, made unlike all others."""
+    channel_group = group.channel_group
+    name = str(getattr(channel_group, "acq_name", "") or getattr(channel_group, "comment", "") or "").strip()
+    name = name or f"{index + 1}"
+    return f"{name} ({index + 1})" if name in taken else name
+
+
+def _column(file: Any, group: int, place: int) -> Column:
+    first = file.get(group=group, index=place, record_count=1, ignore_invalidation_bits=True)
+    name, unit = split_heading(str(first.name))
+    return Column(name or str(first.name), unit_of(first.unit) or unit, _reader(file, group, place))
+
+
+def _reader(file: Any, group: int, place: int) -> Callable[[int, int], NDArray[Any]]:
+    import numpy as np
+
+    def read(start: int, stop: int) -> NDArray[Any]:
+        values, invalid = file.get(
+            group=group, index=place, samples_only=True, record_offset=start, record_count=stop - start
+        )
+        found = np.asarray(values)
+        if (
+            invalid is not None and found.dtype.kind in "fiub"
+        ):  # what the file itself calls invalid is missing
+            return np.where(np.asarray(invalid, dtype=bool), np.nan, found)
+        return found
+
+    return read
+
+
+def _master(file: Any, group: int) -> Callable[[int, int], NDArray[Any]]:
+    import numpy as np
+
+    return lambda start, stop: np.asarray(
+        file.get_master(group, record_offset=start, record_count=stop - start), dtype=np.float64
+    )

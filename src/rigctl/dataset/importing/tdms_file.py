@@ -1,0 +1,114 @@
+"""LabVIEW's TDMS: each group of channels is a record, units are the channels' property ``unit_string``.
+
+Time is a channel named ``time``, as seconds or as time stamps, or what the waveform properties of the
+channels say (``wf_increment``, ``wf_start_offset``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.importing.csv_file import split_heading
+from rigctl.dataset.importing.groups import (
+    Column,
+    Group,
+    GroupedFile,
+    common_length,
+    missing_extra,
+    open_groups,
+    telling,
+    unit_of,
+)
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: properties in which programs keep the unit of a channel
+_UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "Unit")
+
+
+def open_tdms(path: Path, names: Mapping[str, str]) -> GroupedFile:
+    """Read what a TDMS file holds.
+
+    Raises
+    ------
+    RigctlError
+        npTDMS is not installed, the file cannot be read, or its groups are no records.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError as problem:
+        raise missing_extra("tdms", "npTDMS", path) from problem
+
+    @contextmanager
+    def reading() -> Iterator[Sequence[Group]]:
+        with telling(path, "TDMS"), TdmsFile.open(path) as file:
+            yield [_group(path, group, names) for group in file.groups()]
+
+    return open_groups(path, reading, names)
+
+
+def _group(path: Path, group: Any, names: Mapping[str, str]) -> Group:
+    channels = group.channels()
+    where = f"group '{group.name}'"
+    lengths = {_heading(channel)[0]: len(channel) for channel in channels}
+    rows = common_length(path, where, lengths, names)
+    columns = [Column(*_heading(channel), _reader(channel)) for channel in channels]
+    timed = any(names.get(name, name).partition("[")[0].strip() == "time" for name in lengths)
+    if not timed and (clock := _waveform_time(path, where, channels)) is not None:
+        columns.insert(0, Column("time", "s", clock))
+    return Group(group.name, rows, tuple(columns))
+
+
+def _heading(channel: Any) -> tuple[str, str | None]:
+    """Name and unit; the unit may stand in brackets in the name."""
+    name, unit = split_heading(channel.name)
+    stored = next((channel.properties[key] for key in _UNITS if channel.properties.get(key)), None)
+    return name or channel.name, unit_of(stored) or unit
+
+
+def _reader(channel: Any) -> Callable[[int, int], NDArray[Any]]:
+    import numpy as np
+
+    def read(start: int, stop: int) -> NDArray[Any]:
+        values = np.asarray(channel[start:stop])
+        if values.dtype.kind == "M":  # time stamps: seconds since the first of the group
+            return np.asarray((values - np.asarray(channel[:1])) / np.timedelta64(1, "s"), dtype=np.float64)
+        return values
+
+    return read
+
+
+def _waveform_time(
+    path: Path, where: str, channels: Sequence[Any]
+) -> Callable[[int, int], NDArray[np.float64]] | None:
+    """Times of equal steps, which every channel of a waveform keeps for itself; None where they keep none.
+
+    Raises
+    ------
+    RigctlError
+        the channels have different steps.
+    """
+    import numpy as np
+
+    steps = {
+        (float(c.properties["wf_increment"]), float(c.properties.get("wf_start_offset", 0.0)))
+        for c in channels
+        if c.properties.get("wf_increment")
+    }
+    if not steps:
+        return None
+    if len(steps) > 1:
+        raise RigctlError(
+            f"in {where}: its channels are sampled at different times",
+            value=", ".join(f"every {step:g} s from {offset:g} s on" for step, offset in sorted(steps)),
+            expected="one rate for all channels of a group, or a channel 'time'",
+            where=Location(path),
+        )
+    ((step, offset),) = steps
+    return lambda start, stop: np.asarray(offset + step * np.arange(start, stop), dtype=np.float64)

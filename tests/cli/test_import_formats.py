@@ -1,0 +1,161 @@
+"""Every format there and back again, through the commands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.main import app
+from rigctl.dataset import Run, open_run
+
+ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat"]
+RIG = ["--rig", "rigs/hl32-bench.yaml"]
+
+
+def rigctl(*arguments: str) -> Any:
+    result = CliRunner().invoke(app, [*arguments, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture
+def strokes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """A run with rows between records, a missing value, and records without names of their own."""
+    monkeypatch.chdir(tmp_path)
+    rows = ["time [s],record,valve [1],oil_temperature [degC],pressure_setpoint [bar],position [mm]"]
+    for place, record in enumerate(("-1", "0", "1", "-1", "2")):
+        for step in range(30):
+            time = place * 10 + step * 0.01
+            position = "" if step == 4 else f"{0.1 * step * step + place}"
+            rows.append(f"{time:.2f},{record},{int(step > 12)},{40 + place},{30},{position}")
+    Path("strokes.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return open_run(rigctl("import", "strokes.csv", *RIG)["path"])
+
+
+def same_samples(run: Run, other: Run) -> None:
+    assert other.layout.columns == run.layout.columns
+    assert other.layout.units == run.layout.units
+    for name in run.layout.columns:
+        assert other.signals(name) == pytest.approx(run.signals(name), rel=1e-14, abs=1e-12, nan_ok=True)
+    assert [s.time for s in other.switches] == pytest.approx([s.time for s in run.switches])
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
+    done = rigctl("export", strokes.id, "-o", f"out.{ending}")
+    assert (done["rows"], done["table"]) == (150, "samples")
+    again = rigctl("import", f"out.{ending}", *RIG)
+    assert (again["records"], again["rows"], again["left_out"]) == (3, 150, 0)
+    same_samples(strokes, open_run(again["path"]))
+
+
+@pytest.mark.parametrize("ending", ["tdms", "mf4", "mat"])
+def test_records_keep_their_names_where_a_format_has_names(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / "steps.csv"
+    rows = ["time [s],record,heater_1 [%],temperature_1 [degC]"]
+    rows += [f"{t},{name},50,{20 + t}" for name in ("up", "down") for t in range(12)]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    board = ["--rig", "rigs/heater-board.yaml"]
+    first = rigctl("import", str(path), *board)
+    rigctl("export", first["run"], "-o", str(tmp_path / f"out.{ending}"))
+    again = open_run(rigctl("import", str(tmp_path / f"out.{ending}"), *board)["path"])
+    assert again.records["name"].tolist() == ["up", "down"]
+    same_samples(open_run(first["path"]), again)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat"])
+def test_observations_come_back_as_they_were(ending: str) -> None:
+    first = rigctl("import", "data/hl32-strokes.csv", *RIG)
+    done = rigctl("export", first["run"], "-o", f"out.{ending}")
+    assert (done["rows"], done["table"]) == (8, "observations")
+    again = open_run(rigctl("import", f"out.{ending}", *RIG)["path"])
+    run = open_run(first["path"])
+    assert len(again.usable) == 8
+    for index in run.usable:
+        before, after = run.record(index), again.record(index)
+        assert dict(after.sweep) == pytest.approx(dict(before.sweep))
+        assert dict(after.measures) == pytest.approx(dict(before.measures))
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat"])
+@pytest.mark.parametrize(("table", "rows"), [("records", 3), ("events", None)])
+def test_the_other_tables_are_written_too(strokes: Run, ending: str, table: str, rows: int | None) -> None:
+    done = rigctl("export", strokes.id, "--table", table, "-o", f"out.{ending}")
+    assert done["rows"] == (rows if rows is not None else len(strokes.events))
+
+
+def test_units_are_where_each_format_keeps_them(strokes: Run) -> None:
+    from asammdf import MDF
+    from nptdms import TdmsFile
+    from scipy.io import loadmat
+
+    for ending in ("tdms", "mf4", "mat"):
+        rigctl("export", strokes.id, "-o", f"out.{ending}")
+    tdms = TdmsFile.read("out.tdms")
+    assert [group.name for group in tdms.groups()] == [
+        "between records, 0", "strokes 0", "strokes 1", "between records, 3", "strokes 2"
+    ]  # fmt: skip
+    assert tdms["strokes 1"]["position"].properties["unit_string"] == "mm"
+    with MDF("out.mf4") as mdf:
+        signal = mdf.get("position", group=1)
+        assert (signal.unit, len(signal.samples)) == ("mm", 30)
+        assert signal.timestamps[1] == pytest.approx(10.01)
+    mat = loadmat("out.mat", squeeze_me=True, struct_as_record=False)
+    assert mat["units"].position == "mm"
+    assert [piece.name for piece in mat["data"]][1] == "strokes 0"
+    assert np.isnan(mat["data"][1].position[4])
+
+
+def test_mdf_holds_samples_only(strokes: Run) -> None:
+    result = CliRunner().invoke(app, ["export", strokes.id, "--table", "events", "-o", "out.mf4"])
+    assert "an MDF file holds samples" in str(result.exception)
+    assert not Path("out.mf4").exists()
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_bad_rows_are_named_and_can_be_left_out(ending: str, strokes: Run) -> None:
+    """Time goes back in the second record: nothing is imported, or all but that row."""
+    text = Path("strokes.csv").read_text(encoding="utf-8").replace("\n20.05,", "\n20.03,", 1)
+    Path("bad.csv").write_text(text, encoding="utf-8")
+    if ending != "csv":
+        convert(Path("bad.csv"), Path(f"bad.{ending}"))
+    runs = len(list(Path("runs").iterdir()))
+    result = CliRunner().invoke(app, ["import", f"bad.{ending}", *RIG])
+    assert "time: it does not go on inside a record, got '20.03 s'" in str(result.exception)
+    assert "1 bad row" in str(result.exception)
+    assert len(list(Path("runs").iterdir())) == runs
+    done = rigctl("import", f"bad.{ending}", *RIG, "--keep-good")
+    assert (done["records"], done["rows"], done["left_out"]) == (3, 149, 1)
+
+
+def convert(source: Path, target: Path) -> None:
+    """A file of samples in another format, whatever is wrong with its rows."""
+    import pandas as pd
+    import pyarrow as pa
+
+    from rigctl.dataset.exporting import export
+
+    frame = pd.read_csv(source)
+    frame["record"] = frame["record"].astype("int32")
+    fields = []
+    for name in frame.columns:
+        plain, _, unit = name.partition(" [")
+        fields.append(
+            pa.field(plain, pa.int32() if plain == "record" else pa.float64(), metadata={"unit": unit[:-1]})
+        )
+    table = pa.table(
+        [pa.array(frame[c]).cast(f.type) for c, f in zip(frame.columns, fields, strict=True)],
+        pa.schema(fields),
+    )
+    module = __import__(f"rigctl.dataset.exporting.{export.FORMATS[target.suffix]}", fromlist=["write"])
+    module.write(target, table, ["a", "b", "c"], "samples")
