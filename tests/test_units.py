@@ -20,6 +20,7 @@ from rigctl.units import (
     convert,
     describe,
     describe_dimension,
+    onto_bound,
     parse_quantity,
     parse_unit,
     read_si,
@@ -204,3 +205,9 @@ def test_common_units_do_not_wait_for_pint() -> None:
         "sys.exit('pint' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_bound_is_reached_in_any_unit() -> None:
+    assert onto_bound(read_si("0.06 l/min", "m^3/s"), 1e-6, 1e-2) == 1e-6
+    assert onto_bound(1.0000000000000002e-2, 1e-6, 1e-2) == 1e-2
+    assert onto_bound(1.1e-2, 1e-6, 1e-2) == 1.1e-2

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.files.write import to_json, write_json, write_text
+from rigctl.files.write import to_json, write_json, write_new, write_text
 
 
 def test_text_is_utf_8_with_plain_line_ends(tmp_path: Path) -> None:
@@ -104,3 +104,34 @@ def test_what_cannot_be_json_is_a_mistake_of_the_program() -> None:
 
 def test_json_on_one_line() -> None:
     assert to_json({"a": [1]}, indent=None) == '{"a": [1]}'
+
+
+@pytest.mark.parametrize("links", [True, False], ids=["links", "no links"])
+def test_a_new_file_is_whole_and_never_over_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    def refuse(self: Path, target: Path) -> None:
+        raise OSError(95, "Operation not supported")
+
+    if not links:
+        monkeypatch.setattr(Path, "hardlink_to", refuse)
+    path = tmp_path / "new" / "a.txt"
+    write_new(path, b"one")
+    with pytest.raises(FileExistsError):
+        write_new(path, b"two")
+    assert path.read_bytes() == b"one"
+    assert not stat.S_IMODE(path.stat().st_mode) & 0o222
+    assert [entry.name for entry in path.parent.iterdir()] == ["a.txt"]
+
+
+def test_a_new_file_that_cannot_be_written_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RigctlError, match="No space left") as caught:
+        write_new(tmp_path / "a.txt", b"one")
+    assert caught.value.exit_code is ExitCode.FAILED
+    assert list(tmp_path.iterdir()) == []

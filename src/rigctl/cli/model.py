@@ -104,7 +104,8 @@ def remove(
     found = load_model(path).without_effect(effect)
     version = save_version(found, path, Change("remove", effect=effect))
     if as_json:
-        print_json({"model": str(version.head), "version": version.number, "effect": effect})
+        told = {"version": version.number, "parent": version.parent, "effect": effect}
+        print_json({"model": str(version.head), **told})
         return
     typer.echo(f"{version.head} is now version {version.number}, without {effect}.")
     typer.echo(

@@ -1,0 +1,173 @@
+"""`rigctl model`: shown, compared, its history, and an effect taken out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.init import create_project
+from rigctl.cli.main import app
+from rigctl.errors import RigctlError
+from rigctl.model import Change, ModelError, load_model, save_version
+
+MODEL = "models/hl32-textbook.yaml"
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    create_project(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def said(*arguments: str) -> str:
+    result = CliRunner().invoke(app, ["model", *arguments], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def answer(*arguments: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(said(*arguments, "--json"))
+    return document
+
+
+def error(fitted: float, held_out: float) -> ModelError:
+    return ModelError(
+        {"position": fitted}, {"position": held_out}, 10.0 * fitted, {"position": "mm"}, {"position": 0.02}
+    )
+
+
+def with_leakage() -> None:
+    model = load_model(Path(MODEL)).with_effect("piston_leakage", {})
+    found = {"flow_area": 3.31e-6, "piston_leakage.conductance": 4.1e-15}
+    std = {"flow_area": 3.1e-9, "piston_leakage.conductance": 1.1e-16}
+    done = Change(
+        "add",
+        effect="piston_leakage",
+        runs=("20261121-064500-stroke",),
+        hold_out="oil == 60 degC",
+        before=error(1.6, 1.7),
+        after=error(0.1, 0.11),
+    )
+    save_version(model.with_values(found, std=std, source="fitted 2026-11-21"), Path(MODEL), done)
+
+
+def test_a_fresh_model_is_its_first_version() -> None:
+    shown = answer("show", MODEL)
+    assert (shown["version"], shown["kept"], shown["effects"]) == (1, False, [])
+    assert shown["family"] == "hydraulic_cylinder"
+    assert shown["readings"] == ["oil_temperature", "supply_pressure", "position"]
+    values = {value["name"]: value for value in shown["parameters"]}
+    assert set(values) == set(load_model(Path(MODEL)).values)
+    area = values["flow_area"]
+    assert (area["value"], area["unit"], area["std"], area["fit"]) == (4.05, "mm^2", None, True)
+    assert [values[name]["origin"] for name in ("flow_area", "bore", "vogel_a", "load_force")] == [
+        "model",
+        "rig",
+        "oil",
+        "family",
+    ]
+    assert values["bore"]["fixed"]
+    (only,) = answer("history", MODEL)["versions"]
+    assert (only["done"], only["kept"]) == ("first version", False)
+    assert not Path("models/.history").exists()  # to look changes nothing
+
+
+def test_show_tells_values_with_their_uncertainty_and_source() -> None:
+    with_leakage()
+    text = said("show", MODEL)
+    (line,) = [line for line in text.splitlines() if "flow_area" in line]
+    assert "3.31 ± 0.0031" in " ".join(line.split())
+    assert "fitted 2026-11-21" in line
+    assert "effect piston_leakage at flow_a_to_b" in text
+    values = {value["name"]: value for value in answer("show", MODEL)["parameters"]}
+    leak = values["piston_leakage.conductance"]
+    assert (leak["value"], leak["std"], leak["unit"], leak["from"]) == (
+        4.1e-15,
+        1.1e-16,
+        "m^3",
+        "fitted 2026-11-21",
+    )
+    assert answer("show", f"{MODEL}@1")["effects"] == []
+
+
+def test_history_draws_the_error_down_to_the_noise() -> None:
+    with_leakage()
+    told = answer("history", MODEL)
+    assert told["current"] == 2
+    assert [version["done"] for version in told["versions"]] == ["first version", "add piston_leakage"]
+    assert told["versions"][1]["runs"] == ["20261121-064500-stroke"]
+    assert told["versions"][1]["after"]["chi2_reduced"] == pytest.approx(1.0)
+    assert [(each["version"], each["rmse"]["position"]) for each in told["errors"]] == [(1, 1.6), (2, 0.1)]
+    lines = said("history", MODEL).splitlines()
+    bars = [line.count("█") for line in lines if "█" in line]
+    assert bars == [37, 40, 2, 2]
+    assert any("noise" in line and line.endswith("0.02") for line in lines)
+
+
+def test_diff_tells_effects_and_values() -> None:
+    with_leakage()
+    told = answer("diff", f"{MODEL}@1", MODEL)
+    assert told["effects"] == {"added": ["piston_leakage"], "removed": []}
+    area, leak = told["parameters"]
+    assert (area["name"], area["before"]["value"], area["after"]["value"]) == ("flow_area", 4.05, 3.31)
+    assert area["change"] == pytest.approx(-0.18272, rel=1e-4)
+    assert area["deviations"] == pytest.approx(0.74 / 0.0031)
+    assert (leak["name"], leak["before"], leak["deviations"]) == ("piston_leakage.conductance", None, None)
+    assert answer("diff", MODEL, f"{MODEL}@1")["effects"]["removed"] == ["piston_leakage"]
+    assert answer("diff", MODEL, f"{MODEL}@2")["same"]
+    assert "say the same" in said("diff", MODEL, MODEL)
+    text = said("diff", f"{MODEL}@1", MODEL)
+    assert "+ piston_leakage" in text
+    assert "-18.3 %" in text
+    with pytest.raises(RigctlError, match="different families"):
+        said("diff", MODEL, "models/heater-board.yaml")
+
+
+def test_remove_writes_the_next_version() -> None:
+    first = Path(MODEL).read_bytes()
+    with_leakage()
+    assert answer("remove", MODEL, "piston_leakage") == {
+        "model": MODEL,
+        "version": 3,
+        "parent": 2,
+        "effect": "piston_leakage",
+    }
+    assert load_model(Path(MODEL)).effects == {}
+    assert "version 4, without spool_lag" in said("remove", MODEL, "spool_lag")
+    assert load_model(Path(MODEL)).values["spool_time"] == pytest.approx(1e-3)
+    assert Path("models/.history/hl32-textbook/001.yaml").read_bytes() == first
+    with pytest.raises(RigctlError, match="did you mean 'spool_lag'"):
+        said("remove", MODEL, "spool_lagg")
+
+
+def test_a_model_that_comes_with_rigctl_is_not_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "rigctl.toml").touch()
+    monkeypatch.chdir(elsewhere)
+    assert answer("show", MODEL)["version"] == 1
+    with pytest.raises(RigctlError, match="comes with rigctl"):
+        said("remove", MODEL, "spool_lag")
+
+
+def test_a_version_is_taken_wherever_a_model_is(tmp_path: Path) -> None:
+    import rigctl
+    from rigctl.cli.plans import find_file
+    from rigctl.project import find_project
+
+    with_leakage()
+    assert find_file(Path(f"{MODEL}@1")) == Path(f"{MODEL}@1")
+    assert find_project().resolve(f"{MODEL}@1") == tmp_path / f"{MODEL}@1"
+    runs = [
+        rigctl.simulate("procedures/quick-check.yaml", plant=plant, seed=1, runs=tmp_path / name).run
+        for name, plant in (("a", f"{MODEL}@1"), ("b", MODEL))
+    ]
+    first, second = (run.table("samples")["position"].to_numpy() for run in runs)
+    assert abs(first[: len(second)] - second[: len(first)]).max() > 1e-3
