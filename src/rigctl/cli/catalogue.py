@@ -38,6 +38,9 @@ ENTRIES = (
     Entry("off", "rigctl.cli.manual:off", BENCH, "Put everything into the safe state now."),
     Entry("jog", "rigctl.cli.manual:jog", BENCH, "Move one actuator by hand, within the limits."),
     Entry("monitor", "rigctl.cli.manual:monitor", BENCH, "Watch the channels without a run."),
+    Entry(
+        "calibrate", "rigctl.cli.calibrate:calibrate", BENCH, "Calibrate a channel against reference values."
+    ),
     Entry("runs", "rigctl.cli.runs:app", DATA, "List, show, verify, annotate, exclude and query runs."),
     Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV, Parquet, TDMS, MDF4 or MAT."),
     Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data in these formats."),

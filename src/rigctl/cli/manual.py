@@ -44,8 +44,8 @@ def off(
     """
     from rigctl.runner.manual import switch_off
 
-    bench = _open_rig(rig)
-    done = switch_off(bench, _how(bench, backend, port, "1x", clear_trips=clear_trips))
+    bench = open_rig(rig)
+    done = switch_off(bench, launch_of(bench, backend, port, "1x", clear_trips=clear_trips))
     typer.echo(json.dumps({"rig": bench.name, "done": done}) if as_json else done)
 
 
@@ -73,8 +73,8 @@ def jog(
     from rigctl.runner.manual import jog as carry_out
     from rigctl.runner.manual import needs_person
 
-    bench = _open_rig(rig)
-    how = _how(bench, backend, port, speed)
+    bench = open_rig(rig)
+    how = launch_of(bench, backend, port, speed)
     by_person = needs_person(bench, actuator, duration, how)
     if by_person and speed == "max":
         raise RigctlError(
@@ -105,9 +105,9 @@ def monitor(
     from rigctl.runner.manual import watch
     from rigctl.units import read_si
 
-    bench = _open_rig(rig)
+    bench = open_rig(rig)
     end = read_si(duration, "s") if duration is not None else None
-    readings = watch(bench, _how(bench, backend, port, speed), rate or bench.monitor_rate)
+    readings = watch(bench, launch_of(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None
     with _shown(bench, as_json=as_json) as show:
         for reading in islice(readings, count):
@@ -131,7 +131,7 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
     yield lambda reading: typer.echo(line(rig, reading))
 
 
-def _open_rig(path: Path | None) -> Rig:
+def open_rig(path: Path | None) -> Rig:
     """The rig that is meant.
 
     Raises
@@ -158,7 +158,10 @@ def _open_rig(path: Path | None) -> Rig:
     )
 
 
-def _how(rig: Rig, backend: str | None, port: str | None, speed: str, *, clear_trips: bool = False) -> Launch:
+def launch_of(
+    rig: Rig, backend: str | None, port: str | None, speed: str, *, clear_trips: bool = False
+) -> Launch:
+    """What a bench that is worked by hand needs besides its rig file."""
     from rigctl.project import find_project
     from rigctl.runner.launch import Launch, bench_options, clock_for
     from rigctl.runner.operator import AutomaticOperator

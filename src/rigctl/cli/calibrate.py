@@ -1,0 +1,246 @@
+"""`rigctl calibrate`: reference values and raw readings become a channel's calibration in the rig file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigctl.cli.manual import Backend, Port, RigFile, Speed
+from rigctl.errors import RigctlError, unknown_name
+
+if TYPE_CHECKING:
+    from rigctl.rig import Channel, Rig
+    from rigctl.rig.calibration_fit import CalibrationFit, Point
+
+
+def calibrate(
+    channel: Annotated[str, typer.Argument(help="Its name in the rig file.", show_default=False)],
+    rig: RigFile = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(help="A CSV file 'reference [unit],raw' instead of the bench.", show_default=False),
+    ] = None,
+    degree: Annotated[int, typer.Option(min=1, max=5, help="1 a straight line, 2 a parabola, …")] = 1,
+    readings: Annotated[int, typer.Option(min=1, help="Samples at each reference value.")] = 20,
+    reference: Annotated[
+        str | None, typer.Option(help="What it is compared with, e.g. 'dead-weight tester'.")
+    ] = None,
+    reference_uncertainty: Annotated[
+        str | None, typer.Option(help="Of the reference values, 95 %, e.g. '0.05 bar'.")
+    ] = None,
+    valid_for: Annotated[str | None, typer.Option(help="How long it may be trusted, e.g. '365 day'.")] = None,
+    day: Annotated[str | None, typer.Option("--date", help="When; today if left out.")] = None,
+    backend: Backend = None,
+    port: Port = None,
+    speed: Speed = "1x",
+    rate: Annotated[float | None, typer.Option(min=0.01, help="Hz; the rig file's when left out.")] = None,
+    *,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")] = False,
+    dry: Annotated[bool, typer.Option("--dry", help="Fit and show, write nothing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Calibrate a channel: it is read while you apply known values, and a line or polynomial is fitted.
+
+    The rig file gets the new coefficients with date and uncertainty; all the rest of it, comments too, stays
+    as it is. The former file, the points and a figure of the residuals are kept in 'calibrations/' beside it.
+    Reference values come from the keyboard, from stdin one a line, or with the raw readings from --points.
+
+    Examples:
+
+      rigctl calibrate supply_pressure --reference "dead-weight tester, class 0.05" --valid-for "365 day"
+
+      rigctl calibrate supply_pressure --points points.csv --dry
+    """
+    from rigctl.cli.manual import open_rig
+    from rigctl.rig.calibration_fit import fit_calibration
+    from rigctl.rig.calibration_points import read_points
+    from rigctl.units import read_si
+
+    bench = open_rig(rig)
+    if channel not in bench.channels:
+        raise unknown_name("channel", channel, bench.channels)
+    part = bench.channels[channel]
+    on = _date(day)
+    if valid_for is not None and read_si(valid_for, "s") <= 0.0:
+        raise RigctlError("--valid-for: must be greater than zero", value=valid_for)
+    of_reference = (
+        part.display.from_si(read_si(reference_uncertainty, part.unit, difference=True), difference=True)
+        if reference_uncertainty
+        else 0.0
+    )
+    if points is not None:
+        taken: Sequence[Point] = read_points(points, part)
+    else:
+        taken = _from_bench(bench, channel, backend, port, speed, rate, readings)
+    fit = fit_calibration(part, taken, degree, reference_uncertainty=of_reference)
+    told = _as_document(channel, part, fit, on)
+    if not as_json:
+        _show(channel, part, fit)
+    if not dry and (
+        yes or as_json or not _typing_possible() or typer.confirm("Write it to the rig file?", err=True)
+    ):
+        told |= _write(bench, channel, fit, on, reference, valid_for)
+    _finish(told, as_json=as_json)
+
+
+def _date(written: str | None) -> date:
+    if written is None:
+        return datetime.now(UTC).astimezone().date()
+    try:
+        return date.fromisoformat(written)
+    except ValueError:
+        raise RigctlError("--date: no date", value=written, expected="e.g. 2026-03-14") from None
+
+
+def _from_bench(
+    rig: Rig,
+    channel: str,
+    backend: str | None,
+    port: str | None,
+    speed: str,
+    rate: float | None,
+    readings: int,
+) -> Sequence[Point]:
+    """The points as they are taken; what the operator needs to know goes to stderr."""
+    from rigctl.cli.manual import launch_of
+    from rigctl.runner.calibrate import take_points
+    from rigctl.runner.console import Console
+
+    how = launch_of(rig, backend, port, speed)
+    with Console("operator") as console:
+        return take_points(
+            rig,
+            channel,
+            how,
+            console,
+            readings=readings,
+            rate=rate or rig.monitor_rate,
+            tell=lambda text: typer.echo(f"  {text}", err=True),
+        )
+
+
+def _typing_possible() -> bool:
+    try:
+        return sys.stdin is not None and sys.stdin.isatty()
+    except ValueError:  # closed
+        return False
+
+
+def _write(
+    rig: Rig, channel: str, fit: CalibrationFit, day: date, reference: str | None, valid_for: str | None
+) -> dict[str, Any]:
+    """Rig file, points and figure; where they are."""
+    from rigctl.files.write import write_text
+    from rigctl.report.calibration_figure import calibration_plot
+    from rigctl.report.static import write_figure
+    from rigctl.rig.calibration_file import calibration_entries, with_calibration, write_calibration
+    from rigctl.rig.calibration_points import write_points
+
+    part = rig.channels[channel]
+    entries = calibration_entries(part, fit, day, reference, valid_for)
+    written = write_calibration(rig, with_calibration(rig, channel, entries), datetime.now(UTC))
+    stem = written.backup.with_suffix("").name
+    table = written.backup.with_name(f"{stem}.{channel}.csv")
+    write_text(table, write_points(fit.points, part))
+    title = f"{rig.name}: {channel}, {day.isoformat()}, {reference or 'reference not named'}"
+    plot = calibration_plot(channel, part, fit, title)
+    drawn = write_figure(plot, written.backup.parent)
+    figure = drawn.replace(table.with_suffix(".png"))
+    return {
+        "written": True,
+        "rig": str(written.rig),
+        "backup": str(written.backup),
+        "points_file": str(table),
+        "figure": str(figure),
+        "entries": entries,
+    }
+
+
+def _as_document(name: str, channel: Channel, fit: CalibrationFit, day: date) -> dict[str, Any]:
+    """What was found, for programs; field names are contract."""
+    return {
+        "channel": name,
+        "unit": channel.unit,
+        "raw_unit": channel.raw.unit,
+        "date": day,
+        "degree": fit.degree,
+        "coefficients": fit.coefficients,
+        "std": fit.std,
+        "residual_std": fit.residual_std,
+        "uncertainty": fit.uncertainty,
+        "curvature_p_value": fit.curvature_p_value,
+        "largest_change": fit.largest_change(channel.calibration.coefficients),
+        "points": [
+            {
+                "reference": point.reference,
+                "raw": point.mean,
+                "scatter": point.scatter,
+                "readings": len(point.raw),
+                "residual": residual,
+            }
+            for point, residual in zip(fit.points, fit.residuals, strict=True)
+        ],
+        "remarks": _remarks(channel, fit),
+        "written": False,
+    }
+
+
+def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
+    """What somebody who calibrates should know before trusting it."""
+    unit, found = channel.unit, []
+    if fit.residual_std is None:
+        found.append(
+            f"{len(fit.points)} points fix {len(fit.coefficients)} coefficients: nothing is left to see whether "
+            "the curve is right; take more"
+        )
+    if fit.bent:
+        found.append(f"the points are bent: --degree {fit.degree + 1} fits better than chance explains")
+    if channel.range is not None:
+        low, high = (
+            channel.display.from_si(float(end), difference=channel.difference) for end in channel.range
+        )
+        values = [point.reference for point in fit.points]
+        if max(values) - min(values) < 0.5 * (high - low):
+            found.append(
+                f"calibrated from {min(values):g} to {max(values):g} {unit}; the channel may read {low:g} to "
+                f"{high:g} {unit}, and beyond the points the curve is only extended"
+            )
+    return found
+
+
+def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
+    from rigctl.report.calibration_figure import residual_lines
+
+    for line in residual_lines(channel, fit):
+        typer.echo(line)
+    terms = ("", f"·{channel.raw.unit}", *(f"·{channel.raw.unit}^{k}" for k in range(2, 8)))
+    formula = " ".join(
+        f"{value:+.7g}{term}" for value, term in zip(fit.coefficients, terms, strict=False)
+    ).removeprefix("+")
+    typer.echo(f"{name} [{channel.unit}] = {formula}")
+    spread = f", residuals {fit.residual_std:.3g}" if fit.residual_std is not None else ""
+    change = fit.largest_change(channel.calibration.coefficients)
+    typer.echo(
+        f"uncertainty {fit.uncertainty:.3g} {channel.unit} (95 %{spread}); "
+        f"up to {change:.3g} {channel.unit} from the calibration before"
+    )
+    for remark in _remarks(channel, fit):
+        typer.echo(f"note: {remark}")
+
+
+def _finish(told: dict[str, Any], *, as_json: bool) -> None:
+    from rigctl.files.write import to_json
+
+    if as_json:
+        typer.echo(to_json(told))
+    elif told["written"]:
+        typer.echo(f"written to {told['rig']}; before it: {told['backup']}")
+        typer.echo(f"points: {told['points_file']}")
+        typer.echo(f"figure: {told['figure']}")
+    else:
+        typer.echo("nothing written")

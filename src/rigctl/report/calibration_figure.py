@@ -1,0 +1,69 @@
+"""How well a calibration fits: its curve and points and, below, what is left; as a file and as text."""
+
+from __future__ import annotations
+
+from rigctl.report.plot import Look, Panel, Plot, Trace
+from rigctl.rig import Channel
+from rigctl.rig.calibration import polynomial
+from rigctl.rig.calibration_fit import CalibrationFit
+
+_HALF = 14  # characters on either side of zero
+
+
+def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: str) -> Plot:
+    """Reference over raw value with the fitted curve, and the residuals over the same axis."""
+    import numpy as np
+
+    unit = channel.unit
+    x = np.array([point.mean for point in fit.points])
+    grid = np.linspace(x.min(), x.max(), 201)
+    curve = np.array([polynomial(fit.coefficients, float(at)) for at in grid])
+    reference = np.array([point.reference for point in fit.points])
+    residuals = np.array(fit.residuals)
+    order = np.argsort(x, kind="stable")
+    ends = np.array([x.min(), x.max()])
+    band = tuple(
+        Trace("uncertainty, 95 %", ends, np.full(2, sign * fit.uncertainty), colour=7, faint=True, unit=unit,
+              in_legend=sign > 0)
+        for sign in (1.0, -1.0)
+    )  # fmt: skip
+    return Plot(
+        id=f"calibration-{name}",
+        caption=title,
+        x_title=f"raw value [{channel.raw.unit}]",
+        panels=(
+            Panel(
+                f"{name} [{unit}]",
+                (
+                    Trace("fitted", grid, curve, unit=unit),
+                    Trace("points", x[order], reference[order], look=Look.POINTS, colour=1, unit=unit),
+                ),
+                height=1.6,
+            ),
+            Panel(
+                f"residual [{unit}]",
+                (Trace("residual", x[order], residuals[order], look=Look.POINTS, colour=1, unit=unit), *band),
+            ),
+        ),
+    )
+
+
+def residual_lines(channel: Channel, fit: CalibrationFit) -> list[str]:
+    """A line for each point: reference, raw value, residual, and where that lies around zero."""
+    largest = max((abs(value) for value in fit.residuals), default=0.0)
+    unit, raw = channel.unit, channel.raw.unit
+    head = f"{f'reference [{unit}]':>17}  {f'raw [{raw}]':>13}  {f'residual [{unit}]':>16}"
+    lines = [head]
+    for point, residual in zip(fit.points, fit.residuals, strict=True):
+        lines.append(
+            f"{point.reference:17.6g}  {point.mean:13.6g}  {residual:16.3g}  {_strip(residual, largest)}"
+        )
+    return lines
+
+
+def _strip(value: float, largest: float) -> str:
+    """A dot where `value` lies between ``-largest`` and ``largest``, zero in the middle."""
+    cells = [" "] * (2 * _HALF + 1)
+    cells[_HALF] = "│"
+    cells[_HALF + (round(value / largest * _HALF) if largest > 0.0 else 0)] = "●"
+    return "".join(cells)

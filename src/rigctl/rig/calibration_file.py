@@ -1,0 +1,144 @@
+"""Write a calibration into a rig file: its text otherwise as it was, the former file kept beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.edit import set_entries
+from rigctl.files.shipped import shipped
+from rigctl.files.write import write_bytes
+from rigctl.files.yaml import parse_document
+from rigctl.rig.calibration_fit import CalibrationFit
+from rigctl.rig.channel import Channel
+from rigctl.rig.load import parse_rig
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit
+
+#: where former rig files, points and figures of calibrations are kept, beside the rig file
+FOLDER = "calibrations"
+_BOM = b"\xef\xbb\xbf"
+_DIGITS = 10  # of a coefficient
+
+
+@dataclass(frozen=True)
+class Written:
+    """Where everything went."""
+
+    rig: Path
+    backup: Path
+
+
+def calibration_entries(
+    channel: Channel,
+    fit: CalibrationFit,
+    day: date,
+    reference: str | None = None,
+    valid_for: str | None = None,
+) -> dict[str, str]:
+    """The fields of a calibration as YAML in one line each; what is not given stays as it is in the file."""
+    entries = {
+        "coefficients": f"[{', '.join(_number(value) for value in fit.coefficients)}]",
+        "date": day.isoformat(),
+    }
+    if reference:
+        entries["reference"] = json.dumps(reference, ensure_ascii=False)
+    entries["uncertainty"] = _difference(channel, fit.uncertainty)
+    if valid_for:
+        entries["valid_for"] = valid_for
+    return entries
+
+
+def with_calibration(rig: Rig, channel: str, entries: Mapping[str, str]) -> str:
+    """The rig file's text with another calibration of one channel.
+
+    Raises
+    ------
+    RigctlError
+        the text cannot be changed in this place alone, or would not be a rig file any more.
+    """
+    try:
+        text = set_entries(rig.text, ("channels", channel, "calibration"), entries)
+    except RigctlError as error:
+        raise error.at(Location(rig.path)) from None
+    if not _alone(rig.text, text, channel):
+        raise RigctlError(
+            f"the calibration of '{channel}' is shared with another part of the file",
+            hint="Write it out in its place first",
+            where=Location(rig.path),
+        )
+    parse_rig(text, rig.path)
+    return text
+
+
+def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
+    """Replace the rig file by `text`, and keep the former one in a folder beside it.
+
+    Raises
+    ------
+    RigctlError
+        the file was changed since it was read, or cannot be written; it is untouched then.
+    """
+    path = rig.path
+    if path is None:
+        raise RigctlError("this rig has no file to write to")
+    root = shipped().resolve()
+    if root.name == "shipped" and path.resolve().is_relative_to(root):
+        raise RigctlError(
+            "this rig file comes with rigctl, and is not yours to change",
+            where=Location(path),
+            hint="'rigctl init' makes a project with a copy",
+        )
+    try:
+        content = path.read_bytes()
+    except OSError as problem:
+        raise RigctlError(f"cannot read the file: {problem.strerror}", where=Location(path)) from problem
+    if content.removeprefix(_BOM) != rig.text.encode("utf-8"):
+        raise RigctlError(
+            "the file was changed meanwhile; nothing was written",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        )
+    backup = _free(path.parent / FOLDER / f"{path.stem}.{now:%Y%m%d-%H%M%S}{path.suffix}")
+    write_bytes(backup, content)
+    write_bytes(path, (_BOM if content.startswith(_BOM) else b"") + text.encode("utf-8"))
+    return Written(path, backup)
+
+
+def _free(path: Path) -> Path:
+    """The path, or the first one like it that is not taken."""
+    candidate, number = path, 1
+    while candidate.exists():
+        number += 1
+        candidate = path.with_stem(f"{path.stem}-{number}")
+    return candidate
+
+
+def _alone(before: str, after: str, channel: str) -> bool:
+    """Whether two texts differ in nothing but the calibration of one channel."""
+    try:
+        documents: list[Any] = [parse_document(text).data for text in (before, after)]
+    except RigctlError:  # an anchor that others refer to is gone
+        return False
+    for document in documents:
+        document["channels"][channel].pop("calibration", None)
+    return bool(documents[0] == documents[1])
+
+
+def _number(value: float) -> str:
+    """A number that reads as one in YAML, whatever its size."""
+    text = format(value, f".{_DIGITS}g")
+    return text if any(mark in text for mark in ".en") else f"{text}.0"
+
+
+def _difference(channel: Channel, value: float) -> str:
+    """An interval with its unit: kelvin where the channel is in degrees Celsius."""
+    unit = "K" if parse_unit(channel.unit).dimension == parse_unit("K").dimension else channel.unit
+    si = channel.display.to_si(value, difference=True)
+    shown = format(parse_unit(unit).from_si(si, difference=True), ".3g")
+    return f"{shown} {unit}" if unit not in ("", "1") else shown

@@ -1,0 +1,206 @@
+"""A calibration polynomial from reference values and raw readings, with its uncertainty.
+
+Least squares of ``reference_i = sum_k c_k·x_i^k + e_i`` over points whose x is the mean of repeated raw
+readings (NIST/SEMATECH e-Handbook of Statistical Methods, 2.3.6; Draper and Smith, Applied Regression
+Analysis, 3.1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean, stdev
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.errors import RigctlError
+from rigctl.rig.calibration import monotonic, polynomial
+from rigctl.rig.channel import Channel
+
+COVERAGE = 0.95
+_CURVED = 0.01  # significance from which another power is worth a word
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One reference value in the channel's display unit, and the raw readings that were taken with it."""
+
+    reference: float
+    raw: tuple[float, ...]
+
+    @property
+    def mean(self) -> float:
+        """Of the raw readings."""
+        return fmean(self.raw)
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of the raw readings; None for a single one."""
+        return stdev(self.raw) if len(self.raw) > 1 else None
+
+
+@dataclass(frozen=True)
+class CalibrationFit:
+    """What the points say. Values are in the channel's display unit.
+
+    Parameters
+    ----------
+    points: what it was fitted to.
+    coefficients: of the polynomial, lowest power first.
+    std: their standard deviations; NaN where nothing tells them.
+    residuals: reference minus polynomial, for each point.
+    residual_std: with ``n - p`` degrees of freedom; None with as many points as coefficients.
+    uncertainty: of a calibrated value within the points, 95 %.
+    curvature_p_value: how likely such a bend is by chance alone; None where it cannot be told.
+    """
+
+    points: tuple[Point, ...]
+    coefficients: tuple[float, ...]
+    std: tuple[float, ...]
+    residuals: tuple[float, ...]
+    residual_std: float | None
+    uncertainty: float
+    curvature_p_value: float | None
+
+    @property
+    def degree(self) -> int:
+        """Of the polynomial."""
+        return len(self.coefficients) - 1
+
+    @property
+    def bent(self) -> bool:
+        """Whether one power more would fit better than chance explains."""
+        return self.curvature_p_value is not None and self.curvature_p_value < _CURVED
+
+    def largest_change(self, before: Sequence[float]) -> float:
+        """The largest difference to another polynomial within the points."""
+        low, high = min(p.mean for p in self.points), max(p.mean for p in self.points)
+        grid = [low + (high - low) * i / 100 for i in range(101)]
+        return max(abs(polynomial(self.coefficients, x) - polynomial(before, x)) for x in grid)
+
+
+def fit_calibration(
+    channel: Channel, points: Sequence[Point], degree: int = 1, *, reference_uncertainty: float = 0.0
+) -> CalibrationFit:
+    """Fit a polynomial to the points, and say how far a calibrated value may be off.
+
+    The uncertainty is the quadratic sum of three: of a new reading on the fitted curve, ``t·s·sqrt(1 + h)``
+    with the largest leverage h within the points; of the reference; of the converter's step, evenly spread.
+
+    Parameters
+    ----------
+    degree: 1 for a straight line.
+    reference_uncertainty: of the reference values, 95 %, in the display unit.
+
+    Raises
+    ------
+    RigctlError
+        too few points with different raw values, or a curve that is not monotonic over the converter's range.
+    """
+    count = degree + 1
+    x = np.array([point.mean for point in points])
+    y = np.array([point.reference for point in points])
+    _check(channel, x, degree)
+    centre, width = float(x.mean()), float(np.ptp(x)) / 2.0
+    z = (x - centre) / width
+    design = np.vander(z, count, increasing=True)
+    solved, *_ = np.linalg.lstsq(design, y, rcond=None)
+    residuals = y - design @ solved
+    to_raw = _powers(centre, width, count)
+    coefficients = tuple(float(value) for value in to_raw @ solved)
+    if not monotonic(coefficients, channel.raw.low, channel.raw.high):
+        raise RigctlError(
+            "the fitted curve turns back within the converter's range: two raw values would read the same",
+            value=f"degree {degree}",
+            expected="a lower degree, or points over more of the range",
+        )
+    s, freedom, of_residuals = _spread(points, residuals, coefficients, count)
+    inverse = np.linalg.inv(design.T @ design)
+    grid = np.vander(np.linspace(z.min(), z.max(), 201), count, increasing=True)
+    leverage = float(np.einsum("ij,jk,ik->i", grid, inverse, grid).max())
+    spread = _t(freedom) * s * math.sqrt(1.0 + leverage) if freedom else 0.0
+    step = channel.raw.step * _steepest(coefficients, x) / math.sqrt(12.0) * 2.0
+    covariance = to_raw @ inverse @ to_raw.T * s**2
+    return CalibrationFit(
+        tuple(points),
+        coefficients,
+        tuple(float(v) for v in np.sqrt(np.diag(covariance))) if freedom else (math.nan,) * count,
+        tuple(float(value) for value in residuals),
+        s if of_residuals else None,
+        math.hypot(spread, reference_uncertainty, step),
+        _curvature(z, y, count, float(residuals @ residuals)),
+    )
+
+
+def _check(channel: Channel, x: Array, degree: int) -> None:
+    distinct = len(np.unique(np.round(x / channel.raw.step, 2)))
+    if distinct < degree + 1:
+        raise RigctlError(
+            "too few points with different raw values",
+            value=str(distinct),
+            expected=f"at least {degree + 1} for degree {degree}",
+        )
+
+
+def _powers(centre: float, width: float, count: int) -> Array:
+    """The matrix from coefficients of ``((x - centre)/width)^k`` to those of ``x^k``."""
+    matrix = np.zeros((count, count))
+    power = np.array([1.0])
+    for k in range(count):
+        matrix[: k + 1, k] = power
+        power = np.convolve(power, [-centre / width, 1.0 / width])
+    return matrix
+
+
+def _spread(
+    points: Sequence[Point], residuals: Array, coefficients: Sequence[float], count: int
+) -> tuple[float, int, bool]:
+    """Standard deviation of a point, its degrees of freedom, and whether the residuals tell it.
+
+    With as many points as coefficients there are no residuals; the scatter of repeated readings stands in.
+    """
+    freedom = len(points) - count
+    if freedom > 0:
+        return math.sqrt(float(residuals @ residuals) / freedom), freedom, True
+    repeated = [(point, point.scatter) for point in points if point.scatter is not None]
+    freedom = sum(len(point.raw) - 1 for point, _ in repeated)
+    if not freedom:
+        return 0.0, 0, False
+    steepest = _steepest(coefficients, np.array([point.mean for point in points]))
+    total = sum((scatter * steepest) ** 2 * (len(point.raw) - 1) for point, scatter in repeated)
+    return math.sqrt(total / freedom), freedom, False
+
+
+def _steepest(coefficients: Sequence[float], x: Array) -> float:
+    """The largest slope within the points, display unit per raw unit."""
+    slopes = [k * c for k, c in enumerate(coefficients)][1:]
+    return max(abs(polynomial(slopes, float(at))) for at in np.linspace(x.min(), x.max(), 101))
+
+
+def _t(freedom: int) -> float:
+    """Student's factor for 95 %."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.5 + 0.5 * COVERAGE, freedom))
+
+
+def _curvature(z: Array, y: Array, count: int, before: float) -> float | None:
+    """The p-value of the F test for one power more; None with too few points."""
+    from scipy.stats import f
+
+    freedom = len(z) - count - 1
+    if freedom < 1 or len(np.unique(z)) < count + 1:
+        return None
+    design = np.vander(z, count + 1, increasing=True)
+    solved, *_ = np.linalg.lstsq(design, y, rcond=None)
+    rest = y - design @ solved
+    after = float(rest @ rest)
+    scale = float(y @ y) or 1.0
+    if before <= 1e-24 * scale:  # both are exact
+        return 1.0
+    if after <= 1e-24 * scale:
+        return 0.0
+    return float(f.sf((before - after) / (after / freedom), 1, freedom))

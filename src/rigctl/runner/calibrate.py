@@ -1,0 +1,134 @@
+"""Takes the points of a calibration: the operator says what the reference is, the bench is read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+
+from rigctl.errors import RigctlError
+from rigctl.rig import Channel, Rig
+from rigctl.rig.calibration_fit import Point
+from rigctl.runner.launch import Launch
+from rigctl.runner.manual import Reading, watch
+from rigctl.runner.operator import Operator, Question, read_answer
+
+#: what the operator may answer instead of a value, to leave the last point out
+UNDO = "undo"
+_AT_END = 0.5  # steps of the converter from its end
+
+
+@dataclass
+class _Series:
+    """The points so far, and the one being taken."""
+
+    name: str
+    channel: Channel
+    readings: int
+    tell: Callable[[str], None]
+    points: list[Point] = field(default_factory=list)
+    reference: float | None = None
+    raw: list[float] = field(default_factory=list)
+    ended: bool = False
+
+    @property
+    def question(self) -> Question:
+        """What comes next."""
+        last = f", '{UNDO}' takes point {len(self.points)} back" if self.points else ""
+        return Question(
+            f"Point {len(self.points) + 1}: {self.name} at the reference in {self.channel.unit}"
+            f" (nothing ends the series{last})"
+        )
+
+    def answer(self, text: str) -> None:
+        """Take what the operator typed."""
+        written = text.strip()
+        if not written:
+            self.ended = True
+        elif written.casefold() == UNDO and self.points:
+            gone = self.points.pop()
+            self.tell(f"point at {gone.reference:g} {self.channel.unit} taken back")
+        else:
+            channel = self.channel
+            try:
+                answer = read_answer(Question("", name="reference", unit=channel.unit), written)
+            except RigctlError as error:
+                self.tell(str(error))
+                return
+            self.reference = channel.display.from_si(answer.value or 0.0, difference=channel.difference)
+
+    def take(self, value: float) -> None:
+        """Take one SI reading of the point."""
+        channel = self.channel
+        if math.isnan(value):
+            return
+        self.raw.append(channel.raw_from_value(value))
+        if len(self.raw) < self.readings or self.reference is None:
+            return
+        point = Point(self.reference, tuple(self.raw))
+        self.points.append(point)
+        self.raw, self.reference = [], None
+        self.tell(self._told(point))
+
+    def _told(self, point: Point) -> str:
+        raw, unit = self.channel.raw, self.channel.raw.unit
+        text = f"point {len(self.points)}: {point.reference:g} {self.channel.unit} at {point.mean:.6g} {unit}"
+        if point.scatter is not None:
+            text += f" ± {point.scatter:.2g} ({len(point.raw)} readings)"
+        if min(point.mean - raw.low, raw.high - point.mean) < _AT_END * raw.step:
+            text += "; the converter is at its end, this point is worth nothing"
+        return text
+
+
+def take_points(
+    rig: Rig,
+    name: str,
+    how: Launch,
+    operator: Operator,
+    *,
+    readings: int,
+    rate: float,
+    tell: Callable[[str], None],
+) -> list[Point]:
+    """Ask for reference values until the operator has no more, and take `readings` samples at each.
+
+    The bench is read all the time, under its interlocks, with outputs safe.
+
+    Parameters
+    ----------
+    readings: how many samples make a point.
+    rate: of the samples, Hz.
+    tell: shows what was read.
+
+    Raises
+    ------
+    RigctlError
+        the bench cannot be reached, or has gone silent.
+    """
+    series = _Series(name, rig.channels[name], readings, tell)
+    column = rig.layout.channels.index(name)
+    question = series.question
+    with closing(watch(rig, how, rate)) as samples:
+        for reading in samples:
+            _sound(reading, tell)
+            if series.reference is not None:
+                series.take(reading.sample.values[column])
+                question = series.question
+                continue
+            try:
+                answer = operator.ask(question)
+            except RigctlError:  # nobody will answer any more
+                return series.points
+            if answer is not None:
+                series.answer(answer.text)
+                question = series.question
+            if series.ended:
+                return series.points
+    return series.points
+
+
+def _sound(reading: Reading, tell: Callable[[str], None]) -> None:
+    for alarm in reading.alarms:
+        if alarm.active:
+            tell(alarm.message)
