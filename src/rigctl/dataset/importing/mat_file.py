@@ -66,8 +66,7 @@ def open_mat(path: Path, names: Mapping[str, str]) -> GroupedFile:
         found.remarks += [f"variable '{name}' is no structure and is left out" for name in vectors]
     if not found.groups:
         raise RigctlError(
-            "nothing in it is a table",
-            value="; ".join(found.remarks) or None,
+            "; ".join(["nothing in it is a table", *found.remarks]),
             expected="vectors of equal length, or structures of them",
             where=Location(path),
         )
@@ -181,7 +180,9 @@ def _group(
     columns = []
     for name, array in vectors.items():
         plain, unit = split_heading(name)
-        columns.append(Column(plain or name, unit_of(units.get(name)) or unit, _reader(path, name, array)))
+        columns.append(
+            Column(plain or name, unit_of(units.get(name)) or unit_of(unit), _reader(path, name, array))
+        )
     yield Group(label, rows, tuple(columns))
 
 

@@ -70,7 +70,7 @@ def _name(group: Any, index: int, taken: set[str]) -> str:
 def _column(file: Any, group: int, place: int) -> Column:
     first = file.get(group=group, index=place, record_count=1, ignore_invalidation_bits=True)
     name, unit = split_heading(str(first.name))
-    return Column(name or str(first.name), unit_of(first.unit) or unit, _reader(file, group, place))
+    return Column(name or str(first.name), unit_of(first.unit) or unit_of(unit), _reader(file, group, place))
 
 
 def _reader(file: Any, group: int, place: int) -> Callable[[int, int], NDArray[Any]]:
@@ -78,7 +78,12 @@ def _reader(file: Any, group: int, place: int) -> Callable[[int, int], NDArray[A
 
     def read(start: int, stop: int) -> NDArray[Any]:
         values, invalid = file.get(
-            group=group, index=place, samples_only=True, record_offset=start, record_count=stop - start
+            group=group,
+            index=place,
+            samples_only=True,
+            ignore_invalidation_bits=True,  # else the library drops those rows, and columns differ in length
+            record_offset=start,
+            record_count=stop - start,
         )
         found = np.asarray(values)
         if (

@@ -47,7 +47,7 @@ def open_tdms(path: Path, names: Mapping[str, str]) -> GroupedFile:
 
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
-        with telling(path, "TDMS"), TdmsFile.open(path) as file:
+        with telling(path, "TDMS"), path.open("rb") as raw, TdmsFile.open(raw) as file:
             yield [_group(path, group, names) for group in file.groups()]
 
     return open_groups(path, reading, names)
@@ -69,7 +69,7 @@ def _heading(channel: Any) -> tuple[str, str | None]:
     """Name and unit; the unit may stand in brackets in the name."""
     name, unit = split_heading(channel.name)
     stored = next((channel.properties[key] for key in _UNITS if channel.properties.get(key)), None)
-    return name or channel.name, unit_of(stored) or unit
+    return name or channel.name, unit_of(stored) or unit_of(unit)
 
 
 def _reader(channel: Any) -> Callable[[int, int], NDArray[Any]]:
