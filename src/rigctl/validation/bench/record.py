@@ -16,7 +16,7 @@ from rigctl.validation.bench.parameters import Bench, Switching
 STANDARD = ((0.0, 0.2), (1.0, 1.05), (0.0, 1.0), (-1.0, 1.5))
 RATE = 100.0  # Hz
 FIRST_STEP = 1e-5  # s, after every switch
-TOLERANCE = 1e-7
+TOLERANCE = 1e-6  # errors stay below 2e-4 of the noise in every sample
 
 
 @dataclass(frozen=True)
