@@ -1,4 +1,4 @@
-"""With nothing hidden the separate bench and the tool's own model must agree, or every verdict is about that."""
+"""With nothing hidden the separate bench and the model must agree, or every verdict is about that."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def compiled() -> CompiledSystem:
 
 @pytest.mark.parametrize("pressure", [20.0, 50.0])
 @pytest.mark.parametrize("oil", [20.0, 80.0])
-def test_both_show_the_same_to_a_third_of_the_noise(
+def test_both_show_the_same_to_half_of_the_noise_of_one_sample(
     compiled: CompiledSystem, oil: float, pressure: float
 ) -> None:
     condition = Condition(oil=oil + 273.15, setting=pressure * 1e5)
@@ -33,7 +33,7 @@ def test_both_show_the_same_to_a_third_of_the_noise(
     found = simulate(compiled, [excitation(compiled, condition, trace.states[0], trace.time)]).require()
     for place, name in enumerate(found.output_names):
         difference = found.outputs[0][:, place] - trace.states[:, CHANNELS[name]]
-        assert np.linalg.norm(difference) / Noise().sigma[name] < 0.4, name
+        assert np.linalg.norm(difference) / Noise().sigma[name] < 0.5, name
 
 
 def excitation(
