@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from rigctl.cli import doctor
 from rigctl.cli.main import app
 from rigctl.errors import RigctlError
+from tclab_board import Served
 
 
 def test_init_makes_a_project_whose_procedures_are_valid(tmp_path: Path) -> None:
@@ -57,7 +58,61 @@ def test_doctor_shows_what_to_type_in_full() -> None:
 
 def test_doctor_fails_when_something_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
     broken = doctor.Finding("numba", "broken", "not installed", "pip install numba")
-    monkeypatch.setattr(doctor, "examine", lambda: iter([broken]))
+    monkeypatch.setattr(doctor, "examine", lambda ports: iter([broken]))
     shown = CliRunner().invoke(app, ["doctor"])
     assert shown.exit_code == 1
     assert "pip install numba" in shown.output
+
+
+def test_doctor_lists_ports_and_what_to_do_about_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from rigctl.backends.serial import ports
+
+    uno = ports.PortInfo("/dev/ttyACM0", "ttyACM0", 0x2341, 0x43, "85", "Arduino Uno", True)
+    barred = ports.PortInfo(
+        "/dev/ttyUSB0", "USB2.0-Ser!", 0x1A86, 0x7523, None, "CH340", False, "sudo usermod"
+    )
+    monkeypatch.setattr(ports, "list_ports", lambda: [uno, barred])
+    monkeypatch.chdir(tmp_path)
+    shown = CliRunner().invoke(app, ["doctor", "--json"])
+    assert shown.exit_code == 1
+    told = json.loads(shown.stdout)
+    assert [port["usb"] for port in told["ports"]] == ["2341:0043", "1A86:7523"]
+    findings = {finding["subject"]: finding for finding in told["findings"]}
+    assert findings["/dev/ttyACM0"]["detail"] == "Arduino Uno, 2341:0043, 85"
+    assert (findings["/dev/ttyUSB0"]["state"], findings["/dev/ttyUSB0"]["fix"]) == ("broken", "sudo usermod")
+
+
+def test_doctor_asks_a_port_that_is_named() -> None:
+    with Served() as board:
+        shown = CliRunner().invoke(app, ["doctor", "--port", board.url, "--json"])
+    told = json.loads(shown.stdout)
+    (asked,) = told["asked"]
+    assert asked["name"] == "two-heater board, TCLab Firmware 1.4.0 Arduino Uno"
+    assert (asked["link"]["asked"], asked["link"]["answered"]) == (50, 50)
+    assert shown.exit_code == 0
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_doctor_says_that_nobody_is_there() -> None:
+    shown = CliRunner().invoke(app, ["doctor", "--port", "/dev/no-such-port"], env={"COLUMNS": "300"})
+    assert shown.exit_code == 1
+    assert "/dev/no-such-port" in shown.stdout
+    assert "has it power?" in shown.stdout
+
+
+def test_doctor_looks_through_the_rig_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    old = "{date: 2020-01-01, valid_for: 1 day}"
+    old = f"name: a\nchannels: {{p: {{unit: bar, quantity: pressure, calibration: {old}}}}}\n"
+    (tmp_path / "rigs" / "a.yaml").write_text(old, encoding="utf-8")
+    (tmp_path / "rigs" / "b.yaml").write_text("name: b\nchanels: {}\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    shown = CliRunner().invoke(app, ["doctor", "--json"])
+    findings = {finding["subject"]: finding for finding in json.loads(shown.stdout)["findings"]}
+    assert "ran out on 2020-01-02" in findings["a.yaml"]["detail"]
+    assert findings["a.yaml"]["fix"].startswith("rigctl calibrate p --rig ")
+    assert findings["b.yaml"]["state"] == "broken"
+    assert "did you mean 'channels'" in findings["b.yaml"]["detail"]

@@ -195,8 +195,8 @@ def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
     unit, found = channel.unit, []
     if fit.residual_std is None:
         found.append(
-            f"{len(fit.points)} points fix {len(fit.coefficients)} coefficients: nothing is left to see whether "
-            "the curve is right; take more"
+            f"{len(fit.points)} points fix {len(fit.coefficients)} coefficients: nothing is left to see "
+            "whether the curve is right; take more"
         )
     if fit.bent:
         found.append(f"the points are bent: --degree {fit.degree + 1} fits better than chance explains")

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.finding import Finding
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was looked at: `fix` says what to type when it is not well."""
-
-    subject: str
-    state: Literal["ok", "optional", "broken"]
-    detail: str
-    fix: str = ""
+if TYPE_CHECKING:
+    from rigctl.backends.serial.ports import PortInfo
 
 
 #: import name, extra, what it is for
@@ -32,13 +27,19 @@ _EXTRAS = (
 )
 
 
-def examine() -> Iterator[Finding]:
-    """Look at everything rigctl stands on, cheapest first."""
+def examine(ports: Sequence[PortInfo] = ()) -> Iterator[Finding]:
+    """Look at everything rigctl stands on, cheapest first. Nothing is opened, nothing moves."""
+    from rigctl.cli.doctor_bench import emulator_finding, port_findings, rig_findings
+    from rigctl.project import find_project
+
     yield _interpreter()
     yield from _packages()
     yield from _extras()
     yield _engine_cache()
     yield _project()
+    yield emulator_finding()
+    yield from rig_findings(find_project().root / "rigs")
+    yield from port_findings(ports)
 
 
 def _interpreter() -> Finding:
@@ -98,29 +99,56 @@ def _writable(folder: Path) -> bool:
 
 
 def doctor(
+    port: Annotated[
+        list[str] | None,
+        typer.Option(help="Open this port and ask who is there; repeatable. A board may start anew by it."),
+    ] = None,
+    baud: Annotated[int, typer.Option(min=300, help="Of the ports that are asked.")] = 115200,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Say what is installed, what is missing, and how to get it.
+    """Say what is installed, what is missing and how to get it, and which serial ports may be used.
 
-    Example: rigctl doctor
+    No port is opened unless --port names it. It is then asked *IDN? or VER, and its line is measured: how
+    many of 50 answers come back whole, and how fast. Name no port of a device that these questions may upset.
+
+    Examples:
+
+      rigctl doctor
+
+      rigctl doctor --port /dev/ttyACM0
     """
-    findings = list(examine())
+    from rigctl.backends.serial.ports import list_ports
+    from rigctl.cli.doctor_bench import ask_port, ports_document
+
+    ports = list_ports()
+    findings = list(examine(ports))
+    asked = [ask_port(url, baud) for url in port or ()]
+    findings += [finding for finding, _ in asked]
     broken = any(finding.state == "broken" for finding in findings)
     if as_json:
-        typer.echo(json.dumps({"healthy": not broken, "findings": [asdict(f) for f in findings]}, indent=1))
+        told = {
+            "healthy": not broken,
+            "findings": [asdict(finding) for finding in findings],
+            "ports": ports_document(ports),
+            "asked": [answer for _, answer in asked],
+        }
+        typer.echo(json.dumps(told, indent=1))
     else:
         _show(findings)
     raise typer.Exit(1 if broken else 0)
 
 
 def _show(findings: list[Finding]) -> None:
+    """A line for each finding, and below it what to do where that is not nothing: whole, to be copied."""
     from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=None, show_header=False, pad_edge=False)
+    console = Console(highlight=False, soft_wrap=True)
     marks = {"ok": "[green]✓[/]", "optional": "[dim]–[/]", "broken": "[red]✗[/]"}
+    width = max(len(finding.subject) for finding in findings)
     for finding in findings:
-        fix = f"[bold]{escape(finding.fix)}[/]" if finding.fix else ""
-        table.add_row(marks[finding.state], finding.subject, escape(finding.detail), fix)
-    Console(highlight=False).print(table)
+        console.print(
+            f"{marks[finding.state]} {escape(finding.subject.ljust(width))}  {escape(finding.detail)}"
+        )
+        if finding.fix:
+            console.print(f"{' ' * (width + 4)}[bold]{escape(finding.fix)}[/]")

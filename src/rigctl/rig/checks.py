@@ -207,14 +207,21 @@ def _simulation(rig: Rig) -> Iterator[Problem]:
 
 def warnings(rig: Rig, today: date) -> Iterator[str]:
     """What is not wrong but worth saying before a run."""
+    for _, doubt in doubtful_calibrations(rig, today):
+        yield doubt
+    if not any(limit.action == "stop" for limit in rig.limits.values()):
+        yield "no limit stops a run: the rig file has no interlock"
+
+
+def doubtful_calibrations(rig: Rig, today: date) -> Iterator[tuple[str, str]]:
+    """Channels whose calibration has no date or is out of date, each with a sentence about it."""
     for name, channel in rig.channels.items():
         calibration = channel.calibration
         expires = calibration.expires()
         if calibration.date is None:
-            yield f"channel '{name}' has no calibration date"
+            yield name, f"channel '{name}' has no calibration date"
         elif calibration.date > today:
-            yield f"channel '{name}': its calibration is dated {calibration.date}, which is still to come"
+            when = calibration.date
+            yield name, f"channel '{name}': its calibration is dated {when}, which is still to come"
         elif expires is not None and expires <= today:
-            yield f"channel '{name}': its calibration of {calibration.date} ran out on {expires}"
-    if not any(limit.action == "stop" for limit in rig.limits.values()):
-        yield "no limit stops a run: the rig file has no interlock"
+            yield name, f"channel '{name}': its calibration of {calibration.date} ran out on {expires}"

@@ -97,10 +97,11 @@ class Talk:
             if not exchange.patterns:
                 return Answer({}, sent, self._clock.now())
             found, wrong = self._read_answer(exchange, command, sent + (timeout or self._lines.timeout))
-            if found is not None and not fits(found):
-                found, wrong = None, " / ".join(found.values())
-            if found is not None:
+            if found is None:
+                continue
+            if fits(found):
                 return Answer(found, sent, self._clock.now())
+            wrong = " / ".join(found.values())
         self._synchronise()
         if wrong:
             raise Refused(command, wrong, " / ".join(exchange.reply))

@@ -1,0 +1,140 @@
+"""Asks a port who is there, and how good the line is; nothing is switched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+
+from rigctl.backends.lines.talk import Refused, Talk
+from rigctl.backends.serial.port import Port, PortLost
+from rigctl.clock import Clock
+from rigctl.rig import Exchange, Lines
+
+#: how devices are asked who they are, the usual way first
+QUESTIONS = ("*IDN?", "VER")
+_WAKE = 3.0  # s that a board needs which starts anew when its port is opened
+_TIMEOUT = 0.4  # s
+
+
+@dataclass(frozen=True)
+class Link:
+    """How good a line is.
+
+    Parameters
+    ----------
+    asked: how often.
+    answered: how often the same came back.
+    damaged: how often something else did.
+    median, slowest: of the round trips, s; 0 when nothing came back.
+    """
+
+    asked: int
+    answered: int
+    damaged: int
+    median: float
+    slowest: float
+
+
+@dataclass(frozen=True)
+class Found:
+    """Who answered.
+
+    Parameters
+    ----------
+    question: to which.
+    identity: what was answered.
+    name: in a person's words.
+    """
+
+    question: str
+    identity: str
+    name: str
+    link: Link
+
+
+def probe(connect: Callable[[], Port], clock: Clock, *, rounds: int = 50, patience: float = _WAKE) -> Found:
+    """Who is at the other end of a port.
+
+    A board that is reset by the opening of its port has `patience` s to start.
+
+    Raises
+    ------
+    PortLost
+        there is no such port, or nobody answers.
+    RigctlError
+        it may not be opened.
+    """
+    port = connect()
+    try:
+        talk = Talk(port, clock, _protocol(QUESTIONS[0]))
+        question, identity = _introduction(talk, clock, patience)
+        link = _measure(Talk(port, clock, _protocol(question)), clock, question, identity, rounds)
+    finally:
+        port.close()
+    return Found(question, identity, _name(identity), link)
+
+
+def _protocol(question: str) -> Lines:
+    exchange = {"send": question, "reply": "{_}"}
+    return Lines.model_validate({"queries": [exchange], "timeout": f"{_TIMEOUT} s", "tries": 1})
+
+
+def _ask(talk: Talk, question: str) -> str | None:
+    """What is answered; None for silence, and for a device that only gives the question back."""
+    exchange = Exchange.model_validate({"send": question, "reply": "{identity}"})
+    try:
+        found = talk.ask(exchange, tries=1).found["identity"]
+    except Refused:
+        return None
+    return found if found and found.casefold() != question.casefold() else None
+
+
+def _introduction(talk: Talk, clock: Clock, patience: float) -> tuple[str, str]:
+    """The first question that is answered, and the answer."""
+    give_up = clock.now() + patience
+    talk.port.write(b"\n")  # whatever half of a command was left is over
+    talk.idle(clock.now() + 0.2)
+    while True:
+        for question in QUESTIONS:
+            try:
+                identity = _ask(talk, question)
+            except PortLost:
+                if clock.now() >= give_up:
+                    raise PortLost(_silence(talk)) from None
+                continue
+            if identity is not None:
+                return question, identity
+        if clock.now() >= give_up:
+            raise PortLost(_silence(talk))
+
+
+def _silence(talk: Talk) -> str:
+    if talk.heard:
+        return f"{talk.port.name}: something is sent, but no answer to *IDN? or VER; another baud rate?"
+    return f"{talk.port.name}: nobody answers *IDN? or VER"
+
+
+def _measure(talk: Talk, clock: Clock, question: str, identity: str, rounds: int) -> Link:
+    trips: list[float] = []
+    damaged = 0
+    for _ in range(rounds):
+        began = clock.now()
+        try:
+            answer = _ask(talk, question)
+        except PortLost:
+            continue
+        if answer == identity:
+            trips.append(clock.now() - began)
+        else:
+            damaged += 1
+    return Link(rounds, len(trips), damaged, median(trips) if trips else 0.0, max(trips, default=0.0))
+
+
+def _name(identity: str) -> str:
+    if identity.startswith("RIGCTL,"):
+        _, kind, _, version = (*identity.split(","), "", "", "")[:4]
+        return f"board with rigctl's firmware, {kind} {version}"
+    if identity.startswith("TCLab"):
+        return f"two-heater board, {identity}"
+    return identity

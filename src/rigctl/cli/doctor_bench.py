@@ -1,0 +1,109 @@
+"""What `rigctl doctor` looks at for the bench: ports, who answers on them, the emulator, the rig files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigctl.cli.finding import Finding
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.backends.lines.probe import Found
+    from rigctl.backends.serial.ports import PortInfo
+
+
+def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
+    """Every port with what is most likely behind it; one of USB that may not be opened is not well."""
+    from rigctl.backends.serial.ports import missing_port_fix
+
+    if not any(port.vendor is not None for port in ports):
+        detail = "no USB port is there: no board is plugged in, or the system does not see it"
+        yield Finding("serial ports", "optional", detail, missing_port_fix())
+    for port in ports:
+        parts = (port.guess or port.description, port.usb, port.serial_number or "")
+        detail = ", ".join(part for part in parts if part and part != "n/a") or "nothing known of it"
+        if port.accessible:
+            yield Finding(port.device, "ok", detail, "")
+        else:
+            # what is no USB is most likely soldered in, and nobody's bench
+            yield Finding(
+                port.device,
+                "broken" if port.vendor is not None else "optional",
+                f"{detail}; you may not open it",
+                port.fix,
+            )
+
+
+def ports_document(ports: Sequence[PortInfo]) -> list[dict[str, Any]]:
+    """The ports for programs; field names are contract."""
+    return [{**asdict(port), "usb": port.usb} for port in ports]
+
+
+def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
+    """Open a port, ask who is there, and measure the line."""
+    from rigctl.backends.lines.probe import probe
+    from rigctl.backends.serial.port import PortLost
+    from rigctl.backends.serial.pyserial_port import PyserialPort
+    from rigctl.clock import real_clock
+
+    clock = real_clock()
+    asked: dict[str, Any] = {"port": url, "baud": baud}
+    try:
+        found = probe(lambda: PyserialPort(url, baud, clock), clock)
+    except PortLost as error:
+        fix = "is it the right port and --baud? Is the board flashed, and has it power?"
+        return Finding(url, "broken", str(error), fix), {**asked, "error": str(error)}
+    except RigctlError as error:
+        return Finding(url, "broken", str(error), error.hint or ""), {**asked, "error": str(error)}
+    return _heard(url, found), {**asked, **asdict(found)}
+
+
+def _heard(url: str, found: Found) -> Finding:
+    link = found.link
+    quality = (
+        f"{link.answered} of {link.asked} answers whole, round trip {1e3 * link.median:.1f} ms, "
+        f"at most {1e3 * link.slowest:.1f} ms"
+    )
+    if link.answered == link.asked:
+        return Finding(url, "ok", f"{found.name}; {quality}")
+    return Finding(
+        url,
+        "broken",
+        f"{found.name}; {quality}",
+        "a shorter cable, another socket, away from motors and relays",
+    )
+
+
+def emulator_finding() -> Finding:
+    """simavr, for a board without hardware."""
+    from rigctl.backends.emulated.library import load_libraries
+
+    purpose = "the board's firmware without a board ('--backend emulated')"
+    try:
+        load_libraries()
+    except RigctlError as error:
+        return Finding("emulated board", "optional", purpose, (error.hint or "").removeprefix("Install it: "))
+    return Finding("emulated board", "ok", purpose)
+
+
+def rig_findings(folder: Path) -> Iterator[Finding]:
+    """The rig files of a project: mistakes in them, and calibrations that are out of date."""
+    from rigctl.rig import load_rig
+    from rigctl.rig.checks import doubtful_calibrations
+
+    today = datetime.now(UTC).date()
+    for path in sorted(folder.glob("*.yaml")):
+        try:
+            rig = load_rig(path)
+        except RigctlError as error:
+            yield Finding(path.name, "broken", str(error).partition("\n")[0], f"edit {path}")
+            continue
+        doubts = list(doubtful_calibrations(rig, today))
+        for channel, doubt in doubts:
+            yield Finding(path.name, "optional", doubt, f"rigctl calibrate {channel} --rig {path}")
+        if not doubts:
+            yield Finding(path.name, "ok", f"{rig.name}: calibrations are in date")
