@@ -118,6 +118,7 @@ def judge(fitted: FitResult, name: str, *, tell: Tell | None = None) -> ModelCom
         projected=projected,
         screening=screening,
         cells=cells,
+        whole=whole,
     )
 
 

@@ -146,7 +146,8 @@ def _slopes(
 def _base(problem: Problem, fit: FitResult) -> Floats:
     """The superset's parameters at the fitted point."""
     names = problem.compiled.system.parameter_names
-    base = problem.base.copy()
+    same = fit.problem.compiled.system.parameter_names == names
+    base = fit.problem.base.copy() if same else problem.base.copy()
     for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
         base[names.index(unknown.name)] = value
     return base

@@ -17,6 +17,7 @@ from rigctl.compare.scores import Screening
 from rigctl.compare.slots import SlotEvidence
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
 from rigctl.noise import ChannelNoise
 from rigctl.units import parse_unit
 
@@ -37,6 +38,7 @@ class ModelComparison:
     trends: directions of the error over the operating variables, the most wrong first.
     slots: which equation needs a term, the most wanted first.
     statement: one plain sentence.
+    whole: the same data with the whole library at its null, for those who look further.
     """
 
     name: str
@@ -50,6 +52,7 @@ class ModelComparison:
     projected: Projected = field(repr=False)
     screening: Screening = field(repr=False)
     cells: CellMap = field(repr=False)
+    whole: Problem = field(repr=False)
 
     @property
     def adequate(self) -> bool:

@@ -1,0 +1,325 @@
+"""Which physical effect is missing from a model, how sure that is, and what it cannot be told from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rigctl.compare.candidates import Candidate
+from rigctl.compare.compare import compare
+from rigctl.compare.linearise import linearise
+from rigctl.compare.result import ModelComparison
+from rigctl.dataset.run import Run
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION
+from rigctl.diagnose.folds import HeldOut, held_out_gain
+from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.diagnose.search import Point, Search, Tell, linearise_at
+from rigctl.diagnose.trial import Trial
+from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
+from rigctl.errors import RigctlError
+from rigctl.model.model import Model
+from rigctl.units import parse_unit
+
+#: more of the misfit than this left after the best set means that the set is not what is missing
+_LEFT = 0.15
+_SHOWN = 12
+
+
+def diagnose(
+    runs: Sequence[Run],
+    model: Model,
+    *,
+    hold_out: str | None = None,
+    most: int = 4,
+    tell: Tell | None = None,
+) -> Diagnosis:
+    """Diagnose a model on the usable records of `runs`; see `Diagnosis`.
+
+    Parameters
+    ----------
+    hold_out: a condition that chooses records which nothing here sees.
+    most: effects in the largest set that is looked at.
+
+    Raises
+    ------
+    RigctlError
+        as `rigctl.compare.compare.compare`; or the model has nothing to fit.
+    """
+    if not model.fitted:
+        raise RigctlError(
+            f"the model '{model.name}' has nothing to fit: a misfit of its numbers would be taken for missing "
+            "physics",
+            hint="Mark the parameters that are not known exactly with 'fit: true' in the model file",
+        )
+    compared = compare(runs, [model], hold_out=hold_out, tell=tell)
+    return diagnose_comparison(
+        compared.models[0], compared.runs, compared.held_out, compared.notes, most=most, tell=tell
+    )
+
+
+def diagnose_comparison(
+    before: ModelComparison,
+    runs: Sequence[str] = (),
+    held_out: Sequence[str] = (),
+    notes: Sequence[str] = (),
+    *,
+    most: int = 4,
+    tell: Tell | None = None,
+) -> Diagnosis:
+    """Diagnose a model that has been compared with data."""
+    search = Search(before, before.whole, most=most, tell=tell or (lambda _: None))
+    best = search.none if before.adequate else search.best()
+    rivals = _rivals(search, best)
+    ranking = _ranking(search, best)
+    checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
+    ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
+    left = 0.0 if before.adequate else _left(search, best)
+    close = [
+        (member, rival, cos, d)
+        for member, rival, cos, d, difference in rivals
+        if difference < LEAST_DIFFERENCE or d < LEAST_SEPARATION
+    ]
+    verdict = _verdict(before, best, close, checks, left)
+    chosen = [
+        (candidate, next(one for one in ranking if one.effect == candidate.name))
+        for candidate in best.candidates
+    ]
+    told = [(member, rival, cos, d) for member, rival, cos, d, _ in rivals]
+    drift = _drift(before, best)
+    evidence: list[str] = []
+    for candidate, ranked in chosen:
+        evidence += evidence_for(candidate, ranked, checks[candidate.name], close)
+    after = search.at(best) if best.candidates else None
+    return Diagnosis(
+        runs=tuple(runs),
+        model=before.name,
+        verdict=verdict,
+        effects=best.effects if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
+        classes=_classes(best, close) if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
+        indistinguishable=tuple((member, rival) for member, rival, _, _ in close),
+        ranking=tuple(ranking),
+        untestable=tuple(_untestable(before)),
+        drift=tuple(drift),
+        slot=before.slots[0].slot if before.slots and not before.adequate else "",
+        statement=verdict_text(
+            verdict, before, chosen, close if verdict is Verdict.AMBIGUOUS else told, left
+        ),
+        evidence=(*evidence, *drift_text(drift)),
+        held_out=tuple(held_out),
+        notes=tuple(notes),
+        before=before,
+        best=best,
+        trials=tuple(search.trials.values()),
+        p_value_after=before.adequacy.p_value if after is None else after.adequacy.p_value,
+    )
+
+
+def _rivals(search: Search, best: Trial) -> list[tuple[str, str, float, float, float]]:
+    """(member, rival, cosine, separation, mBIC of the rival set less that of the best)."""
+    found = []
+    for member in best.candidates:
+        search.tell(f"What could be taken for {member.name}")
+        for trial, cos, d in search.rivals(best, member):
+            other = next(name for name in trial.effects if name not in best.effects)
+            difference = search.mbic(trial) - search.mbic(best)
+            found.append((member.name, other, cos, d, difference))
+    return found
+
+
+def _verdict(
+    before: ModelComparison,
+    best: Trial,
+    close: Sequence[tuple[str, str, float, float]],
+    checks: dict[str, HeldOut | None],
+    left: float,
+) -> Verdict:
+    if before.adequate:
+        return Verdict.ADEQUATE
+    if not best.candidates or left > _LEFT:
+        return Verdict.OUTSIDE_LIBRARY
+    if close or any(check is not None and check.folds >= 2 and not check.passed for check in checks.values()):
+        return Verdict.AMBIGUOUS
+    return Verdict.MISSING_EFFECT
+
+
+def _left(search: Search, best: Trial) -> float:
+    """The share of the misfit that stays with the best set; 0 when the tests find nothing any more.
+
+    Measured by what the tests see: the plane test's excess, and the largest fall of χ² that any further
+    effect promises, against the fall that was reached.
+    """
+    if not best.candidates:
+        return 1.0
+    here = search.at(best)
+    if here.adequacy.adequate:
+        return 0.0
+    plane = here.adequacy.tests.get("plane")
+    excess = max(plane.statistic - plane.freedom, 0.0) if plane is not None else 0.0
+    promised = max((score.gain for score in here.screening.scores), default=0.0)
+    reached = max(search.none.chi2 - best.chi2, 1e-12)
+    return max(excess, promised) / (reached + max(excess, promised))
+
+
+@dataclass(frozen=True)
+class _Weighted:
+    trial: Trial
+    weight: float
+
+
+def _ranking(search: Search, best: Trial) -> list[Ranked]:
+    """Effects with their probabilities over all sets that were looked at, "none" among them."""
+    trials = [search.none, *search.trials.values()]
+    refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
+    screened = [score for score in search.before.screening.scores if score.effect not in refitted]
+    values = [search.mbic(trial) for trial in trials]
+    linear = [
+        search.mbic(search.none) - score.gain + math.log(search.samples) + 2.0 * math.log(search.library)
+        for score in screened
+    ]
+    least = min([*values, *linear])
+    weights = [math.exp(-0.5 * min(value - least, 1400.0)) for value in [*values, *linear]]
+    total = sum(weights)
+    shares: dict[str, float] = {}
+    sets = [trial.effects for trial in trials] + [(score.effect,) for score in screened]
+    for names, weight in zip(sets, weights, strict=True):
+        for name in set(names):
+            shares[name] = shares.get(name, 0.0) + weight / total
+    by_name = {score.effect: score for score in search.before.screening.scores}
+    order = sorted(
+        by_name, key=lambda name: (-shares.get(name, 0.0), by_name[name].p_value, -by_name[name].gain)
+    )
+    shown = list(dict.fromkeys([*best.effects, *order]))[: max(_SHOWN, len(best.effects))]
+    ranked = [_ranked(search, best, name, min(1.0, shares.get(name, 0.0))) for name in shown]
+    return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.delta_bic))
+
+
+def _ranked(search: Search, best: Trial, name: str, probability: float) -> Ranked:
+    score = next(one for one in search.before.screening.scores if one.effect == name)
+    trial, without = _trial_of(search, best, name)
+    if trial is None or without is None:
+        lin = search.before.linearisation
+        candidate = lin.candidates[score.candidate]
+        parameters = _linear_parameters(candidate, score.sizes.tolist())
+        difference = math.log(search.samples) + 2.0 * math.log(search.library) - score.gain
+        drop, size = 0.0, score.z
+    else:
+        candidate = next(one for one in trial.candidates if one.name == name)
+        parameters = found_parameters(trial, candidate)
+        difference = search.mbic(trial) - search.mbic(without)
+        before, after = _nrmse(without), _nrmse(trial)
+        drop = (before - after) / before if before else 0.0
+        size = math.sqrt(max(without.chi2 - trial.chi2, 0.0))
+    return Ranked(
+        effect=name,
+        probability=probability,
+        score_p_value=score.p_value,
+        delta_bic=difference,
+        kappa=score.kappa,
+        hidden_in=score.hidden_in,
+        heldout_before=math.nan,
+        heldout_after=math.nan,
+        error_drop=drop,
+        size=size,
+        parameters=parameters,
+    )
+
+
+def _trial_of(search: Search, best: Trial, name: str) -> tuple[Trial | None, Trial | None]:
+    """The set in which an effect is judged, and the same without it: the best one where it is a member."""
+    if name in best.effects:
+        rest = tuple(one for one in best.effects if one != name)
+        others = [t for t in search.trials.values() if tuple(sorted(t.effects)) == tuple(sorted(rest))]
+        return best, (min(others, key=search.mbic) if others else search.none if not rest else None)
+    single = [trial for trial in search.trials.values() if trial.effects == (name,)]
+    return (min(single, key=search.mbic), search.none) if single else (None, None)
+
+
+def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParameter]:
+    """An effect's parameters as fitted, in the units they are shown in."""
+    found = {}
+    for column in candidate.columns:
+        own = column.partition(".")[2]
+        declared = candidate.effect.parameter(own)
+        value, std = trial.value(column)
+        unit = parse_unit(declared.unit)
+        offset = 0.0 if declared.difference else unit.offset
+        found[own] = FoundParameter((value - offset) / unit.factor, declared.unit, std / unit.factor)
+    return found
+
+
+def _linear_parameters(candidate: Candidate, sizes: Sequence[float]) -> dict[str, FoundParameter]:
+    found = {}
+    for column, size in zip(candidate.columns, sizes, strict=True):
+        declared = candidate.effect.parameter(column.partition(".")[2])
+        factor = parse_unit(declared.unit).factor
+        found[declared.name] = FoundParameter((declared.at_null + size) / factor, declared.unit, math.nan)
+    return found
+
+
+def _nrmse(trial: Trial) -> float:
+    errors = trial.fit.errors.values()
+    count = sum(one.count for one in errors)
+    return math.sqrt(sum(one.nrmse**2 * one.count for one in errors) / count) if count else 0.0
+
+
+def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
+    """The leave-out check of one member of the best set, at its fit."""
+    lin = linearise(best.fit, search.whole, ())
+    values = [
+        best.value(column)[0] - candidate.effect.parameter(column.partition(".")[2]).at_null
+        for column in candidate.columns
+    ]
+    if len(lin.records) < 2:
+        return None
+    return held_out_gain(lin, candidate.columns, values)
+
+
+def _with_check(ranked: Ranked, check: HeldOut | None) -> Ranked:
+    return (
+        ranked if check is None else replace(ranked, heldout_before=check.before, heldout_after=check.after)
+    )
+
+
+def _classes(best: Trial, close: Sequence[tuple[str, str, float, float]]) -> tuple[tuple[str, ...], ...]:
+    found = []
+    for name in best.effects:
+        rivals = [rival for member, rival, _, _ in close if member == name]
+        found.append((name, *dict.fromkeys(rivals)))
+    return tuple(found)
+
+
+def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
+    """Effects that show nothing here, and what would make them show."""
+    by_name = {one.name: one.effect for one in before.linearisation.candidates}
+    measured = set(before.fit.problem.measurements.outputs)
+    found = []
+    for name in before.screening.untestable:
+        effect = by_name[name]
+        sensors = [slot.removesuffix("_reading") for slot in effect.slots if slot.endswith("_reading")]
+        absent = [sensor for sensor in sensors if sensor not in measured]
+        needs = (
+            f"the channel {', '.join(absent)}" if absent else effect.needs or "other commands or conditions"
+        )
+        found.append((name, needs))
+    return found
+
+
+def _drift(before: ModelComparison, best: Trial) -> list[Drift]:
+    if not best.candidates:
+        return []
+    family = before.fit.problem.model.family
+    after = dict(zip([u.name for u in best.fit.problem.shared], best.fit.values.tolist(), strict=True))
+    found = []
+    for unknown, value in zip(before.fit.problem.shared, before.fit.values.tolist(), strict=True):
+        if "." in unknown.name:
+            continue
+        declared = family.parameter(unknown.name)
+        unit = parse_unit(declared.unit)
+        found.append(
+            Drift(unknown.name, unit.from_si(value), unit.from_si(after[unknown.name]), declared.unit)
+        )
+    return found
+
+
+__all__ = ["Point", "diagnose", "diagnose_comparison", "linearise_at"]

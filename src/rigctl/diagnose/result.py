@@ -1,0 +1,182 @@
+"""What a diagnosis returns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.trial import Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Verdict(StrEnum):
+    """What the data say of the model."""
+
+    ADEQUATE = "adequate"  #: the data show nothing that the model lacks
+    MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does as well
+    AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot tell which
+    OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no effect of the library is
+
+
+@dataclass(frozen=True)
+class FoundParameter:
+    """A parameter of an effect as it was fitted, in the unit it is shown in."""
+
+    value: float
+    unit: str
+    std: float
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One effect of the ranking.
+
+    Attributes
+    ----------
+    probability: that it is among what is missing, given that one of the sets looked at is right.
+    score_p_value: family-wise, of the score test on the model as it is.
+    delta_bic: mBIC with it less without it; negative is better.
+    kappa: the share of its signature that the fitted parameters cannot imitate.
+    hidden_in: the fitted parameter that imitates most of it.
+    heldout_before, heldout_after: noise-normalised RMSE on what was left out; NaN where not looked at.
+    error_drop: the fall of the noise-normalised RMSE, as a share of it.
+    size: λ, in sigmas of the data.
+    """
+
+    effect: str
+    probability: float
+    score_p_value: float
+    delta_bic: float
+    kappa: float
+    hidden_in: str
+    heldout_before: float
+    heldout_after: float
+    error_drop: float
+    size: float
+    parameters: Mapping[str, FoundParameter]
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "effect": self.effect,
+            "probability": self.probability,
+            "score_p_value": self.score_p_value,
+            "delta_bic": self.delta_bic,
+            "kappa": self.kappa,
+            "hidden_in": self.hidden_in,
+            "heldout_before": _finite(self.heldout_before),
+            "heldout_after": _finite(self.heldout_after),
+            "error_drop": self.error_drop,
+            "size": self.size,
+            "parameters": {
+                name: {"value": one.value, "unit": one.unit, "std": _finite(one.std)}
+                for name, one in self.parameters.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How a fitted parameter changed with the effects found; in the unit it is shown in."""
+
+    parameter: str
+    before: float
+    after: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and everything that speaks for and against it.
+
+    Attributes
+    ----------
+    verdict, effects: what is missing: the most probable set, empty when nothing is.
+    classes: groups of names that these data cannot tell apart; each holds one of `effects`.
+    indistinguishable: pairs of such names.
+    ranking: the most probable first.
+    untestable: effects that these data say nothing of, with what would make them testable.
+    drift: of the fitted parameters.
+    slot: the equation that wants a term most, "" when none does.
+    statement: in words; `evidence` a sentence each for and against.
+    before: the model as it is; after: with `effects`, the same when there are none.
+    best: the trial of `effects`.
+    trials: every set that was refitted.
+    """
+
+    runs: tuple[str, ...]
+    model: str
+    verdict: Verdict
+    effects: tuple[str, ...]
+    classes: tuple[tuple[str, ...], ...]
+    indistinguishable: tuple[tuple[str, str], ...]
+    ranking: tuple[Ranked, ...]
+    untestable: tuple[tuple[str, str], ...]
+    drift: tuple[Drift, ...]
+    slot: str
+    statement: str
+    evidence: tuple[str, ...]
+    held_out: tuple[str, ...]
+    notes: tuple[str, ...]
+    before: ModelComparison = field(repr=False)
+    best: Trial = field(repr=False)
+    trials: tuple[Trial, ...] = field(repr=False)
+    p_value_after: float = math.nan
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer."""
+        return {
+            "runs": list(self.runs),
+            "model": self.model,
+            "verdict": self.verdict.value,
+            "effects": list(self.effects),
+            "classes": [list(names) for names in self.classes],
+            "indistinguishable": [list(pair) for pair in self.indistinguishable],
+            "ranking": [one.document() for one in self.ranking],
+            "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
+            "drift": [
+                {"parameter": d.parameter, "before": d.before, "after": d.after, "unit": d.unit}
+                for d in self.drift
+            ],
+            "where": {"slot": self.slot, "statement": self.before.statement},
+            "next_experiment": None,
+            "p_value": self.before.adequacy.p_value,
+            "p_value_after": _finite(self.p_value_after),
+            "held_out": list(self.held_out),
+            "evidence": list(self.evidence),
+            "notes": list(self.notes),
+            "statement": self.statement,
+        }
+
+    def summary(self) -> str:
+        """The verdict in a few lines."""
+        lines = [f"{self.verdict.value}: {self.statement}"]
+        for one in self.ranking[:5]:
+            lines.append(
+                f"  {one.probability:6.1%}  {one.effect}  (score p {one.score_p_value:.2g}, "
+                f"ΔmBIC {one.delta_bic:+.1f})"
+            )
+        return "\n".join(lines)
+
+    def frame(self) -> pd.DataFrame:
+        """The ranking, one row for each effect."""
+        import pandas as pd
+
+        rows = [one.document() for one in self.ranking]
+        return pd.DataFrame([{k: v for k, v in row.items() if k != "parameters"} for row in rows])
+
+    def _repr_html_(self) -> str:
+        """The summary and the ranking, as a notebook shows them."""
+        from html import escape
+
+        return f"<pre>{escape(self.summary())}</pre>{self.frame().to_html(index=False, escape=True)}"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

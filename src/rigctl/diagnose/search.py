@@ -1,0 +1,267 @@
+"""Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from rigctl.compare.adequacy import Adequacy, adequacy
+from rigctl.compare.candidates import Candidate, candidates
+from rigctl.compare.linearise import Linearisation, linearise
+from rigctl.compare.projected import Projected, project
+from rigctl.compare.result import ModelComparison
+from rigctl.compare.scores import Score, Screening, screen
+from rigctl.diagnose.confound import LEAST_SEPARATION, cosine, separation
+from rigctl.diagnose.pairs import pair_gains
+from rigctl.diagnose.trial import Trial, plain, refit
+from rigctl.model.fit.problem import Problem
+
+#: told what is being done
+Tell = Callable[[str], None]
+
+_BEST = 3
+#: rivals more alike than this are refitted
+_ALIKE = 0.5
+#: never more refits of rivals than these
+_MOST_RIVALS = 7
+_PAIRS = 2
+#: a set of another size must be better by this to be looked at, in χ²
+_WORTH = 6.0
+
+
+@dataclass
+class Search:
+    """The sets that were tried on one comparison, and the best of them.
+
+    Attributes
+    ----------
+    before: the model as it is.
+    whole: its data with the whole library at its null.
+    most: effects in a set.
+    """
+
+    before: ModelComparison
+    whole: Problem
+    most: int = 4
+    tell: Tell = field(default=lambda _: None)
+    trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
+
+    @cached_property
+    def none(self) -> Trial:
+        """The model as it is."""
+        return plain(self.before.fit, self.whole)
+
+    @cached_property
+    def library(self) -> int:
+        """How many effects were looked at."""
+        return len({candidate.name for candidate in self.before.linearisation.candidates})
+
+    @cached_property
+    def samples(self) -> float:
+        """Effective sample size: autocorrelated readings count for less, records at least once each."""
+        problem = self.before.fit.problem
+        total = 0.0
+        for c, channel in enumerate(problem.noise.channels):
+            count = sum(int(problem.ok[k][:, c].sum()) for k in self.before.fit.fitted)
+            total += count * (1.0 - channel.correlation) / (1.0 + channel.correlation)
+        return max(total, float(len(self.before.fit.fitted)), 2.0)
+
+    def mbic(self, trial: Trial) -> float:
+        """The criterion of a trial."""
+        return trial.mbic(self.samples, self.library)
+
+    def best(self) -> Trial:
+        """The set that explains the misfit best: singles, pairs, then forward and backward."""
+        if not self.before.screening.scores:
+            return self.none
+        self._singles()
+        best = self._least([self.none, *self.trials.values()])
+        best = self._pairs(best)
+        while best.candidates and len(best.candidates) < self.most and not self.at(best).adequacy.adequate:
+            longer = self._forward(best)
+            if longer is None or self.mbic(longer) >= self.mbic(best):
+                break
+            best = longer
+        return self._backward(best)
+
+    def at(self, trial: Trial) -> Point:
+        """The linearisation and the tests at a trial's fit."""
+        key = _key(trial.candidates)
+        if key not in self._points:
+            self._points[key] = point(trial, self.whole)
+        return self._points[key]
+
+    def rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
+        """(rival set, cosine, separation d) of the sets that have another effect in `member`'s place.
+
+        Those that are alike or close are refitted; the others are told apart already.
+        """
+        rest = tuple(one for one in trial.candidates if one is not member)
+        without = self.none if not rest else self._try(rest, {})
+        if without is None:
+            return []
+        size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
+        look = linearise_at(trial, self.whole, drop=member)
+        projected = project(look)
+        own = next(k for k, one in enumerate(look.candidates) if one is member or _same(one, member))
+        close: dict[str, tuple[float, Candidate, float]] = {}
+        for place, candidate in enumerate(look.candidates):
+            if candidate.name == member.name or not projected.usable[look.columns_of(place)].any():
+                continue
+            cos = cosine(projected, own, place)
+            d = separation(size, cos)
+            held = close.get(candidate.name)
+            if held is None or cos > held[0]:
+                close[candidate.name] = (cos, candidate, d)
+        near = [one for one in close.values() if one[0] > _ALIKE or one[2] < LEAST_SEPARATION]
+        near.sort(key=lambda one: -one[0])
+        found = []
+        for cos, candidate, d in near[:_MOST_RIVALS]:
+            rival = self._try((*rest, candidate), {})
+            if rival is not None:
+                found.append((rival, cos, d))
+        return found
+
+    def _singles(self) -> None:
+        scores = self.before.screening.scores
+        lin, projected = self.before.linearisation, self.before.projected
+        by_gain = sorted(scores, key=lambda score: -score.gain)
+        leader = by_gain[0]
+        alike = [
+            score
+            for score in by_gain
+            if cosine(projected, leader.candidate, score.candidate) > _ALIKE and score.gain > 0.0
+        ]
+        chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
+        for effect in chosen[: _BEST + _MOST_RIVALS]:
+            score = next(one for one in scores if one.effect == effect)
+            if score.gain > 0.0:
+                self.tell(f"Refitting with {effect}")
+                self._try((lin.candidates[score.candidate],), _starts(lin, score))
+
+    def _pairs(self, best: Trial) -> Trial:
+        """The best pairs of the linear problem, where they promise more than the best single effect."""
+        if self.most < 2 or (best.candidates and self.at(best).adequacy.adequate):
+            return best
+        lin = self.before.linearisation
+        promised = self.none.chi2 - min(
+            [best.chi2, *(trial.chi2 for trial in self.trials.values())], default=self.none.chi2
+        )
+        for pair in pair_gains(self.before.projected)[:_PAIRS]:
+            if pair.gain > promised + _WORTH:
+                chosen = tuple(lin.candidates[place] for place in pair.places)
+                self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+                self._try(chosen, _shifted(chosen, pair.sizes))
+        return self._least([best, *self.trials.values()])
+
+    def _forward(self, best: Trial) -> Trial | None:
+        """`best` and one effect more: the ones that its own linearisation promises most of."""
+        here = self.at(best)
+        tried = []
+        for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
+            if score.gain > _WORTH:
+                candidate = here.linearisation.candidates[score.candidate]
+                self.tell(f"Refitting with {', '.join([*best.effects, candidate.name])}")
+                starts = _starts(here.linearisation, score) | _values(best)
+                tried.append(self._try((*best.candidates, candidate), starts))
+        return self._least([one for one in tried if one is not None]) if any(tried) else None
+
+    def _backward(self, best: Trial) -> Trial:
+        """Without the members that do not pay for themselves."""
+        while len(best.candidates) > 1:
+            shorter = [
+                self._try(tuple(one for one in best.candidates if one is not member), _values(best))
+                for member in best.candidates
+            ]
+            found = self._least([best, *(one for one in shorter if one is not None)])
+            if found is best:
+                break
+            best = found
+        return best
+
+    def _try(self, chosen: Sequence[Candidate], starts: dict[str, float]) -> Trial | None:
+        key = _key(chosen)
+        if key not in self.trials:
+            found = refit(self.before.fit, self.whole, chosen, starts)
+            if found is None:
+                return None
+            self.trials[key] = found
+        return self.trials[key]
+
+    def _least(self, trials: Iterable[Trial]) -> Trial:
+        return min(trials, key=self.mbic)
+
+
+@dataclass(frozen=True)
+class Point:
+    """What a trial's fit leaves."""
+
+    linearisation: Linearisation
+    projected: Projected
+    screening: Screening
+    adequacy: Adequacy
+
+
+def point(trial: Trial, whole: Problem) -> Point:
+    """Linearise at a trial with every candidate that is not in it."""
+    lin = linearise_at(trial, whole)
+    projected = project(lin)
+    screening = screen(projected)
+    return Point(lin, projected, screening, adequacy(projected, screening))
+
+
+def linearise_at(trial: Trial, whole: Problem, drop: Candidate | None = None) -> Linearisation:
+    """Linearise at a trial; `drop` is one of its members whose parameters are signatures, not nuisances."""
+    present = set(trial.effects)
+    contradicted = {name for one in trial.candidates for name in one.effect.instead_of}
+    others = [
+        one
+        for one in candidates(whole.model)
+        if one.name not in present and (one.name not in contradicted or drop is not None)
+    ]
+    if drop is None:
+        return linearise(trial.fit, whole, others)
+    from dataclasses import replace
+
+    held = set(drop.columns)
+    problem = trial.fit.problem
+    keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in held]
+    names = problem.compiled.system.parameter_names
+    base = problem.base.copy()
+    for unknown, value in zip(problem.shared, trial.fit.values, strict=True):
+        base[names.index(unknown.name)] = value
+    fixed = replace(
+        trial.fit,
+        problem=problem.with_shared([problem.shared[k] for k in keep], base),
+        values=trial.fit.values[keep],
+    )
+    return linearise(fixed, whole, [replace(drop, shapes={}), *others])
+
+
+def _starts(lin: Linearisation, score: Score) -> dict[str, float]:
+    candidate = lin.candidates[score.candidate]
+    return _shifted((candidate,), dict(zip(candidate.columns, score.sizes.tolist(), strict=True)))
+
+
+def _shifted(chosen: Sequence[Candidate], sizes: dict[str, float]) -> dict[str, float]:
+    """Sizes from null as values."""
+    found = {}
+    for candidate in chosen:
+        for column in candidate.columns:
+            parameter = candidate.effect.parameter(column.partition(".")[2])
+            found[column] = parameter.at_null + sizes.get(column, 0.0)
+    return found
+
+
+def _values(trial: Trial) -> dict[str, float]:
+    return {column: trial.value(column)[0] for one in trial.candidates for column in one.columns}
+
+
+def _same(one: Candidate, other: Candidate) -> bool:
+    return one.name == other.name and not one.shapes
+
+
+def _key(chosen: Sequence[Candidate]) -> tuple[str, ...]:
+    return tuple(sorted(f"{one.name} {sorted(one.shapes.items())}" for one in chosen))
