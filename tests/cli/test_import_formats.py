@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 from rigctl.cli.main import app
 from rigctl.dataset import Run, open_run
+from rigctl.dataset.importing import groups
 
 ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat"]
 RIG = ["--rig", "rigs/hl32-bench.yaml"]
@@ -52,6 +54,17 @@ def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
     again = rigctl("import", f"out.{ending}", *RIG)
     assert (again["records"], again["rows"], again["left_out"]) == (3, 150, 0)
     same_samples(strokes, open_run(again["path"]))
+
+
+@pytest.mark.parametrize("ending", ["tdms", "mf4"])
+def test_a_large_file_is_read_piece_by_piece(
+    strokes: Run, ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = import_module(f"rigctl.dataset.importing.{'mdf' if ending == 'mf4' else ending}_file")
+    monkeypatch.setattr(module, "LARGE", 0)
+    monkeypatch.setattr(groups, "PART_ROWS", 7)
+    rigctl("export", strokes.id, "-o", f"out.{ending}")
+    same_samples(strokes, open_run(rigctl("import", f"out.{ending}", *RIG)["path"]))
 
 
 @pytest.mark.parametrize("ending", ["tdms", "mf4", "mat"])

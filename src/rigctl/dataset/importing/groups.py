@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+#: a file of more bytes than this is read piece by piece, each time anew
+LARGE: Final = 1 << 28
 #: how other programs write units that have another name here
 _UNITS: Final[Mapping[str, str]] = {
     "deg C": "degC",
@@ -59,6 +61,16 @@ class Group:
     def column(self, name: str) -> Column | None:
         """The column of that name."""
         return next((column for column in self.columns if column.name == name), None)
+
+
+def held(group: Group) -> Group:
+    """The same group, its values in memory."""
+
+    def kept(column: Column) -> Column:
+        values = column.read(0, group.rows)
+        return Column(column.name, column.unit, lambda start, stop: values[start:stop])
+
+    return Group(group.name, group.rows, tuple(kept(column) for column in group.columns))
 
 
 #: opens the file and gives its groups, as often as it is called

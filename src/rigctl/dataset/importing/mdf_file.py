@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rigctl.dataset.importing.csv_file import split_heading
 from rigctl.dataset.importing.groups import (
+    LARGE,
     Column,
     Group,
     GroupedFile,
+    held,
     missing_extra,
     open_groups,
     telling,
@@ -42,6 +44,12 @@ def open_mdf(path: Path, names: Mapping[str, str]) -> GroupedFile:
             with MDF(path) as file:
                 yield _groups(file)
 
+    with telling(path, "MDF"):
+        small = path.stat().st_size <= LARGE
+    if small:
+        with reading() as groups:
+            kept = [held(group) for group in groups]
+        return open_groups(path, lambda: nullcontext(kept), names, noun="channel group")
     return open_groups(path, reading, names, noun="channel group")
 
 

@@ -7,12 +7,13 @@ channels say (``wf_increment``, ``wf_start_offset``).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.importing.csv_file import split_heading
 from rigctl.dataset.importing.groups import (
+    LARGE,
     Column,
     Group,
     GroupedFile,
@@ -50,7 +51,14 @@ def open_tdms(path: Path, names: Mapping[str, str]) -> GroupedFile:
         with telling(path, "TDMS"), path.open("rb") as raw, TdmsFile.open(raw) as file:
             yield [_group(path, group, names) for group in file.groups()]
 
-    return open_groups(path, reading, names)
+    with telling(path, "TDMS"):
+        if path.stat().st_size > LARGE:
+            return open_groups(path, reading, names)
+        with path.open(
+            "rb"
+        ) as raw:  # whole: the library looks for each piece of a large file from its beginning
+            groups = [_group(path, group, names) for group in TdmsFile.read(raw).groups()]
+    return open_groups(path, lambda: nullcontext(groups), names)
 
 
 def _group(path: Path, group: Any, names: Mapping[str, str]) -> Group:
