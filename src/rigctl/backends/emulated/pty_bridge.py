@@ -43,6 +43,7 @@ class PtyBridge:
         self.port = os.ttyname(slave)
         os.close(slave)  # so that a hang-up on the master means: nobody has it open
         os.set_blocking(self._master, False)
+        self._speeds = _speeds()
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLIN)
 
@@ -100,15 +101,16 @@ class PtyBridge:
         """Whether the client's speed is the board's; both ends of a pty share their settings."""
         import termios
 
-        code = termios.tcgetattr(self._master)[5]
-        set_to = next(
-            (int(name[1:]) for name in dir(termios) if _is_speed(name) and getattr(termios, name) == code), 0
-        )
+        set_to = self._speeds.get(termios.tcgetattr(self._master)[5])
         return not set_to or abs(set_to - self._board.avr.baud) <= _BAUD_TOLERANCE * self._board.avr.baud
 
 
-def _is_speed(name: str) -> bool:
-    return name[0] == "B" and name[1:].isdigit()
+def _speeds() -> dict[int, int]:
+    """The system's code of each speed -> bits per second."""
+    import termios
+
+    names = (name for name in dir(termios) if name[0] == "B" and name[1:].isdigit())
+    return {getattr(termios, name): int(name[1:]) for name in names}
 
 
 def _garbled(data: bytes) -> bytes:

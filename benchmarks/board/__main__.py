@@ -1,0 +1,36 @@
+"""The board and its line against what they must reach: ``python -m benchmarks.board``.
+
+The firmware runs on the emulated microcontroller. What depends on it and on the line alone is measured in
+the board's own time, faster than real: that is `results.json`. What depends on the host as well, round trips
+of queries and the arrival of samples, needs real time: ``python -m benchmarks.board --real-time`` runs a host
+and an emulated board as two processes on a pseudo-terminal for ten minutes, into `real_time.json`.
+
+The emulator sends a parity bit that the real board does not: a character takes 11 bits, not 10.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks.board import fast, real_time
+from benchmarks.record import keep, table
+
+FOLDER = Path(__file__).parent
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.board")
+    parser.add_argument("--real-time", action="store_true", help="two processes, ten minutes")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of board time (10)")
+    given = parser.parse_args()
+    measured = real_time if given.real_time else fast
+    rows, results = measured.measure(given.minutes * 60.0)
+    table(measured.TITLE, [("", "reached", "asked"), *rows])
+    name = "real_time" if given.real_time else "results"
+    print(f"\nkept in {keep(FOLDER, results, 'pyserial', 'numpy', name=name)}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,177 @@
+"""What board and line reach, in board time: whole samples, full lines, and how soon outputs are off."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from rigctl.backends.emulated.avr import FREQUENCY, Avr
+from rigctl.backends.emulated.board import millivolt
+from rigctl.backends.emulated.create import create
+from rigctl.backends.emulated.image import read_intel_hex, shipped_image
+from rigctl.clock import VirtualClock
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig
+
+TITLE = "the board and its line, in board time"
+RATE = 100.0  # Hz
+BITS = 11  # of an emulated character
+NORMAL, OVER = (200, 500, 300), (680, 500, 300)  # counts of A0, A1, A2; over-pressure
+#: bauds, and rates from what always fits to what does not
+RATES = {115200: (100, 200, 283, 285, 290, 293, 300), 500000: (500, 1000, 1170, 1180, 1200, 1210, 1250)}
+WARM_UP = 10.6  # s; from then on the board's microseconds have eight digits, and lines their full length
+
+
+def measure(seconds: float) -> tuple[list[tuple[str, str, str]], dict[str, Any]]:
+    """Rows to show and figures to keep."""
+    whole, lines = samples(seconds), {baud: capacity(baud) for baud in RATES}
+    killed, tripped = silent_host(), over_limit()
+    rows = [
+        (f"samples lost in {seconds / 60:g} min at 100 Hz", f"{whole['lost']}", "0"),
+        ("lines torn", f"{whole['torn']}", "0"),
+        ("times real time", f"{whole['times_real_time']:.1f}", ""),
+    ]
+    for baud, found in lines.items():
+        rows.append(
+            (
+                f"load of {baud} baud without a loss",
+                f"{found['best_load']:.1%} ({found['best_rate']} Hz)",
+                "95 %",
+            )
+        )
+    rows += [
+        ("outputs off after the host's last word, s", f"{killed:.3f}", "2.1"),
+        ("outputs off after an over-limit value, ms, worst of 50", f"{tripped * 1e3:.2f}", "20"),
+    ]
+    kept = {
+        "samples": whole,
+        "capacity": lines,
+        "seconds_to_off_after_host": killed,
+        "seconds_to_off_after_over_limit": tripped,
+    }
+    return rows, kept
+
+
+def samples(seconds: float) -> dict[str, Any]:
+    """A bench that is read for so long: what is missing, and how evenly the board sampled."""
+    bench = create(
+        load_rig(shipped("rigs", "hl32-bench-uno.yaml")), VirtualClock(), {"plant": "roles", "noise": "off"}
+    )
+    bench.open()
+    bench.start(RATE)
+    began, wall = bench.clock.now(), time.perf_counter()
+    times: list[float] = []
+    notices = []
+    while bench.clock.now() < began + seconds:
+        sample = bench.next_sample(1.0)
+        if sample is not None:
+            times.append(sample.time)
+        notices += bench.take_notices()
+    wall = time.perf_counter() - wall
+    bench.close()
+    return {
+        "seconds": seconds,
+        "rate_Hz": RATE,
+        "received": len(times),
+        "lost": sum(int(str(notice.fields["samples"])) for notice in notices if notice.kind == "gap"),
+        "torn": sum(int(str(notice.fields.get("lines", 0))) for notice in notices),
+        "largest_distance_s": max(b - a for a, b in pairwise(times)),
+        "times_real_time": seconds / wall,
+    }
+
+
+def capacity(baud: int, seconds: float = 10.0) -> dict[str, Any]:
+    """Rates with the load that they put on the line, and how many of their samples did not come."""
+    found = []
+    for rate in RATES[baud]:
+        chip = _Chip(baud)
+        chip.send(f"STRM {rate}")
+        chip.run(WARM_UP)
+        chip.avr.take()
+        began, sent = chip.time, b""
+        for number in range(int(2 * seconds)):
+            chip.send(f"#{number} SYST:TIME?")  # as a host does
+            chip.run(0.5)
+            sent += chip.avr.take()
+        load = len(sent) * BITS / chip.avr.baud / (chip.time - began)
+        numbers = [int(line[1:].split(b",")[0]) for line in sent.split(b"\n")[1:-1] if line.startswith(b"@")]
+        lost = sum((b - a) % 65536 - 1 for a, b in pairwise(numbers))
+        found.append({"rate_Hz": rate, "load": load, "bytes": len(sent), "lost": lost})
+        chip.avr.close()
+    best = max((one for one in found if not one["lost"]), key=lambda one: one["load"])
+    return {
+        "characters_per_second": baud_of(baud) / BITS,
+        "best_rate": best["rate_Hz"],
+        "best_load": best["load"],
+        "rates": found,
+    }
+
+
+def baud_of(baud: int) -> float:
+    """What the board's divider makes of a speed: 117647 of 115200, as on every Uno."""
+    chip = _Chip(baud)
+    real = chip.avr.baud
+    chip.avr.close()
+    return real
+
+
+def silent_host() -> float:
+    """s from the last byte of a host to the heater off."""
+    chip = _Chip(115200)
+    chip.send("OUTP:HEAT ON")
+    chip.run(1.0)
+    chip.send("SYST:PING")
+    chip.run(0.002)
+    last = chip.time
+    chip.run(2.5)
+    return chip.off["D", 4] - last
+
+
+def over_limit() -> float:
+    """s from a pressure over the limit to the last output off; the worst of 50 moments."""
+    worst = 0.0
+    for number in range(50):
+        chip = _Chip(115200)
+        chip.send("OUTP:HEAT ON\nVALV EXT\nSTRM 100")
+        chip.run(0.1 + number * 0.000217)
+        began = chip.time
+        chip.put(*OVER)
+        chip.run(0.05)
+        worst = max(worst, max(chip.off.values()) - began)
+        assert len(chip.off) == 2
+        chip.avr.close()
+    return worst
+
+
+class _Chip:
+    """A microcontroller with the firmware, and when its outputs went off, s."""
+
+    def __init__(self, baud: int) -> None:
+        self.off: dict[tuple[str, int], float] = {}
+        on: set[tuple[str, int]] = set()
+
+        def changed(port: str, bit: int, level: bool, cycle: int) -> None:
+            if level:
+                on.add((port, bit))
+            elif (port, bit) in on and (port, bit) in (("D", 4), ("D", 7), ("B", 0)):
+                self.off[port, bit] = cycle / FREQUENCY
+
+        self.avr = Avr(read_intel_hex(Path(shipped_image(baud))), changed)
+        self.put(*NORMAL)
+        self.run(0.05)
+
+    @property
+    def time(self) -> float:
+        return self.avr.cycle / FREQUENCY
+
+    def put(self, *counts: int) -> None:
+        for channel, code in enumerate(counts):
+            self.avr.put_voltage(channel, millivolt(code))
+
+    def run(self, seconds: float) -> None:
+        self.avr.run_to(self.avr.cycle + round(seconds * FREQUENCY))
+
+    def send(self, text: str) -> None:
+        self.avr.send(text.encode("ascii") + b"\n")
