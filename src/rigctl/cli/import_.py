@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rigctl.dataset.importing import Imported
 
 #: so many bad rows are told one by one
 _TOLD = 20
@@ -60,19 +63,22 @@ def import_(
         keep_good=keep_good,
         name=name,
     )
+    if not as_json:
+        typer.echo(done.run)
+    _tell(done, file)
+    if as_json:
+        counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
+        document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
+        typer.echo(to_json(document))
+
+
+def _tell(done: Imported, file: Path) -> None:
+    """What is worth knowing, on stderr: bad rows, notes, how much there is."""
     for fault in done.faults[:_TOLD]:
         typer.echo(f"left out: {fault.error(file)}", err=True)
     if done.left_out > _TOLD:
         typer.echo(f"left out: {done.left_out - _TOLD} more rows, see the run's events", err=True)
     for note in done.notes:
         typer.echo(f"note: {note}", err=True)
-    if as_json:
-        counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
-        document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
-        typer.echo(to_json(document))
-    else:
-        typer.echo(done.run)
-        typer.echo(
-            f"{done.records} record{'' if done.records == 1 else 's'}, {done.rows} rows in {done.path}",
-            err=True,
-        )
+    records = f"{done.records} record{'' if done.records == 1 else 's'}"
+    typer.echo(f"{records}, {done.rows} rows in {done.path}", err=True)

@@ -147,7 +147,13 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
     if samples:
         raise _unknown(heading, rig)
     if heading.unit is None:
-        raise _unit_missing(heading, "1")
+        raise RigctlError(
+            f"{name}: no unit, in a table without a column 'time'",
+            value=name,
+            expected=f"'time', or the unit of something that was observed: '{name} [1]'",
+            hint=f"Say what it is: --columns '{name}=time [s]', or '{name}={LEAVE_OUT}' to leave it out",
+            where=heading.where,
+        )
     return Assigned(name, "other", place, heading, parse_unit(heading.unit), heading.unit or "1")
 
 
