@@ -19,10 +19,12 @@ def pages() -> Iterator[tuple[Path, str]]:
     from rigctl.effects.page import effects_page
     from rigctl.physics.families import FAMILIES
     from rigctl.procedure.steps_page import steps_page
+    from rigctl.rig.rig_page import rig_page
     from rigctl.runner.states_page import run_states_page
 
     yield DOCS / "reference" / "commands.md", commands_page()
     yield DOCS / "reference" / "procedure-steps.md", steps_page()
+    yield DOCS / "reference" / "rig-file.md", rig_page()
     yield DOCS / "reference" / "run-states.md", run_states_page()
     for family in FAMILIES.values():
         yield DOCS / "reference" / "effects" / f"{family.name}.md", effects_page(family)

@@ -44,7 +44,7 @@ channels:
     after = edited(text)
     assert changed_lines(text, after) == [
         "-       coefficients: [-31.25, 0.305474]     # two points",
-        "+       coefficients: [1.5, 2.5]     # two points",
+        "+       coefficients: [1.5, 2.5]             # two points",  # the comment keeps its column
         "-       date:   2026-01-01      # long ago",
         "+       date:   2026-11-21      # long ago",
     ]

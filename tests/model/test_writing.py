@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
+from rigctl.files.layout import Text
 from rigctl.files.shipped import shipped
 from rigctl.model import Model, load_model, parse_model
-from rigctl.model.writing.layout import Text
 from rigctl.model.writing.numbers import std_text, value_text
 from rigctl.model.writing.update import updated_text
 

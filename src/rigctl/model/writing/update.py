@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rigctl.errors import Location, RigctlError
+from rigctl.files.layout import Text
 from rigctl.files.yaml import parse_document
 from rigctl.model.load import parse_model
 from rigctl.model.model import Model, Value
-from rigctl.model.writing.layout import Text
 from rigctl.model.writing.numbers import std_text, value_text
 
 #: what the digits of a file may change of a value

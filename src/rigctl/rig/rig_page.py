@@ -1,0 +1,112 @@
+"""The page `docs/reference/rig-file.md`, written from the models that read a rig file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from rigctl.files.quantity import Q
+from rigctl.files.schema import json_schema
+from rigctl.rig.actuator import Actuator
+from rigctl.rig.calibration import Calibration, Raw
+from rigctl.rig.channel import Channel
+from rigctl.rig.limit import Limit
+from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
+from rigctl.rig.rig import Backend, Rig
+from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
+from rigctl.rig.simulation import Simulation
+
+_HEAD = """\
+# The rig file
+
+*Generated* from `src/rigctl/rig/` by `make docs`.
+
+Every quantity is written with its unit; names are those that [expressions](expressions.md) can use.
+`rigctl schema rig` prints the same as JSON Schema, from which editors complete and check a file.
+[How to describe a bench](../how-to/describe-a-bench.md) goes through a file from top to bottom.
+"""
+
+_LINES = """\
+A device that answers to texts needs no program: this part says what to send and what its answers mean.
+[How to connect a device by its lines](../how-to/connect-a-device-by-its-lines.md) builds one.
+
+In a command `{value}` is where the value of an actuator goes, `{value:.2f}` with two decimals, `{value:d}`
+as a whole number. In an answer `{name}` is where the number of the channel `name` stands, or what an actuator
+of that name is set to; `{_}` is passed over. A brace itself is doubled: `{{`. What stands between the places
+must be there exactly; blanks at both ends of a line do not count.
+"""
+
+#: heading, where it is written, the model, and what stands before its table
+_PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
+    ("backend", Backend, ""),
+    ("backend.lines", Lines, _LINES),
+    ("An exchange: identify, confirm, and each of begin and safe", Exchange, ""),
+    ("Each of queries", Query, ""),
+    ("backend.lines.actuators.NAME", LineActuator, ""),
+    ("keep_alive", KeepAlive, ""),
+    ("channels.NAME", Channel, ""),
+    ("channels.NAME.raw", Raw, ""),
+    ("channels.NAME.calibration", Calibration, ""),
+    ("actuators.NAME", Actuator, ""),
+    ("roles", Roles, ""),
+    ("roles.heat", HeatRole, ""),
+    ("roles.set_pressure", SetRole, ""),
+    ("roles.extend, roles.retract", MoveRole, ""),
+    ("limits.NAME", Limit, ""),
+    ("simulation", Simulation, ""),
+)
+
+
+def rig_page() -> str:
+    """The page: the file's own fields, then those of every part."""
+    schema = json_schema(Rig, title="")
+    lines = [_HEAD, "## The file", "", *_table(Rig, schema["properties"])]
+    for heading, model, before in _PARTS:
+        about = before.rstrip() or " ".join((model.__doc__ or "").split())
+        lines += [
+            "",
+            f"## {heading}",
+            "",
+            about,
+            "",
+            *_table(model, schema["$defs"][model.__name__]["properties"]),
+        ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _table(model: type[BaseModel], properties: dict[str, Any]) -> Iterator[str]:
+    yield "| field | for example | default | says |"
+    yield "|---|---|---|---|"
+    for name, info in model.model_fields.items():
+        key = info.alias or name
+        examples = ", ".join(f"`{example}`" for example in _examples(properties[key])[:4])
+        yield f"| `{key}` | {examples} | {_default(info)} | {info.description or ''} |"
+
+
+def _examples(schema: Any) -> list[str]:
+    """The examples that a schema or one of its branches gives, or the values that it allows."""
+    if not isinstance(schema, dict):
+        return []
+    found = schema.get("enum") or schema.get("examples") or []
+    for branch in (*schema.get("anyOf", ()), schema.get("items")):
+        found = found or _examples(branch)
+    return [str(example) for example in found]
+
+
+def _default(info: FieldInfo) -> str:
+    if info.is_required():
+        return "required"
+    default = info.get_default(call_default_factory=True, validated_data={})
+    if default is None or default in ("", (), {}) or isinstance(default, BaseModel):
+        return ""
+    quantity = next((entry for entry in info.metadata if isinstance(entry, Q)), None)
+    if quantity is not None and quantity.unit != "1":
+        return f"`{default:g} {quantity.unit}`"
+    if isinstance(default, bool):
+        return f"`{str(default).lower()}`"
+    if isinstance(default, tuple):
+        return f"`{list(default)}`"
+    return f"`{default!r}`" if isinstance(default, str) and not default.isalnum() else f"`{default}`"
