@@ -35,9 +35,10 @@ _FIRST_CHANGE = 0.01  # of the tolerance, by the derivative left out of the firs
 
 @njit(**OPTIONS)
 def set_weights(work, relative, absolute):
-    """``1 / (absolute + relative·|y|)``: the tolerance of each state here."""
+    """The tolerance of each state here, ``absolute + relative·|y|``, and its inverse."""
     for i in range(work.n):
-        work.weight[i] = 1.0 / (absolute[i] + relative * abs(work.y[i]))
+        work.unit[i] = absolute[i] + relative * abs(work.y[i])
+        work.weight[i] = 1.0 / work.unit[i]
 
 
 @njit(**OPTIONS)

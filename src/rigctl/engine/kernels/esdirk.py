@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from rigctl.engine.kernels.calling import OPTIONS, RHS, RHS_TANGENT, call_4, call_6, offset
-from rigctl.engine.kernels.linear import factorise, solve, solve_columns
+from rigctl.engine.kernels.linear import factorise, factorise_in_order, solve, solve_columns
 
 GAMMA = 0.43586652150845906
 A = np.zeros((4, 3))
@@ -34,22 +34,37 @@ CONVERGED, SLOW, NOT_FINITE = 0, 1, 2
 
 _ITERATIONS = 8
 _SMALL_CORRECTION = 1e-2  # of the tolerance
+_FASTEST_RATE = 1e-2  # of convergence that one stage may promise the next
 
 
 @njit(**OPTIONS)
 def set_matrix(work, h_gamma):
-    """Factorise ``I - h·gamma·∂f/∂y``."""
+    """Factorise ``I - h·gamma·∂f/∂y``; overwrites `work.correction`."""
+    fill_matrix(work, h_gamma)
+    if not factorise_in_order(work.n, work.matrix, work.exchanges, work.unit, work.correction):
+        fill_matrix(work, h_gamma)
+        factorise(work.n, work.matrix, work.exchanges)
+
+
+@njit(**OPTIONS)
+def fill_matrix(work, h_gamma):
+    """``I - h·gamma·∂f/∂y``."""
     n = work.n
     for i in range(n * n):
         work.matrix[i] = -h_gamma * work.jacobian[i]
     for i in range(n):
         work.matrix[i * n + i] += 1.0
-    factorise(n, work.matrix, work.exchanges)
 
 
 @njit(**OPTIONS)
-def solve_stage(addresses, u, q, z, h_gamma, work):
-    """Newton's iteration for ``z = base + h·gamma·f(z)``, with the matrix of the step's start."""
+def solve_stage(addresses, u, q, z, h_gamma, rate, work):
+    """Newton's iteration for ``z = base + h·gamma·f(z)``, with the matrix of the step's start.
+
+    `rate` is by how much each correction was smaller than the one before, in the step's last stage: where
+    that foretells a small error the first correction is the last. Returns (outcome, rate).
+
+    E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, IV.8.
+    """
     n = work.n
     previous = math.inf
     for iteration in range(_ITERATIONS):
@@ -64,15 +79,15 @@ def solve_stage(addresses, u, q, z, h_gamma, work):
             total += scaled * scaled
         size = math.sqrt(total / n)
         if not math.isfinite(size):
-            return NOT_FINITE
-        if size < _SMALL_CORRECTION:
-            return CONVERGED
-        if iteration > 0 and size < previous and size * size < _SMALL_CORRECTION * (previous - size):
-            return CONVERGED
-        if iteration > 1 and size > 2.0 * previous:
-            return SLOW
+            return NOT_FINITE, rate
+        if iteration > 0:
+            rate = max(_FASTEST_RATE, size / previous)
+        if size < _SMALL_CORRECTION or size * rate < _SMALL_CORRECTION * (1.0 - rate):
+            return CONVERGED, rate
+        if iteration > 1 and rate > 2.0:
+            return SLOW, rate
         previous = size
-    return SLOW
+    return SLOW, rate
 
 
 @njit(**OPTIONS)
@@ -84,7 +99,9 @@ def attempt(addresses, u, q, h, work):
     """
     n, y = work.n, work.y
     h_gamma = h * GAMMA
+    inverse = 1.0 / h_gamma
     set_matrix(work, h_gamma)
+    rate = 1.0
     for stage in range(1, 4):
         z, k = offset(work.z, stage * n), offset(work.k, stage * n)
         for i in range(n):
@@ -93,16 +110,18 @@ def attempt(addresses, u, q, h, work):
                 total += h * A[stage, j] * work.k[j * n + i]
             work.base[i] = total
             if stage == 1:
-                z[i] = y[i]
+                z[i] = y[i] + 2.0 * h_gamma * work.k[i]
             elif stage == 2:
-                z[i] = y[i] + (work.z[n + i] - y[i]) / (2.0 * GAMMA)
+                # the parabola through the first stage, with the slope at the start
+                bend = work.z[n + i] - y[i] - 2.0 * h_gamma * work.k[i]
+                z[i] = y[i] + h * work.k[i] + bend / (4.0 * GAMMA * GAMMA)
             else:
                 z[i] = work.z[2 * n + i]
-        outcome = solve_stage(addresses, u, q, z, h_gamma, work)
+        outcome, rate = solve_stage(addresses, u, q, z, h_gamma, rate, work)
         if outcome != CONVERGED:
             return outcome, math.inf
         for i in range(n):
-            k[i] = (z[i] - work.base[i]) / h_gamma
+            k[i] = (z[i] - work.base[i]) * inverse
     for i in range(n):
         work.correction[i] = work.z[3 * n + i] - work.z[2 * n + i]
     solve(n, work.matrix, work.exchanges, work.correction)

@@ -17,7 +17,7 @@ SIZES = 12
 def float_count(sizes: NDArray[np.int64]) -> int:
     """How many doubles the workspaces take, in the order in which `workspace.lay_out` cuts them."""
     n, inputs, outputs, delays, m, rhs, outputs_entries, delays_entries = (int(size) for size in sizes[:8])
-    work = 13 * n + 2 * n * n + 7 * n * m + rhs
+    work = 14 * n + 2 * n * n + 7 * n * m + rhs
     switches = 3 * inputs + int(sizes[CAPACITY]) * (2 + m) + delays + delays * n + delays_entries + 2 * n
     return work + switches + outputs + outputs * n + outputs_entries
 
@@ -30,5 +30,5 @@ def integer_count(sizes: NDArray[np.int64]) -> int:
 def stepping_places(sizes: NDArray[np.int64]) -> tuple[int, int, int]:
     """Where the state, the acting inputs and the commanded ones lie in the buffer of doubles."""
     n, m = int(sizes[N]), int(sizes[COLUMNS])
-    acting = 13 * n + 2 * n * n + 7 * n * m + int(sizes[RHS_ENTRIES])
+    acting = 14 * n + 2 * n * n + 7 * n * m + int(sizes[RHS_ENTRIES])
     return 0, acting, acting + int(sizes[INPUTS])

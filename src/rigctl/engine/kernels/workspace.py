@@ -21,13 +21,15 @@ from rigctl.engine.kernels.sizes import (
     N,
 )
 
-#: y the state (n); k stage derivatives (4, n); z stage values (4, n); base, value, correction, weight (n);
+#: y the state (n); k stage derivatives (4, n); z stage values (4, n); base, value, correction (n);
+#: unit the tolerance of each state here and weight its inverse (n);
 #: jacobian, matrix (n, n); exchanges (n);
 #: s state sensitivities (n, m); dk their stage derivatives (4, n, m); fixed, moving (n, m);
 #: packed ∂f/∂q; active (used, 3): place in `packed`, row, column
 Work = namedtuple(  # noqa: PYI024 - numba compiles this kind
     "Work",
-    "n m y k z base value correction weight jacobian matrix exchanges s dk fixed moving packed active used",
+    "n m y k z base value correction unit weight jacobian matrix exchanges s dk fixed moving packed active "
+    "used",
 )
 
 #: u the inputs that act now, commanded the last ones commanded, following those being commanded (inputs);
@@ -56,7 +58,8 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     base = offset(z, 4 * n)
     value = offset(base, n)
     correction = offset(value, n)
-    weight = offset(correction, n)
+    unit = offset(correction, n)
+    weight = offset(unit, n)
     jacobian = offset(weight, n)
     matrix = offset(jacobian, n * n)
     s = offset(matrix, n * n)
@@ -65,8 +68,8 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     moving = offset(fixed, n * m)
     packed = offset(moving, n * m)
     work = Work(
-        n, m, y, k, z, base, value, correction, weight, jacobian, matrix, integers, s, dk, fixed, moving,
-        packed, rhs_active, sizes[RHS_ACTIVE],
+        n, m, y, k, z, base, value, correction, unit, weight, jacobian, matrix, integers, s, dk, fixed,
+        moving, packed, rhs_active, sizes[RHS_ACTIVE],
     )  # fmt: skip
     u = offset(packed, sizes[RHS_ENTRIES])
     commanded = offset(u, inputs)
