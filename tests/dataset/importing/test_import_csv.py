@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rigctl.dataset import Run, Switch, open_run, verify
+from rigctl.dataset import Run, Switch, list_runs, open_run, verify
 from rigctl.dataset.importing import Imported, import_file
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.rig import Rig, load_rig
@@ -275,6 +278,38 @@ def test_a_disk_that_fails_while_it_is_written_leaves_no_run(
 
     monkeypatch.setattr(finalise_module, "write_table", fail)
     assert "No space left" in importer.refusal(STROKES).what
+
+
+_KILLED = """
+import os, sys
+from pathlib import Path
+from rigctl.dataset.importing import import_file
+from rigctl.dataset.writer import RunWriter
+from rigctl.rig import load_rig
+RunWriter.close = lambda *_: os._exit(9)
+import_file(Path(sys.argv[1]), load_rig(Path(sys.argv[2])), Path(sys.argv[3]))
+"""
+
+
+def test_an_import_that_is_killed_leaves_no_run(importer: Importer, tmp_path: Path) -> None:
+    """What it leaves is hidden, and swept up when it is old."""
+    file = tmp_path / "killed.csv"
+    file.write_text(STROKES, encoding="utf-8")
+    command = [sys.executable, "-c", _KILLED, str(file), str(RIG), str(importer.runs)]
+    assert subprocess.run(command, check=False).returncode == 9
+    assert list_runs(importer.runs) == []
+    left = list(importer.runs.iterdir())
+    assert len(left) == 1
+    importer.bring_in(STROKES)
+    assert left[0].exists()
+    os.utime(left[0], (1.0, 1.0))
+    importer.bring_in(STROKES)
+    assert not left[0].exists()
+    assert len(list_runs(importer.runs)) == 2
+
+
+def test_two_imports_of_one_second_are_two_runs(importer: Importer) -> None:
+    assert importer.bring_in(STROKES).run != importer.bring_in(STROKES).run
 
 
 @given(

@@ -15,7 +15,8 @@ from rigctl.dataset.importing.formats import open_source, stem_of
 from rigctl.dataset.importing.notes import notes
 from rigctl.dataset.importing.observations import Observations, take_observations
 from rigctl.dataset.importing.samples import Samples, take_samples
-from rigctl.dataset.importing.survey import KEPT_FAULTS
+from rigctl.dataset.importing.staging import publish, staged
+from rigctl.dataset.importing.survey import KEPT_FAULTS, Survey
 from rigctl.dataset.importing.table import Fault, refuse
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.writer import RunWriter
@@ -78,21 +79,27 @@ def import_file(
     said = taken.source.remarks
     if isinstance(taken, Samples) and rig is not None:
         said += tuple(notes(found, taken.layout, rig))
-    writer = RunWriter.create(runs, _header(path, rig, taken.layout, runs, operator))
-    try:
-        for sentence in said:
-            writer.event(0.0, "note", message=sentence)
-        for fault in found.faults:
-            writer.event(0.0, "gap", message=str(fault.error(Path(path.name))))
-        if found.bad_rows > KEPT_FAULTS:
-            more = found.bad_rows - KEPT_FAULTS
-            writer.event(0.0, "gap", message=f"{path.name}: {more} more rows were left out")
-        records = taken.write(writer, name, stem_of(path))
-        folder = writer.close("finished")
-    except BaseException:
-        writer.discard()
-        raise
-    return Imported(writer.id, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
+    with staged(runs) as hidden:
+        writer = RunWriter.create(hidden, _header(path, rig, taken.layout, runs, operator))
+        try:
+            _say(writer, said, found, path)
+            records = taken.write(writer, name, stem_of(path))
+            folder = publish(writer.close("finished"), runs)
+        except BaseException:
+            writer.discard()
+            raise
+    return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
+
+
+def _say(writer: RunWriter, notes: Iterable[str], found: Survey, path: Path) -> None:
+    """Keep with the run what is worth knowing of it, and which rows it does not have."""
+    for sentence in notes:
+        writer.event(0.0, "note", message=sentence)
+    for fault in found.faults:
+        writer.event(0.0, "gap", message=str(fault.error(Path(path.name))))
+    if found.bad_rows > KEPT_FAULTS:
+        more = found.bad_rows - KEPT_FAULTS
+        writer.event(0.0, "gap", message=f"{path.name}: {more} more rows were left out")
 
 
 def _take(path: Path, rig: Rig | None, columns: Iterable[str]) -> Samples | Observations:
