@@ -1,7 +1,20 @@
 """Noise of the measurements, learned without a model: arrays in, arrays out."""
 
+from rigctl.noise.estimate import estimate_noise, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.record import NoiseRecord
+from rigctl.noise.spikes import find_spikes, find_spikes_in_records
 from rigctl.noise.whitening import Whitener, whiten
 
-__all__ = ["ChannelNoise", "NoiseModel", "NoiseRecord", "Source", "Whitener", "whiten"]
+__all__ = [
+    "ChannelNoise",
+    "NoiseModel",
+    "NoiseRecord",
+    "Source",
+    "Whitener",
+    "estimate_noise",
+    "find_spikes",
+    "find_spikes_in_records",
+    "usual_spacing",
+    "whiten",
+]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -33,7 +33,8 @@ class ChannelNoise:
     white: share of the variance that neighbouring samples do not have in common, 0…1.
     bias: SI, standard deviation of the error that a whole quiet stretch has in common because the
         converter's steps are coarse against the noise; it does not average out (see `quantisation`).
-    uncertainty: standard error of ln sigma, as far as the data tells; NaN when guessed.
+    degrees: of freedom behind sigma: a whitened sum of squares over n rows, divided by n, is distributed like
+        F(n, degrees), not χ²(n)/n; 0 when guessed.
     """
 
     name: str
@@ -46,7 +47,7 @@ class ChannelNoise:
     statement: str = ""
     white: float = 0.0
     bias: float = 0.0
-    uncertainty: float = float("nan")
+    degrees: int = 0
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0 and np.isfinite(self.sigma)):
@@ -55,6 +56,10 @@ class ChannelNoise:
             raise ValueError(f"correlation of {self.name} must lie in [0, 1), got {self.correlation}")
         if not 0.0 <= self.white <= 1.0:
             raise ValueError(f"white share of {self.name} must lie in [0, 1], got {self.white}")
+
+    def stated(self, statement: str) -> ChannelNoise:
+        """The same noise with another statement."""
+        return replace(self, statement=statement)
 
     def covariance(self, times: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
         """Covariance matrix (n, n) of the samples at `times` (s); SI². `bias` is not part of it."""

@@ -1,0 +1,108 @@
+"""A converter's steps: how large they are, and what they do to the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: differences between neighbouring values that a grid must be read from
+_FEWEST = 4
+#: a difference may miss the grid by this share of a step: files are rounded
+_OFF_GRID = 0.12
+#: harmonics of the error of a converter that are summed
+_HARMONICS = np.arange(1, 21)
+
+
+def find_step(series: Sequence[NDArray[np.float64]]) -> float:
+    """The converter's step of one channel; 0 when its values lie on no grid.
+
+    The differences between neighbouring values that occur must all be whole multiples of one step, and values
+    must come back: a tenth of the samples or more repeat.
+
+    Parameters
+    ----------
+    series: the finite values of the channel, record by record; each record may have an offset of its own.
+    """
+    between, samples, distinct = [], 0, 0
+    for values in series:
+        if values.size == 0:
+            continue
+        unique = np.unique(values)
+        gaps = np.diff(unique)
+        real = gaps[gaps > 1e-8 * float(np.max(np.abs(unique)))]
+        between.append(real)
+        samples += values.size
+        distinct += real.size + 1
+    gaps = np.concatenate(between) if between else np.empty(0)
+    if gaps.size < _FEWEST or distinct > 0.9 * samples:
+        return 0.0
+    step = float(gaps.min())
+    for _ in range(3):
+        step = float(np.mean(gaps[gaps < 1.5 * step]))
+    multiples = np.round(gaps / step)
+    if not np.all(np.abs(gaps - multiples * step) < _OFF_GRID * step * np.sqrt(multiples)):
+        return 0.0
+    return float(gaps.sum() / multiples.sum())
+
+
+def stretch_bias(step: float, before: float) -> float:
+    """Standard deviation (SI) of the error that all samples at one level have in common after conversion.
+
+    The mean of ``round(x)`` over normal noise of standard deviation σ₀ is off the level x by
+    ``Σ_k (−1)^k·Δ/(π·k)·exp(−2π²k²σ₀²/Δ²)·sin(2πk·x/Δ)``; over levels its standard deviation is
+
+        ``√(Σ_k (Δ/(π·k))²·exp(−4π²k²σ₀²/Δ²)/2)``,
+
+    the first term of which is ``Δ/π·exp(−2π²σ₀²/Δ²)/√2``. It is Δ/√12 without noise, nothing from σ₀ ≈ Δ on.
+
+    Parameters
+    ----------
+    step: Δ, SI.
+    before: σ₀, SI, standard deviation of the noise before conversion.
+
+    Source: Widrow & Kollár, *Quantization Noise* (2008), ch. 5 and 11.
+    """
+    if step == 0.0:
+        return 0.0
+    shrink = np.exp(-4.0 * (np.pi * _HARMONICS * before / step) ** 2)
+    return float(step / np.pi * np.sqrt(np.sum(shrink / _HARMONICS**2) / 2.0))
+
+
+def noise_before(step: float, sigma: float) -> float:
+    """σ₀ (SI) before conversion, from sigma after it, level by level: solves σ₀² + Δ²/12 − bias(σ₀)² = σ²."""
+    if step == 0.0:
+        return sigma
+    low, high = 0.0, sigma + step
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        after = middle**2 + step**2 / 12.0 - stretch_bias(step, middle) ** 2
+        low, high = (middle, high) if after < sigma**2 else (low, middle)
+    return 0.5 * (low + high)
+
+
+def level_variance(levels: NDArray[np.float64], step: float, before: float) -> NDArray[np.float64]:
+    """Variance after conversion at given levels, as a share of ``σ₀² + Δ²/12``.
+
+    Noise narrower than a step comes out narrower in the middle of a step and wider at its edge; over a moving
+    signal it averages to one. In steps, the converter gives n with the probability
+    ``P_n = Φ((n + ½ − x)/s) − Φ((n − ½ − x)/s)``; the variance is that of n.
+
+    Parameters
+    ----------
+    levels: SI, counted from a value the converter gives.
+    step: Δ, SI.
+    before: σ₀, SI.
+    """
+    from scipy.special import ndtr
+
+    width = max(before / step, 1e-3)
+    off = np.linspace(-0.5, 0.5, 101)
+    reach = int(np.ceil(6.0 * width)) + 1
+    codes = np.arange(-reach, reach + 1)
+    chance = ndtr((codes + 0.5 - off[:, None]) / width) - ndtr((codes - 0.5 - off[:, None]) / width)
+    mean = chance @ codes
+    variance = (chance @ codes**2 - mean**2) / (width**2 + 1.0 / 12.0)
+    at = levels / step
+    return np.interp(at - np.round(at), off, variance)

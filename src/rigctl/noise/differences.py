@@ -1,0 +1,43 @@
+"""Noise from differences along a record: the last resort of the data, blind to correlation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.noise.record import NoiseRecord
+
+#: order of the difference: a cubic signal leaves nothing
+ORDER = 4
+_WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+#: differences that a number can be read from
+FEWEST = 10
+
+
+def difference_noise(
+    records: Sequence[NoiseRecord], ok: Sequence[NDArray[np.bool_]], channel: int
+) -> tuple[float, int]:
+    """Sigma (SI) of one channel from fourth differences inside the phases, and how many there were.
+
+    ``d_i = x_(i−2) − 4·x_(i−1) + 6·x_i − 4·x_(i+1) + x_(i+2)`` of white noise has the variance 70·σ²; the
+    median of ``|d|`` is 0.6745 of its standard deviation whatever a few transients do. Correlated noise shows
+    too small. Zero when there are no differences.
+
+    Source: von Neumann et al., Ann. Math. Stat. 12 (1941) 153; Gasser, Sroka & Jennen-Steinmetz, Biometrika
+    73 (1986) 625.
+    """
+    found = []
+    for record, kept in zip(records, ok, strict=True):
+        if record.times.size <= ORDER:
+            continue
+        stacked = np.lib.stride_tricks.sliding_window_view(record.values[:, channel], ORDER + 1)
+        whole = np.lib.stride_tricks.sliding_window_view(kept[:, channel], ORDER + 1).all(axis=1)
+        whole &= record.phase[ORDER:] == record.phase[:-ORDER]
+        found.append(np.abs(stacked[whole] @ _WEIGHTS))
+    differences = np.concatenate(found) if found else np.empty(0)
+    if differences.size == 0:
+        return 0.0, 0
+    scale = float(np.median(differences)) / 0.6745
+    return scale / float(np.sqrt(np.sum(_WEIGHTS**2))), int(differences.size)

@@ -1,0 +1,139 @@
+"""The noise of every channel from the records themselves, or from the rig file where they cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.noise import differences
+from rigctl.noise.converter import find_step, noise_before, stretch_bias
+from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
+from rigctl.noise.pooling import Pooled, pool
+from rigctl.noise.record import NoiseRecord
+from rigctl.noise.spikes import find_spikes_in_records
+from rigctl.noise.statements import channel_statement, model_statement
+from rigctl.noise.windows import contrasts, cut_windows
+
+#: a sigma below this share of the values' size is rounding, not noise
+_ROUNDING = 1e-12
+#: assumed where nothing at all is known: this share of the values' size
+_ASSUMED = 0.01
+
+
+def estimate_noise(
+    records: Sequence[NoiseRecord],
+    names: Sequence[str],
+    *,
+    known: Mapping[str, float] | None = None,
+    spikes: Sequence[NDArray[np.bool_]] | None = None,
+) -> NoiseModel:
+    """The noise of every channel.
+
+    In this order: stretches that show noise alone (under a quadratic trend), and differences between
+    replicates where the records move too much, together by restricted maximum likelihood (`pool`); fourth
+    differences, which cannot tell correlation; the number of the rig file; a guess. No model of the bench
+    enters.
+
+    Parameters
+    ----------
+    records: of one campaign; those of equal `condition` are replicates.
+    names: of the channels, in the order of the columns of `values`.
+    known: sigma (SI) by the rig file, used where the data cannot tell.
+    spikes: per record, (n, channels), what to leave out; found here when not given.
+
+    Returns
+    -------
+    the noise of all channels; `guessed` tells where the data could not.
+
+    Raises
+    ------
+    ValueError
+        no records, or records whose channels are not those named.
+    """
+    if not records or any(record.values.shape[1] != len(names) for record in records):
+        raise ValueError(f"need records with {len(names)} channels each")
+    masks = list(spikes) if spikes is not None else find_spikes_in_records(records)
+    ok = [np.isfinite(record.values) & ~mask for record, mask in zip(records, masks, strict=True)]
+    spacing = usual_spacing(records)
+    channels = tuple(
+        _channel_noise(
+            records, ok, i, name, spacing, (known or {}).get(name), sum(int(m[:, i].sum()) for m in masks)
+        )
+        for i, name in enumerate(names)
+    )
+    return NoiseModel(channels, spacing, model_statement(channels))
+
+
+def usual_spacing(records: Sequence[NoiseRecord]) -> float:
+    """Median time between neighbouring samples, s; 1 when no record has two."""
+    gaps = np.concatenate([np.diff(record.times) for record in records])
+    return float(np.median(gaps)) if gaps.size else 1.0
+
+
+def _channel_noise(
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    name: str,
+    spacing: float,
+    known: float | None,
+    masked: int,
+) -> ChannelNoise:
+    values = [record.values[kept[:, channel], channel] for record, kept in zip(records, ok, strict=True)]
+    step = find_step(values)
+    size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
+    pooled = _pooled(records, ok, channel, spacing, step)
+    if pooled is not None and pooled.fit.sigma > _ROUNDING * size:
+        source: Source = "replicates" if pooled.replicates > pooled.quiet else "quiet"
+        fit = pooled.fit
+        noise = ChannelNoise(
+            name,
+            fit.sigma,
+            fit.correlation,
+            step,
+            source,
+            guessed=False,
+            masked=masked,
+            white=fit.white,
+            bias=stretch_bias(step, noise_before(step, fit.sigma)),
+            degrees=fit.degrees,
+        )
+    else:
+        noise = _without_windows(records, ok, channel, name, step, known, masked, size)
+    return noise.stated(channel_statement(noise, known))
+
+
+def _pooled(
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+    step: float,
+) -> Pooled | None:
+    groups, cells = cut_windows(records, ok, channel, spacing)
+    return pool(groups, contrasts(groups), len(cells))
+
+
+def _without_windows(
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    name: str,
+    step: float,
+    known: float | None,
+    masked: int,
+    size: float,
+) -> ChannelNoise:
+    sigma, count = differences.difference_noise(records, ok, channel)
+    if count >= differences.FEWEST and sigma > _ROUNDING * size:
+        bias = stretch_bias(step, noise_before(step, sigma))
+        return ChannelNoise(
+            name, sigma, 0.0, step, "differences", guessed=False, masked=masked, bias=bias, degrees=count
+        )
+    floor = step / float(np.sqrt(12.0))
+    if known is not None:
+        return ChannelNoise(name, max(known, floor), 0.0, step, "rig", guessed=True, masked=masked)
+    guess = floor or _ASSUMED * size or 1.0
+    return ChannelNoise(name, guess, 0.0, step, "assumed", guessed=True, masked=masked)

@@ -1,0 +1,144 @@
+"""Which windows show noise alone: those that agree with the quietest, cell by cell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.noise.reml import NoiseFit, fit_noise, whitened
+from rigctl.noise.windows import WindowGroup
+
+#: chance that a window, or a cell, that holds noise alone is left out
+_WINDOW_LEVEL = 1e-4
+_CELL_LEVEL = 1e-3
+#: the share of cells the search starts from: the quietest
+_START = 0.25
+#: degrees of freedom below which no correlation is looked for
+FEWEST = 30
+_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """The fit to the windows that agree, and where its degrees of freedom came from."""
+
+    fit: NoiseFit
+    quiet: int
+    replicates: int
+
+
+def pool(groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cells: int) -> Pooled | None:
+    """Fit the noise to every cell that shows nothing but noise; None when too little is quiet.
+
+    A cell is one place of the procedure (a phase, and so many windows before its end) over all records. The
+    search begins with the quietest quarter of the cells, fits them, takes in every cell that agrees with the
+    fit, and repeats until nothing changes. A cell agrees when its Σz² is no larger than the noise allows (F
+    test at 0.1 %), and when the mean of z over the records is no larger either: a signal left over has the
+    same shape in every record, noise has not. Where the records themselves do not agree, the differences
+    between replicates may, and stand in. Single windows far off (at 0.01 %) are left out.
+
+    Parameters
+    ----------
+    groups: windows of the records.
+    differences: contrasts of replicates of the same cells.
+    cells: how many cells there are.
+    """
+    total = sum(group.rows.size for group in groups)
+    if total < FEWEST or not any(np.any(group.rows) for group in groups):
+        return None
+    used = _quietest(groups, cells)
+    quiet, replicates = _chosen(groups, used), list[WindowGroup]()
+    seen: set[bytes] = set()
+    fit = fit_noise(quiet)
+    for _ in range(_ROUNDS):
+        if fit.sigma == 0.0:
+            return None
+        far = [_far(group, fit) for group in groups]
+        agreeing = _agreeing(groups, far, fit, cells, means=True)
+        if not agreeing.any():
+            break
+        used = agreeing
+        far_differences = [_far(group, fit) for group in differences]
+        used_differences = _agreeing(differences, far_differences, fit, cells, means=False) & ~used
+        quiet = _chosen(groups, used, far)
+        replicates = _chosen(differences, used_differences, far_differences)
+        fit = fit_noise([*quiet, *replicates])
+        state = used.tobytes() + used_differences.tobytes()
+        if state in seen:
+            break
+        seen.add(state)
+    return Pooled(fit, sum(group.rows.size for group in quiet), sum(group.rows.size for group in replicates))
+
+
+def _quietest(groups: Sequence[WindowGroup], cells: int) -> NDArray[np.bool_]:
+    """The quarter of the cells whose median variance is smallest, more if that is too little data."""
+    variance: list[list[float]] = [[] for _ in range(cells)]
+    degrees = np.zeros(cells)
+    for group in groups:
+        for cell, value in zip(group.cells.tolist(), np.mean(group.rows**2, axis=1).tolist(), strict=True):
+            variance[cell].append(value)
+            degrees[cell] += group.rows.shape[1]
+    typical = np.array([np.median(each) if each else np.inf for each in variance])
+    # a cell that does not vary at all (a signal below one converter step) says nothing about the others
+    order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
+    order = order or [i for i in range(cells) if typical[i] < np.inf]
+    used = np.zeros(cells, bool)
+    for rank, cell in enumerate(order):
+        if rank >= max(1.0, _START * len(order)) and degrees[used].sum() >= FEWEST:
+            break
+        used[cell] = True
+    return used
+
+
+def _chosen(
+    groups: Sequence[WindowGroup], used: NDArray[np.bool_], far: Sequence[NDArray[np.bool_]] | None = None
+) -> list[WindowGroup]:
+    left_out = far or [np.zeros(group.cells.size, bool) for group in groups]
+    chosen = [group.only(used[group.cells] & ~out) for group, out in zip(groups, left_out, strict=True)]
+    return [group for group in chosen if group.rows.size]
+
+
+def _far(group: WindowGroup, fit: NoiseFit) -> NDArray[np.bool_]:
+    """Windows whose Σz² is beyond chance, or beyond what heavy tails make usual among the others."""
+    from scipy.stats import chi2
+
+    size = np.sum(whitened(group, fit) ** 2, axis=1) / group.rows.shape[1]
+    limit = float(chi2.isf(_WINDOW_LEVEL, group.rows.shape[1])) / group.rows.shape[1]
+    return np.asarray(size > limit)
+
+
+def _agreeing(
+    groups: Sequence[WindowGroup],
+    far: Sequence[NDArray[np.bool_]],
+    fit: NoiseFit,
+    cells: int,
+    *,
+    means: bool,
+) -> NDArray[np.bool_]:
+    """The cells of which most windows are left and whose Σz² and mean z are what noise makes them."""
+    from scipy.stats import f
+
+    squares, degrees, count, left = (np.zeros(cells) for _ in range(4))
+    mean_squares, mean_degrees = np.zeros(cells), np.zeros(cells)
+    for group, out in zip(groups, far, strict=True):
+        z = whitened(group, fit)
+        for cell in np.unique(group.cells).tolist():
+            here = group.cells == cell
+            taken = z[here & ~out]
+            count[cell] += int(here.sum())
+            left[cell] += taken.shape[0]
+            squares[cell] += float(np.sum(taken**2))
+            degrees[cell] += taken.size
+            if taken.shape[0] >= 4:
+                mean_squares[cell] += taken.shape[0] * float(np.sum(taken.mean(axis=0) ** 2))
+                mean_degrees[cell] += taken.shape[1]
+    agree = left > 0.5 * count
+    asked = np.maximum(degrees, 1.0)
+    agree &= squares / asked <= f.isf(_CELL_LEVEL, asked, fit.degrees)
+    if means:
+        asked = np.maximum(mean_degrees, 1.0)
+        agree &= mean_squares / asked <= f.isf(_CELL_LEVEL, asked, fit.degrees)
+    return np.asarray(agree)

@@ -1,0 +1,54 @@
+"""What is known about the noise, in plain sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rigctl.noise.noise_model import ChannelNoise
+
+_FROM = {
+    "replicates": "differences between replicates and quiet stretches",
+    "quiet": "quiet stretches of the records",
+    "differences": "differences between neighbouring samples, which cannot tell correlation",
+    "rig": "the rig file: the data could not tell",
+    "assumed": "nothing but a guess: the data could not tell and the rig file does not say",
+}
+
+
+def channel_statement(noise: ChannelNoise, known: float | None) -> str:
+    """One sentence: where sigma comes from, correlation, converter, spikes, and what the rig file says."""
+    parts = [f"sigma from {_FROM[noise.source]}"]
+    if noise.correlation >= 0.05:
+        rest = f", {noise.white:.0%} of the variance white" if noise.white else ""
+        parts.append(f"neighbouring samples correlated by {noise.correlation:.2f}{rest}")
+    if noise.step > 0.5 * noise.sigma:
+        parts.append(f"converter steps of {noise.step / noise.sigma:.1f} sigma")
+    if noise.masked:
+        parts.append(f"{noise.masked} {'spike' if noise.masked == 1 else 'spikes'} masked")
+    if known is not None and not noise.guessed and not 1 / 3 < noise.sigma / known < 3:
+        times = noise.sigma / known
+        parts.append(
+            f"the rig file says {times:.1f} times less"
+            if times > 1
+            else f"the rig file says {1 / times:.1f} times more"
+        )
+    return f"{noise.name}: " + "; ".join(parts)
+
+
+def model_statement(channels: Sequence[ChannelNoise]) -> str:
+    """One sentence for all channels: where the numbers come from, and which of them are guesses."""
+    told = [channel for channel in channels if not channel.guessed]
+    parts = []
+    for source in dict.fromkeys(channel.source for channel in told):
+        which = ", ".join(channel.name for channel in told if channel.source == source)
+        parts.append(f"{which} from {_FROM[source]}")
+    guessed = [channel for channel in channels if channel.guessed]
+    if guessed:
+        which = ", ".join(channel.name for channel in guessed)
+        parts.append(
+            f"only guessed for {which}: {' and '.join(dict.fromkeys(_FROM[c.source] for c in guessed))}"
+        )
+    masked = sum(channel.masked for channel in channels)
+    if masked:
+        parts.append(f"{masked} {'spike' if masked == 1 else 'spikes'} masked")
+    return "Noise: " + "; ".join(parts)
