@@ -8,13 +8,14 @@ from typing import TypeVar
 
 from rigctl.backends.commands import check_command
 from rigctl.backends.errors import BackendLost
+from rigctl.backends.lines.greeting import Device, Greeting, greet
 from rigctl.backends.lines.guard_port import GuardActed
 from rigctl.backends.lines.poll import Poll
-from rigctl.backends.lines.reach import Reach, greet
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.lines.talk import Refused, Talk
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.port import Connect, PortLost
+from rigctl.backends.serial.reconnection import Reconnection
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Lines, Rig
@@ -59,7 +60,10 @@ class LineBench:
         self.identity: Mapping[str, str] = {"kind": kind, "name": rig.name, **(identity or {})}
         self._rig = rig
         self._lines = lines
-        self._reach = Reach(connect, clock, lines, reconnect)
+        self._connect = connect
+        self._reconnection = Reconnection(
+            clock, connect, lambda port: Greeting(port, clock, lines), reconnect
+        )
         self._by_hand = by_hand
         self._setter = Setter(rig, lines)
         self._poll = Poll(rig, lines, clock)
@@ -80,16 +84,16 @@ class LineBench:
     def open(self) -> None:
         """Reach the device, check what it is, and make its outputs safe."""
         try:
-            talk = self._reach.first()
+            port = self._connect()
         except PortLost as error:
             raise BackendLost(f"the bench cannot be reached: {error}") from None
         try:
-            self._begin(talk)
+            self._begin(greet(port, self.clock, self._lines))
         except (PortLost, Refused) as error:
-            talk.port.close()
+            port.close()
             raise BackendLost(f"the bench cannot be reached: {error}") from None
         except BaseException:
-            talk.port.close()
+            port.close()
             raise
         self._opened = True
 
@@ -97,6 +101,7 @@ class LineBench:
         """Make outputs safe where the device can still be reached, and let the port go."""
         talk, self._talk = self._talk, None
         self._opened = False
+        self._reconnection.drop()
         if talk is None:
             return
         self._make_safe(talk)
@@ -178,7 +183,7 @@ class LineBench:
         self._ends.clear()
         talk = self._talk
         if talk is None:
-            raise BackendLost(f"the bench cannot be reached: {self._reach.why}")
+            raise BackendLost(f"the bench cannot be reached: {self._reconnection.why}")
         trouble = self._make_safe(talk)
         if trouble is not None:
             if isinstance(trouble, PortLost):
@@ -191,9 +196,9 @@ class LineBench:
         if not self._opened:
             raise BackendLost("the bench is not open")
 
-    def _begin(self, talk: Talk) -> None:
-        """Take a device that is on the line: the right one, set up, safe."""
-        found = greet(talk, self.clock, self._lines)
+    def _begin(self, device: Device) -> None:
+        """Take a device that has answered: the one that was there before, set up, safe."""
+        talk, found = device.talk, device.identity
         known = {name: text for name, text in self.identity.items() if name in found}
         if known and known != found:
             raise RigctlError(
@@ -328,26 +333,26 @@ class LineBench:
         talk, self._talk = self._talk, None
         if talk is not None:
             talk.port.close()
-        self._reach.lost(error)
+        self._reconnection.begin(str(error))
         self._notice("fault", f"the line to the device is lost: {error}")
 
     def _try_again(self, until: float) -> None:
-        """One attempt to reconnect, when it is due."""
-        talk = self._reach.again(until)
-        if talk is None:
+        """What can be done by bench time `until` to find the device again."""
+        device = self._reconnection.attempt(until)
+        if device is None:
             return
         was_on = {name for name, value in self._resting().items() if self._commanded.get(name) != value}
         try:
-            self._begin(talk)
+            self._begin(device)
         except (PortLost, Refused) as error:
-            talk.port.close()
-            self._reach.why = str(error)
+            device.talk.port.close()
+            self._reconnection.why = str(error)
             return
         except BaseException:
-            talk.port.close()
+            device.talk.port.close()
             raise
         now = self.clock.now()
-        self._notice("note", f"the device is back after {now - self._reach.lost_at:.1f} s, outputs safe")
+        self._notice("note", f"the device is back after {now - self._reconnection.since:.1f} s, outputs safe")
         self._receipts += [CommandReceipt(now, name, self._commanded[name]) for name in sorted(was_on)]
         missed = math.floor((now - self._start) * self._rate) + 1 - self._index if self._rate else 0
         if missed > 0:

@@ -10,7 +10,7 @@ from rigctl.backends.commands import check_command
 from rigctl.backends.errors import BackendLost, BenchTripped
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.board import Board, trip_causes
-from rigctl.backends.serial.greeting import greet
+from rigctl.backends.serial.greeting import Greeting, greet
 from rigctl.backends.serial.intake import Intake
 from rigctl.backends.serial.line import Line, Refused
 from rigctl.backends.serial.port import Connect, PortLost
@@ -72,7 +72,9 @@ class SerialBench:
         self._translation = Translation(rig, wiring)
         self._baud = baud
         self._patience = patience
-        self._reconnection = Reconnection(clock, connect, baud, patience, reconnect)
+        self._reconnection = Reconnection(
+            clock, connect, lambda port: Greeting(Line(port, clock, baud), clock, patience), reconnect
+        )
         self._clear_trips = clear_trips
         self._by_hand = by_hand
         self._board: Board | None = None

@@ -6,7 +6,7 @@ import math
 
 from rigctl.backends.serial.board import Board
 from rigctl.backends.serial.line import Line, Refused
-from rigctl.backends.serial.port import PortLost
+from rigctl.backends.serial.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 
@@ -35,6 +35,11 @@ class Greeting:
         self._clock = clock
         self._give_up = clock.now() + patience
         line.port.write(b"\n")  # whatever half of a command was left is over
+
+    @property
+    def port(self) -> Port:
+        """The port that has been opened for it."""
+        return self.line.port
 
     def ask(self, until: float = math.inf) -> Board | None:
         """Ask once; None when nobody has answered by about bench time `until`.

@@ -3,26 +3,41 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
 
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.serial.board import Board
-from rigctl.backends.serial.greeting import Greeting
-from rigctl.backends.serial.line import Line, Refused
-from rigctl.backends.serial.port import Connect, PortLost
+from rigctl.backends.serial.line import Refused
+from rigctl.backends.serial.port import Connect, Port, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 
 _FIRST_RETRY, _LONGEST_RETRY = 0.1, 2.0  # s, between two attempts
 
+Met = TypeVar("Met")
+Met_co = TypeVar("Met_co", covariant=True)
 
-class Reconnection:
+
+class Greeter(Protocol[Met_co]):
+    """Asks who is at the other end of a port, a little at a time."""
+
+    @property
+    def port(self) -> Port:
+        """The port that has been opened for it."""
+        ...
+
+    def ask(self, until: float) -> Met_co | None:
+        """Who answers; None when nobody has by about bench time `until`."""
+        ...
+
+
+class Reconnection(Generic[Met]):
     """Attempts with growing distances, until the board answers or `limit` has passed.
 
     Parameters
     ----------
     connect: opens the port.
-    baud: bits per second.
-    patience: s for a board that starts anew when its port is opened.
+    greet: begins to ask who is there.
     limit: s for it to come back.
 
     Attributes
@@ -31,13 +46,14 @@ class Reconnection:
     why: what is known of the reason.
     """
 
-    def __init__(self, clock: Clock, connect: Connect, baud: int, patience: float, limit: float) -> None:
+    def __init__(
+        self, clock: Clock, connect: Connect, greet: Callable[[Port], Greeter[Met]], limit: float
+    ) -> None:
         self._clock = clock
         self._connect = connect
-        self._baud = baud
-        self._patience = patience
+        self._greet = greet
         self._limit = limit
-        self._greeting: Greeting | None = None
+        self._greeting: Greeter[Met] | None = None
         self._next_try = self._pause = 0.0
         self.since = math.nan
         self.why = ""
@@ -49,7 +65,7 @@ class Reconnection:
         self.why = why
         self._greeting = None
 
-    def attempt(self, until: float) -> Board | None:
+    def attempt(self, until: float) -> Met | None:
         """What can be done by about bench time `until`: the board when it answers, None when not yet.
 
         Raises
@@ -82,10 +98,10 @@ class Reconnection:
     def drop(self) -> None:
         """Let the port go that an attempt has opened."""
         if self._greeting is not None:
-            self._greeting.line.port.close()
+            self._greeting.port.close()
         self._greeting = None
 
-    def _open(self, now: float) -> Greeting:
+    def _open(self, now: float) -> Greeter[Met]:
         self._next_try = now + self._pause
         self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
         try:
@@ -93,7 +109,7 @@ class Reconnection:
         except RigctlError as error:  # a port that has just come back may not be ours yet, or be looked at
             raise PortLost(str(error)) from None
         try:
-            return Greeting(Line(port, self._clock, self._baud), self._clock, self._patience)
+            return self._greet(port)
         except PortLost:
             port.close()
             raise
