@@ -96,3 +96,30 @@ def test_off_reaches_it_without_a_run(board: Served, tmp_path: Path) -> None:
     )
     assert "heater_1 0 %" in done.stdout
     assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_a_record_that_is_too_fast_for_the_device_is_refused_before_it_is_reached(tmp_path: Path) -> None:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    text = (
+        "procedure: p\nrig: rigs/tclab-board.yaml\nsteps:\n  - record: {name: r, rate: 50 Hz}\n    do: []\n"
+    )
+    (tmp_path / "fast.yaml").write_text(text.replace("[]", "[wait: 1 s]"), encoding="utf-8")
+    calls = (("check", "fast.yaml"), ("simulate", "fast.yaml"), ("run", "fast.yaml", "--port", "/dev/nobody"))
+    checked, simulated, refused = (
+        subprocess.run(
+            [sys.executable, "-m", "rigctl", *call],
+            check=False,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        )
+        for call in calls
+    )
+    message = "50 Hz is more than the device can be asked for: 10 Hz"
+    assert checked.returncode == 0
+    assert message in checked.stdout
+    assert simulated.returncode == 0
+    assert refused.returncode == 2
+    assert "fast.yaml:4:" in refused.stderr
+    assert message in refused.stderr

@@ -77,6 +77,11 @@ def test_a_whole_one_is_taken() -> None:
         ("    queries:", "    frame: 8X1\n    queries:", "frame: not allowed here"),
         ("    queries:", "    watchdog: 0.1 s\n    queries:", "at least 0.5 s"),
         ("    queries:", '    send_ends: ""\n    queries:', "send_ends"),
+        (
+            "    queries:",
+            "    fastest: 5 Hz\n    queries:",
+            "monitor_rate: more than the device.*at most 5 Hz",
+        ),
         ("    queries:", "    terminator: CR\n    queries:", "unknown field"),
     ],
 )

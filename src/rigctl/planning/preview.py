@@ -9,6 +9,7 @@ from rigctl.errors import Location
 from rigctl.planning.bench import Bench, State, bench_of, initial_state
 from rigctl.planning.forecasts import Basis, forecast
 from rigctl.planning.limits import LimitUse, limits_used
+from rigctl.planning.rates import too_fast
 from rigctl.procedure.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
 
 
@@ -197,7 +198,8 @@ class _Walker:
     def _record(self, node: RecordNode) -> PreviewNode:
         body = self._group(node.body)
         samples = round(body.seconds * node.rate)
-        return _sum(node, "record", [*body.children], records=1, samples=samples)
+        warning = too_fast(self.bench.rig, node.rate)
+        return _sum(node, "record", [*body.children], records=1, samples=samples, warning=warning)
 
     def _loop(self, node: Loop) -> PreviewNode:
         first = self._group(node.body)
@@ -236,6 +238,7 @@ def _sum(
     counted: bool = True,
     records: int = 0,
     samples: int | None = None,
+    warning: str | None = None,
 ) -> PreviewNode:
     parts = [part for part in (below if counting is None else counting) if part.counted]
     return PreviewNode(
@@ -250,6 +253,7 @@ def _sum(
         children=tuple(below),
         bindings=bindings or {},
         counted=counted,
+        warning=warning,
     )
 
 

@@ -22,6 +22,7 @@ from rigctl.dataset import (
     source_of_rig,
 )
 from rigctl.errors import RigctlError
+from rigctl.planning.rates import refuse_rates
 from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig
 from rigctl.runner.drive import RESPONSE
@@ -142,8 +143,11 @@ def launch(plan: Plan, how: Launch) -> RunResult:
     Raises
     ------
     RigctlError
-        the bench cannot be reached or is in use, or the run's folder cannot be made; nothing has moved.
+        the bench cannot be reached or is in use, cannot be read as often as a record asks for, or the run's
+        folder cannot be made; nothing has moved.
     """
+    if (how.backend or plan.rig.backend.kind) in ("serial", "emulated"):
+        refuse_rates(plan)
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
         writer = RunWriter.create(how.runs, header_of(plan, backend, how))
         return carry_out(plan, backend, writer, lock, how)

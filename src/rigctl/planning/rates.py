@@ -1,0 +1,32 @@
+"""Records that want more samples than a device can be asked for."""
+
+from __future__ import annotations
+
+from rigctl.errors import RigctlError
+from rigctl.procedure.plan import Plan, RecordNode, walk
+from rigctl.rig import Rig
+
+_ROUNDING = 1e-9
+
+
+def too_fast(rig: Rig, rate: float) -> str | None:
+    """What is wrong with a sampling rate in Hz on the rig's real bench; None when nothing is."""
+    fastest = rig.backend.lines.fastest if rig.backend.lines is not None else None
+    if fastest is None or rate <= fastest * (1.0 + _ROUNDING):
+        return None
+    return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
+
+
+def refuse_rates(plan: Plan) -> None:
+    """Refuse a plan with such a record before anything moves.
+
+    Raises
+    ------
+    RigctlError
+        with the place of the first one.
+    """
+    for node in walk(plan.root):
+        if isinstance(node, RecordNode):
+            message = too_fast(plan.rig, node.rate)
+            if message is not None:
+                raise RigctlError(f"{node.label}: {message}", where=node.where)
