@@ -46,6 +46,7 @@ ENTRIES = (
     Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data in these formats."),
     Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
+    Entry("compare", "rigctl.cli.compare:compare", PHYSICS, "How well a model agrees, and where it fails."),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry("effects", "rigctl.cli.effects:app", PHYSICS, "The library of effects, and your own."),
     Entry(

@@ -1,0 +1,92 @@
+"""`rigctl compare`: how well a model agrees with what was measured, and where it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.family import FamilyOption
+
+if TYPE_CHECKING:
+    from rigctl.dataset import Run
+    from rigctl.model import Model
+
+Runs = Annotated[
+    list[str],
+    typer.Argument(metavar="RUN...", help="Ids, starts of ids, paths, or 'latest'.", show_default=False),
+]
+HoldOut = Annotated[
+    str | None,
+    typer.Option(
+        "--hold-out",
+        metavar="EXPR",
+        help="The records that no fit sees, e.g. 'oil == 60 degC' or 'record > 20'.",
+        show_default=False,
+    ),
+]
+Page = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="PAGE", help="Also write it as a page.", show_default=False),
+]
+
+
+def compare(
+    runs: Runs,
+    model: Annotated[
+        list[Path],
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="M",
+            help="A model file, M@3 its version 3; repeatable.",
+            show_default=False,
+        ),
+    ],
+    hold_out: HoldOut = None,
+    *,
+    fit: Annotated[
+        bool, typer.Option("--fit/--no-fit", help="Fit the model's free parameters first; its file stays.")
+    ] = True,
+    family: FamilyOption = None,
+    output: Page = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Compare models with what was measured: how well they agree, and where they fail.
+
+    Every error stands beside the noise of the data. Three tests say whether a model agrees within it; where
+    it does not, the places of the error, its direction over the operating variables and the equation that
+    wants a term are told.
+
+    Examples:
+
+      rigctl compare latest --model models/hl32-textbook.yaml --hold-out "oil == 60 degC"
+
+      rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
+    """
+    from rigctl.cli.compare_views import show_comparison
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.telling import telling
+    from rigctl.compare.compare import compare as compared
+
+    opened, models = open_runs(runs), open_models(model)
+    with telling() as tell:
+        found = compared(opened, models, hold_out=hold_out, refit=fit, tell=tell)
+    print_json(found.document()) if as_json else show_comparison(found)
+
+
+def open_runs(written: Sequence[str]) -> list[Run]:
+    """The runs, each once however often it is named."""
+    from rigctl.dataset import open_run
+
+    return list({run.id: run for run in map(open_run, written)}.values())
+
+
+def open_models(written: Sequence[Path]) -> list[Model]:
+    """The models that are named, from the current folder, the project or those that are shipped."""
+    from rigctl.cli.plans import find_file
+    from rigctl.model import load_model
+
+    return [load_model(find_file(path)) for path in written]

@@ -1,0 +1,176 @@
+"""How a comparison is printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.cli.tables import console, table
+from rigctl.compare.localise import Place
+from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.report.bars import draw_bar
+
+_ASKS = {
+    "score": "does any effect of the library stand out?",
+    "plane": "does the error change with the operating point?",
+    "chi2": "is the whole misfit more than noise?",
+}
+_KINDS = {
+    "channel": "channel",
+    "phase": "phase",
+    "cell": "channel and phase",
+    "condition": "condition",
+    "state": "range of a channel",
+    "stretch": "worst stretches",
+}
+_MOST = {"condition": 5, "state": 3, "stretch": 3, "cell": 5}
+_BAR = 16
+
+
+def show_comparison(found: Comparison) -> None:
+    """The statement of each model, and the figures behind it."""
+    out = console()
+    for model in found.models:
+        show_statement(model)
+    for note in found.notes:
+        out.print(f"  [dim]{escape(note)}[/]")
+    if found.held_out:
+        out.print(f"  held out: {len(found.held_out)} records ({escape(_few(found.held_out))})")
+    if len(found.models) > 1:
+        out.print(_side_by_side(found.models))
+        return
+    (model,) = found.models
+    out.print(_channels(model))
+    out.print(_tests(model))
+    if not model.adequate:
+        out.print(_places(model.where))
+        _show_trends(model)
+        _show_slots(model)
+
+
+def show_statement(model: ModelComparison) -> None:
+    """What a comparison says in one sentence, green where it agrees."""
+    colour = "green" if model.adequate else "red"
+    console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
+
+
+def chance(p_value: float) -> str:
+    """A p-value as it is read: ``0.03``, or ``< 1e-6``."""
+    return "< 1e-6" if p_value < 1e-6 else f"{p_value:.2g}"
+
+
+def _few(labels: Sequence[str], most: int = 6) -> str:
+    more = len(labels) - most
+    return ", ".join(labels[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def _channels(model: ModelComparison) -> Table:
+    """Model less measurement, channel by channel."""
+    channels = model.channels()
+    held = any(one["heldout_rmse"] is not None for one in channels.values())
+    heads = ("channel", "RMSE", *(["held out"] if held else []), "bias", "largest", "noise", "unit")
+    made = table(*heads, "RMSE/noise", "χ²", "R²", "noise from", "spikes masked")
+    for column in made.columns[1 : len(heads) - 1]:
+        column.justify = "right"
+    for name, one in channels.items():
+        rest = [_shown(one["heldout_rmse"], ".4g")] if held else []
+        made.add_row(
+            name,
+            f"{one['rmse']:.4g}",
+            *rest,
+            f"{one['bias']:+.2g}",
+            f"{one['max']:+.3g}",
+            f"{one['noise']:.3g}",
+            escape(one["unit"]),
+            f"{one['nrmse']:.3f}",
+            f"{one['chi2_reduced']:.3f}",
+            _shown(one["r2"], ".5f"),
+            one["noise_source"],
+            str(one["masked"] or ""),
+        )
+    return made
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "" if value is None else f"{value:{form}}"
+
+
+def _side_by_side(models: Sequence[ModelComparison]) -> Table:
+    """One column for each model."""
+    made = table("", *(escape(model.name) for model in models))
+    channels = [model.channels() for model in models]
+    for name in dict.fromkeys(name for own in channels for name in own):
+        made.add_row(f"[bold]{name}[/]")
+        for label, key in (("RMSE", "rmse"), ("held out", "heldout_rmse"), ("noise", "noise")):
+            cells = [own[name][key] if name in own else None for own in channels]
+            units = [own[name]["unit"] if name in own else "" for own in channels]
+            if any(cell is not None for cell in cells):
+                shown = [
+                    "" if cell is None else f"{cell:.4g} {escape(unit)}"
+                    for cell, unit in zip(cells, units, strict=True)
+                ]
+                made.add_row(f"  {label}", *shown)
+    made.add_row("reduced χ²", *(f"{model.fit.chi2_reduced:.4g}" for model in models))
+    for test in _ASKS:
+        tests = [model.adequacy.tests.get(test) for model in models]
+        if any(tests):
+            made.add_row(f"p of {test} test", *("" if one is None else chance(one.p_value) for one in tests))
+    made.add_row("p of all", *(chance(model.adequacy.p_value) for model in models))
+    made.add_row("adequate", *("[green]yes[/]" if model.adequate else "[red]no[/]" for model in models))
+    return made
+
+
+def _tests(model: ModelComparison) -> Table:
+    made = table("test", "what it asks", "statistic", "freedom", "p")
+    for name, test in model.adequacy.tests.items():
+        freedom = str(test.freedom) if test.freedom else ""
+        made.add_row(name, _ASKS.get(name, ""), f"{test.statistic:.4g}", freedom, chance(test.p_value))
+    made.add_row(
+        "all", "Holm: the chance that a right model fares so ill", "", "", chance(model.adequacy.p_value)
+    )
+    return made
+
+
+def _places(places: Sequence[Place]) -> Table:
+    """Where it fails, the worst of each kind first."""
+    made = table("where it fails", "share of the error", "", "error/noise", "p")
+    made.columns[2].justify = "right"
+    kinds = list(dict.fromkeys(place.by for place in places))
+    for kind in kinds:
+        own = [place for place in places if place.by == kind]
+        made.add_row(f"[dim]by {_KINDS[kind]}[/]")
+        for place in own[: _MOST.get(kind, len(own))]:
+            share = max(place.share_of_error, 0.0)
+            made.add_row(
+                f"  {escape(place.label)}",
+                f"[cyan]{draw_bar(share, 1.0, width=_BAR)}[/]",
+                f"{100 * share:.0f} %",
+                f"{place.rmse:.2f}",
+                chance(place.p_value),
+            )
+    return made
+
+
+def _show_trends(model: ModelComparison) -> None:
+    out = console()
+    shown = [trend for trend in model.trends if abs(trend.z) > 3.0][:6]
+    if not shown:
+        return
+    out.print("  [bold]its direction[/]")
+    for trend in shown:
+        wrong = ": [red]the wrong direction[/]" if trend.wrong_sign else ""
+        out.print(f"  {escape(trend.text)} ({abs(trend.z):.0f} sigma){wrong}", soft_wrap=True)
+
+
+def _show_slots(model: ModelComparison) -> None:
+    out = console()
+    shown = [slot for slot in model.slots if slot.log_evidence > 0.0][:6]
+    if not shown:
+        return
+    out.print("  [bold]which equation wants a term[/], log-evidence")
+    width = max(len(slot.slot) for slot in shown)
+    for slot in shown:
+        bar = draw_bar(slot.log_evidence, shown[0].log_evidence, width=2 * _BAR)
+        out.print(f"  {escape(slot.slot):<{width}}  [cyan]{bar}[/] {slot.log_evidence:.4g}", soft_wrap=True)

@@ -1,0 +1,24 @@
+"""The error of a fitted model as its history keeps it."""
+
+from __future__ import annotations
+
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.history.change import ModelError
+from rigctl.units import parse_unit
+
+
+def model_error(fit: FitResult) -> ModelError:
+    """Root mean square error of each channel, fitted and held out, with the noise below which no model comes.
+
+    In the units that the channels are shown in; of a temperature it is in kelvin.
+    """
+    measurements = fit.problem.measurements
+    shown = dict(zip(measurements.outputs, measurements.units, strict=True))
+    units = {name: "K" if parse_unit(unit).offset else unit for name, unit in shown.items()}
+    return ModelError.from_si(
+        {name: error.rmse for name, error in fit.errors.items()},
+        units,
+        heldout_rmse={name: error.rmse for name, error in fit.heldout_errors.items()},
+        chi2_reduced=fit.chi2_reduced,
+        noise={name: error.noise for name, error in fit.errors.items()},
+    )
