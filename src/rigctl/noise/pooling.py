@@ -46,13 +46,13 @@ def pool(groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cell
     differences: contrasts of replicates of the same cells.
     cells: how many cells there are.
     """
-    total = sum(group.rows.size for group in groups)
+    total = sum(group.total_degrees for group in groups)
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
         return None
     used = _quietest(groups, cells)
     quiet, replicates = _chosen(groups, used), list[WindowGroup]()
     seen: set[bytes] = set()
-    fit = fit_noise(quiet)
+    fit = fit_noise(quiet, white=False)
     for _ in range(_ROUNDS):
         if fit.sigma == 0.0:
             return None
@@ -65,7 +65,7 @@ def pool(groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cell
         used_differences = _agreeing(differences, far_differences, fit, cells, means=False) & ~used
         quiet = _chosen(groups, used, far)
         replicates = _chosen(differences, used_differences, far_differences)
-        fit = fit_noise([*quiet, *replicates])
+        fit = fit_noise([*quiet, *replicates], white=False)
         state = used.tobytes() + used_differences.tobytes()
         if state in seen:
             break
@@ -78,9 +78,9 @@ def _quietest(groups: Sequence[WindowGroup], cells: int) -> NDArray[np.bool_]:
     variance: list[list[float]] = [[] for _ in range(cells)]
     degrees = np.zeros(cells)
     for group in groups:
-        for cell, value in zip(group.cells.tolist(), np.mean(group.rows**2, axis=1).tolist(), strict=True):
+        for cell, value in zip(group.cells.tolist(), _variance(group).tolist(), strict=True):
             variance[cell].append(value)
-            degrees[cell] += group.rows.shape[1]
+            degrees[cell] += group.degrees
     typical = np.array([np.median(each) if each else np.inf for each in variance])
     # a cell that does not vary at all (a signal below one converter step) says nothing about the others
     order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
@@ -93,6 +93,12 @@ def _quietest(groups: Sequence[WindowGroup], cells: int) -> NDArray[np.bool_]:
     return used
 
 
+def _variance(group: WindowGroup) -> NDArray[np.float64]:
+    """(windows) variance about the trend, SI²."""
+    away = group.rows - group.rows @ group.trend @ group.trend.T
+    return np.asarray(np.sum(away**2, axis=1) / group.degrees)
+
+
 def _chosen(
     groups: Sequence[WindowGroup], used: NDArray[np.bool_], far: Sequence[NDArray[np.bool_]] | None = None
 ) -> list[WindowGroup]:
@@ -102,12 +108,10 @@ def _chosen(
 
 
 def _far(group: WindowGroup, fit: NoiseFit) -> NDArray[np.bool_]:
-    """Windows whose Σz² is beyond chance, or beyond what heavy tails make usual among the others."""
+    """Windows whose Σz² is beyond chance."""
     from scipy.stats import chi2
 
-    size = np.sum(whitened(group, fit) ** 2, axis=1) / group.rows.shape[1]
-    limit = float(chi2.isf(_WINDOW_LEVEL, group.rows.shape[1])) / group.rows.shape[1]
-    return np.asarray(size > limit)
+    return np.asarray(np.sum(whitened(group, fit) ** 2, axis=1) > chi2.isf(_WINDOW_LEVEL, group.degrees))
 
 
 def _agreeing(
@@ -131,10 +135,10 @@ def _agreeing(
             count[cell] += int(here.sum())
             left[cell] += taken.shape[0]
             squares[cell] += float(np.sum(taken**2))
-            degrees[cell] += taken.size
+            degrees[cell] += taken.shape[0] * group.degrees
             if taken.shape[0] >= 4:
                 mean_squares[cell] += taken.shape[0] * float(np.sum(taken.mean(axis=0) ** 2))
-                mean_degrees[cell] += taken.shape[1]
+                mean_degrees[cell] += group.degrees
     agree = left > 0.5 * count
     asked = np.maximum(degrees, 1.0)
     agree &= squares / asked <= f.isf(_CELL_LEVEL, asked, fit.degrees)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.noise.autoregression import innovations
 from rigctl.noise.windows import WindowGroup
 
 #: a slower process cannot be told from a trend inside a window
@@ -32,87 +33,63 @@ class NoiseFit:
     degrees: int
 
 
-def fit_noise(groups: Sequence[WindowGroup]) -> NoiseFit:
+def fit_noise(groups: Sequence[WindowGroup], *, white: bool = True) -> NoiseFit:
     """Fit an AR(1) process with white noise on top to windows by restricted maximum likelihood.
 
-    With ``u = Kᵀe`` free of trend and ``A = KᵀR(ρ, w)K``, ``R_ij = (1 − w)·ρ^|t_i − t_j| + w·[i = j]``,
-    over all windows with ν degrees of freedom together
+    With e the samples of a window, X its trend and ``R_ij = (1 − w)·ρ^|t_i − t_j| + w·[i = j]``, over all
+    windows with ν degrees of freedom together
 
-        −2·ln L(ρ, w) = Σ ln|A| + ν·ln(Σ uᵀA⁻¹u / ν),   σ² = Σ uᵀA⁻¹u / ν.
+        −2·ln L(ρ, w) = Σ (ln|R| + ln|XᵀR⁻¹X|) + ν·ln(Q/ν),   σ² = Q/ν,
+        Q = Σ (eᵀR⁻¹e − eᵀR⁻¹X·(XᵀR⁻¹X)⁻¹·XᵀR⁻¹e).
 
     Detrending makes the plain autocorrelation too small; this likelihood knows that the trend was taken out.
-    w = 0 unless w > 0 raises 2·ln L by more than 6.63.
+    w = 0 unless it is asked for and raises 2·ln L by more than 6.63.
 
     Source: Patterson & Thompson, Biometrika 58 (1971) 545; Harville, J. Am. Stat. Assoc. 72 (1977) 320.
     """
-    scatters = [(group, group.rows.T @ group.rows) for group in groups if group.rows.size]
-    degrees = sum(group.rows.size for group, _ in scatters)
+    parts = [(group, _compressed(group.rows)) for group in groups if group.rows.size]
+    degrees = sum(group.total_degrees for group, _ in parts)
 
     def cost(rho: float, white: float) -> float:
-        total, quadratic = _sums(scatters, rho, white)
-        return total + degrees * float(np.log(quadratic / degrees))
+        determinant, quadratic = _sums(parts, rho, white)
+        return determinant + degrees * float(np.log(quadratic / degrees))
 
     rho, least = _best_correlation(lambda at: cost(at, 0.0))
-    white = 0.0
-    if rho > 0.02:
-        rho, white = _with_white(cost, rho, least)
-    _, quadratic = _sums(scatters, rho, white)
-    return NoiseFit(float(np.sqrt(quadratic / degrees)), rho, white, degrees)
+    share = 0.0
+    if white and rho > 0.02:
+        rho, share = _with_white(cost, rho, least)
+    _, quadratic = _sums(parts, rho, share)
+    return NoiseFit(float(np.sqrt(quadratic / degrees)), rho, share, degrees)
 
 
 def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:
-    """(windows, degrees) rows of unit variance and without correlation, if the fit holds."""
-    from scipy.linalg.lapack import dtrtri
+    """(windows, samples) innovations less their trend: if the fit holds, Σz² of a window is χ²(group.degrees)."""
+    change = innovations(group.places, fit.correlation, fit.white)
+    trend = np.linalg.qr(change(group.trend))[0]
+    z = change(group.rows.T) / fit.sigma
+    return np.asarray((z - trend @ (trend.T @ z)).T)
 
-    factor = np.zeros((group.rows.shape[1],) * 2)
-    factor[_upper(group.rows.shape[1])] = _packed_factor(group, fit.correlation, fit.white)
-    inverse, _ = dtrtri(factor)
-    return np.asarray(group.rows @ inverse / fit.sigma)
+
+def _compressed(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(samples, samples at most) columns with the same sum of squares and products as the windows."""
+    if rows.shape[0] <= rows.shape[1]:
+        return rows.T
+    return np.asarray(np.linalg.qr(rows, mode="r")).T
 
 
 def _sums(
-    scatters: Sequence[tuple[WindowGroup, NDArray[np.float64]]], rho: float, white: float
+    parts: Sequence[tuple[WindowGroup, NDArray[np.float64]]], rho: float, white: float
 ) -> tuple[float, float]:
-    """Σ ln|A| and Σ uᵀA⁻¹u over all windows."""
-    from scipy.linalg.lapack import dpptri
-
+    """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q over all windows."""
     determinant = quadratic = 0.0
-    for group, scatter in scatters:
-        size = group.rows.shape[1]
-        factor = _packed_factor(group, rho, white)
-        diagonal = np.cumsum(np.arange(1, size + 1)) - 1
-        determinant += 2.0 * group.rows.shape[0] * float(np.sum(np.log(factor[diagonal])))
-        inverse, _ = dpptri(size, factor)
-        packed = scatter[_upper(size)]
-        quadratic += 2.0 * float(inverse @ packed) - float(inverse[diagonal] @ packed[diagonal])
+    for group, columns in parts:
+        change = innovations(group.places, rho, white)
+        trend, z = change(group.trend), change(columns)
+        normal = trend.T @ trend
+        across = trend.T @ z
+        determinant += group.rows.shape[0] * (change.log_determinant + float(np.linalg.slogdet(normal)[1]))
+        quadratic += float(np.sum(z**2)) - float(np.sum(across * np.linalg.solve(normal, across)))
     return determinant, quadratic
-
-
-def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Row and column of each element of a packed upper triangle, column after column."""
-    column, row = np.tril_indices(size)
-    return row, column
-
-
-def _packed_factor(group: WindowGroup, rho: float, white: float) -> NDArray[np.float64]:
-    """Cholesky factor U of A = UᵀU, packed.
-
-    Packed, because the routines for full matrices start threads even for 40 rows, which costs more than the
-    work as soon as the cores are shared.
-    """
-    from scipy.linalg.lapack import dpptrf
-
-    size = group.rows.shape[1]
-    factor, _ = dpptrf(size, _reduced(group, rho, white)[_upper(size)])
-    return np.asarray(factor)
-
-
-def _reduced(group: WindowGroup, rho: float, white: float) -> NDArray[np.float64]:
-    """A = KᵀRK."""
-    apart = np.abs(group.places[:, None] - group.places[None, :])
-    coloured = np.where(apart == 0.0, 1.0, rho**apart)
-    matrix = (1.0 - white) * (group.complement.T @ coloured @ group.complement)
-    return np.asarray(matrix + white * np.eye(matrix.shape[0]))
 
 
 def _best_correlation(cost: Callable[[float], float]) -> tuple[float, float]:

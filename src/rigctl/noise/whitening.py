@@ -7,42 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.noise.noise_model import ChannelNoise, NoiseModel
-
-#: correlations below this are not worth a difference
-_NO_CORRELATION = 1e-9
+from rigctl.noise.autoregression import Innovations, innovations
+from rigctl.noise.noise_model import NoiseModel
 
 
 @dataclass(frozen=True)
 class _ChannelWhitener:
-    """One channel of one record: the samples it keeps, and the bidiagonal factors of its covariance.
-
-    The autoregressive difference ``u_i = e_i − r_i·e_(i−1)`` has a tridiagonal covariance ``G·Gᵀ``; `kept`
-    holds r (one less than the samples), `diagonal` and `below` the lower bidiagonal G. Without white noise G
-    is diagonal.
-    """
+    """One channel of one record: the samples it keeps, and the innovations of its noise."""
 
     samples: NDArray[np.intp]
-    kept: NDArray[np.float64]
-    diagonal: NDArray[np.float64]
-    below: NDArray[np.float64] | None
+    sigma: float
+    innovations: Innovations
 
     def __call__(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """G⁻¹·u of errors (n) or (n, k)."""
-        taken = errors[self.samples]
-        down = (slice(None),) + (None,) * (taken.ndim - 1)
-        if self.kept.size:
-            # the right-hand side is formed whole before it is stored, so nothing is read after it changed
-            taken[1:] -= self.kept[down] * taken[:-1]
-        if self.below is None:
-            taken /= self.diagonal[down]
-            return taken
-        from scipy.linalg.lapack import dtbtrs
-
-        banded = np.stack([self.diagonal, np.append(self.below, 0.0)])
-        flat = taken.reshape(taken.shape[0], -1)
-        solved, _ = dtbtrs(banded, flat, uplo="L")
-        return np.asarray(solved).reshape(taken.shape)
+        return self.innovations(errors[self.samples] / self.sigma)
 
 
 @dataclass(frozen=True)
@@ -105,40 +83,17 @@ def whiten(noise: NoiseModel, times: NDArray[np.float64], ok: NDArray[np.bool_])
         raise ValueError(f"expected a mask of {(times.size, len(noise.channels))}, got {ok.shape}")
     if times.size > 1 and not np.all(np.diff(times) > 0.0):
         raise ValueError("times must increase inside a record")
-    each = tuple(
-        _channel_whitener(channel, times, np.flatnonzero(ok[:, i]), noise.spacing)
-        for i, channel in enumerate(noise.channels)
-    )
+    each = []
+    for i, channel in enumerate(noise.channels):
+        samples = np.flatnonzero(ok[:, i])
+        places = times[samples] / noise.spacing
+        each.append(
+            _ChannelWhitener(samples, channel.sigma, innovations(places, channel.correlation, channel.white))
+        )
     rows = np.concatenate(
         [np.column_stack([one.samples, np.full(one.samples.size, i)]) for i, one in enumerate(each)]
     )
-    log_determinant = 2.0 * sum(float(np.sum(np.log(one.diagonal))) for one in each)
-    return Whitener(rows.astype(np.intp), log_determinant, each)
-
-
-def _channel_whitener(
-    channel: ChannelNoise, times: NDArray[np.float64], samples: NDArray[np.intp], spacing: float
-) -> _ChannelWhitener:
-    count = samples.size
-    if count < 2 or channel.correlation < _NO_CORRELATION or channel.white == 1.0:
-        return _ChannelWhitener(samples, np.empty(0), np.full(count, channel.sigma), None)
-    kept = channel.correlation ** (np.diff(times[samples]) / spacing)
-    coloured = channel.sigma**2 * (1.0 - channel.white)
-    white = channel.sigma**2 * channel.white
-    variance = np.empty(count)
-    variance[0] = channel.sigma**2
-    variance[1:] = coloured * (1.0 - kept**2) + white * (1.0 + kept**2)
-    if white == 0.0:
-        return _ChannelWhitener(samples, kept, np.sqrt(variance), None)
-    return _ChannelWhitener(samples, kept, *_bidiagonal(variance, -kept * white))
-
-
-def _bidiagonal(
-    variance: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cholesky factor of a tridiagonal matrix: its diagonal (n) and what stands below it (n − 1)."""
-    from scipy.linalg.lapack import dpttrf
-
-    diagonal, below, _ = dpttrf(variance, covariance)
-    root = np.sqrt(diagonal)
-    return root, below * root[:-1]
+    log_determinant = sum(
+        one.innovations.log_determinant + 2.0 * one.samples.size * float(np.log(one.sigma)) for one in each
+    )
+    return Whitener(rows.astype(np.intp), log_determinant, tuple(each))

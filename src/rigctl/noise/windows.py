@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,41 +31,67 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True)
 class WindowGroup:
-    """Windows sampled at the same places, with the trend already projected out.
-
-    With X the polynomials at the samples and K an orthonormal basis of what is orthogonal to X, `rows` holds
-    ``u = Kᵀ·e``: whatever the trend was, ``Cov u = σ²·Kᵀ·R·K``.
+    """Windows of one channel that were sampled at the same places.
 
     Parameters
     ----------
     places: (samples) times in units of the spacing.
-    complement: (samples, degrees) K.
-    rows: (windows, degrees) u, SI.
+    trend: (samples, orders) the polynomials that stand for the signal.
+    rows: (windows, samples) SI, each less its mean.
     cells: (windows) index of the cell of each window.
     conditions: (windows) the condition of each window's record.
+    levels: (windows, samples) SI, the signal itself as its trend shows it.
     """
 
     places: NDArray[np.float64]
-    complement: NDArray[np.float64]
+    trend: NDArray[np.float64]
     rows: NDArray[np.float64]
     cells: NDArray[np.intp]
     conditions: NDArray[np.intp]
+    levels: NDArray[np.float64]
 
-    def only(self, chosen: NDArray[np.bool_]) -> WindowGroup:
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of one window after its trend was taken out."""
+        return int(self.trend.shape[0] - self.trend.shape[1])
+
+    @property
+    def total_degrees(self) -> int:
+        """Degrees of freedom of all its windows."""
+        return self.degrees * int(self.rows.shape[0])
+
+    def only(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> WindowGroup:
         """The group with the chosen windows only."""
-        return WindowGroup(
-            self.places, self.complement, self.rows[chosen], self.cells[chosen], self.conditions[chosen]
+        return replace(
+            self,
+            rows=self.rows[chosen],
+            cells=self.cells[chosen],
+            conditions=self.conditions[chosen],
+            levels=self.levels[chosen],
         )
 
 
 def cut_windows(
-    records: Sequence[NoiseRecord], ok: Sequence[NDArray[np.bool_]], channel: int, spacing: float
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+    joined: Mapping[Cell, int] | None = None,
 ) -> tuple[list[WindowGroup], list[Cell]]:
-    """One channel of all records, cut into windows that end with their phase; and the cells they lie in."""
+    """One channel of all records, cut into windows counted from the end of each phase.
+
+    Parameters
+    ----------
+    joined: how many windows in a row, from the cell named towards the front, are one long window.
+
+    Returns
+    -------
+    groups of windows sampled alike, and the cells to which their `cells` are indices.
+    """
     found: dict[tuple[float, ...], list[tuple[NDArray[np.float64], int, int]]] = defaultdict(list)
     cells: dict[Cell, int] = {}
     for record, kept in zip(records, ok, strict=True):
-        for phase, nth, first, last in _pieces(record.phase):
+        for phase, nth, first, last in _pieces(record.phase, joined or {}):
             use = first + np.flatnonzero(kept[first:last, channel])
             if use.size < max(SHORTEST, _LEFT * (last - first)):
                 continue
@@ -76,15 +102,16 @@ def cut_windows(
     return [_group(pattern, found[pattern]) for pattern in patterns], list(cells)
 
 
-def _pieces(phase: NDArray[np.intp]) -> list[tuple[int, int, int, int]]:
+def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[int, int, int, int]]:
     """(phase, how many before its end, first sample, one past the last) of every window of a record."""
     edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), phase.size]
     pieces = []
     for begin, end in pairwise(edges):
         number, last, nth = int(phase[begin]), end, 0
         while last - begin >= LENGTH:
-            pieces.append((number, nth, last - LENGTH, last))
-            last, nth = last - LENGTH, nth + 1
+            together = min(joined.get((number, nth), 1), (last - begin) // LENGTH)
+            pieces.append((number, nth, last - together * LENGTH, last))
+            last, nth = last - together * LENGTH, nth + together
         if last - begin >= (_REST if nth else SHORTEST):
             pieces.append((number, nth, begin, last))
     return pieces
@@ -94,15 +121,15 @@ def _group(
     pattern: tuple[float, ...], members: Sequence[tuple[NDArray[np.float64], int, int]]
 ) -> WindowGroup:
     places = np.array(pattern)
-    centred = 2.0 * places / places[-1] - 1.0
-    trend = np.polynomial.legendre.legvander(centred, TREND_ORDER)
-    complement = np.linalg.qr(trend, mode="complete")[0][:, trend.shape[1] :]
+    polynomials = np.polynomial.legendre.legvander(2.0 * places / places[-1] - 1.0, TREND_ORDER)
+    trend = np.linalg.qr(polynomials)[0]
     values = np.stack([value for value, _, _ in members])
     # the level is taken off first, so that nothing is lost to rounding on 300 K with noise of 1 mK
-    rows = (values - values.mean(axis=1, keepdims=True)) @ complement
+    level = values.mean(axis=1, keepdims=True)
+    rows = values - level
     cells = np.array([cell for _, cell, _ in members], np.intp)
     conditions = np.array([condition for _, _, condition in members], np.intp)
-    return WindowGroup(places, complement, rows, cells, conditions)
+    return WindowGroup(places, trend, rows, cells, conditions, level + rows @ trend @ trend.T)
 
 
 def contrasts(groups: Sequence[WindowGroup]) -> list[WindowGroup]:
@@ -117,21 +144,12 @@ def contrasts(groups: Sequence[WindowGroup]) -> list[WindowGroup]:
         members: dict[tuple[int, int], list[int]] = defaultdict(list)
         for i, key in enumerate(zip(group.cells.tolist(), group.conditions.tolist(), strict=True)):
             members[key].append(i)
-        rows, cells, conditions = [], [], []
-        for (cell, condition), which in members.items():
+        rows, taken = [], []
+        for which in members.values():
             for k in range(1, len(which)):
                 before = group.rows[which[:k]].sum(axis=0)
                 rows.append((before - k * group.rows[which[k]]) / np.sqrt(k * (k + 1.0)))
-                cells.append(cell)
-                conditions.append(condition)
+                taken.append(which[k])
         if rows:
-            made.append(
-                WindowGroup(
-                    group.places,
-                    group.complement,
-                    np.stack(rows),
-                    np.array(cells, np.intp),
-                    np.array(conditions, np.intp),
-                )
-            )
+            made.append(replace(group.only(np.array(taken, np.intp)), rows=np.stack(rows)))
     return made
