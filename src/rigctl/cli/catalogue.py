@@ -47,6 +47,7 @@ ENTRIES = (
     Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
     Entry("compare", "rigctl.cli.compare:compare", PHYSICS, "How well a model agrees, and where it fails."),
+    Entry("diagnose", "rigctl.cli.diagnose:diagnose", PHYSICS, "Which effect a model lacks, and adding it."),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry("effects", "rigctl.cli.effects:app", PHYSICS, "The library of effects, and your own."),
     Entry(

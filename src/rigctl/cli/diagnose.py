@@ -1,0 +1,87 @@
+"""`rigctl diagnose`: which physical effect a model lacks, how sure that is, and adding it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.compare import HoldOut, Page, Runs
+from rigctl.cli.family import FamilyOption
+
+if TYPE_CHECKING:
+    from rigctl.compare.result import Comparison
+
+
+def diagnose(
+    runs: Runs,
+    model: Annotated[
+        Path,
+        typer.Option(
+            "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
+        ),
+    ],
+    hold_out: HoldOut = None,
+    *,
+    apply: Annotated[
+        bool,
+        typer.Option(
+            "--apply",
+            help="Add what is missing, step by step, until the model agrees or nothing helps; every step is saved "
+            "as the model's next version.",
+        ),
+    ] = False,
+    most: Annotated[
+        int, typer.Option("--max-effects", metavar="N", min=1, help="As many effects at the most.")
+    ] = 4,
+    family: FamilyOption = None,
+    output: Page = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Find out which effect a model lacks, how sure that is, and what it cannot be told apart from.
+
+    The verdict is one of: adequate (nothing is missing), missing_effect, ambiguous (several explain it, and
+    these data cannot tell which) and outside_library. It never names a winner that the data do not support.
+
+    Examples:
+
+      rigctl diagnose latest --model models/hl32-textbook.yaml
+
+      rigctl diagnose latest --model models/hl32-textbook.yaml --apply --hold-out "oil == 60 degC"
+    """
+    from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
+    from rigctl.cli.model import own_model
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.telling import telling
+    from rigctl.diagnose.diagnose import diagnose_comparison
+    from rigctl.diagnose.loop import improve
+
+    path = own_model(model) if apply else model
+    with telling() as tell:
+        compared = _compared(runs, path, hold_out, tell)
+        if apply:
+            done = improve(compared, path, hold_out=hold_out, most=most, tell=tell)
+        else:
+            (before,) = compared.models
+            found = diagnose_comparison(
+                before, compared.runs, compared.held_out, compared.notes, most=most, tell=tell
+            )
+    if as_json:
+        print_json(done.document() if apply else found.document())
+    elif apply:
+        show_improvement(done)
+    else:
+        show_diagnosis(found)
+
+
+def _compared(runs: list[str], path: Path, hold_out: str | None, tell: Callable[[str], None]) -> Comparison:
+    """The model fitted to the runs; one with nothing to fit is refused before any work."""
+    from rigctl.cli.compare import open_models, open_runs
+    from rigctl.compare.compare import compare
+    from rigctl.diagnose.diagnose import require_free_parameters
+
+    (model,) = open_models([path])
+    require_free_parameters(model)
+    return compare(open_runs(runs), [model], hold_out=hold_out, tell=tell)

@@ -1,0 +1,158 @@
+"""How a diagnosis, and what was done about it, are printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.cli.compare_views import chance
+from rigctl.cli.model_views import show_errors
+from rigctl.cli.tables import console, table
+from rigctl.diagnose.loop import Improvement, Step
+from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.report.bars import draw_bar
+
+_COLOURS = {
+    Verdict.ADEQUATE: "green",
+    Verdict.MISSING_EFFECT: "yellow",
+    Verdict.AMBIGUOUS: "yellow",
+    Verdict.OUTSIDE_LIBRARY: "red",
+}
+_WORDS = {
+    Verdict.ADEQUATE: "Adequate",
+    Verdict.MISSING_EFFECT: "An effect is missing",
+    Verdict.AMBIGUOUS: "Ambiguous",
+    Verdict.OUTSIDE_LIBRARY: "Outside the library",
+}
+#: effects of the ranking that are shown besides those of the verdict
+_RANKED = 8
+
+
+def show_diagnosis(found: Diagnosis) -> None:
+    """The verdict, the ranking, what speaks for and against, and what cannot be told."""
+    out = console()
+    _show_verdict(found)
+    for note in found.notes:
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    if found.verdict is not Verdict.ADEQUATE:
+        if found.ranking:
+            out.print(_ranking(found))
+        _show_evidence(found.evidence)
+        _show_classes(found.classes)
+        if found.slot:
+            out.print(f"  the equation that most wants a term: [bold]{escape(found.slot)}[/]")
+        if any(one.before for one in found.drift):
+            out.print(_drift(found.drift))
+    _show_untestable(found.untestable)
+
+
+def _show_verdict(found: Diagnosis) -> None:
+    names = f" ({', '.join(found.effects)})" if found.effects else ""
+    title = f"[bold {_COLOURS[found.verdict]}]{_WORDS[found.verdict]}{escape(names)}[/]"
+    console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
+
+
+def _ranking(found: Diagnosis) -> Table:
+    """Effects by their probability."""
+    made = table(
+        "effect", "probability", "", "p of score", "ΔmBIC", "own part", "error", "held out", "parameters"
+    )
+    made.columns[2].justify = made.columns[4].justify = "right"
+    shown = [one for k, one in enumerate(found.ranking) if k < _RANKED or one.effect in found.effects]
+    for one in shown:
+        made.add_row(
+            f"[bold]{one.effect}[/]" if one.effect in found.effects else one.effect,
+            f"[cyan]{draw_bar(one.probability, 1.0, width=16)}[/]",
+            f"{100 * one.probability:.1f} %",
+            chance(one.score_p_value),
+            f"{one.delta_bic:+.1f}",
+            f"{100 * one.kappa:.0f} %",
+            f"{-100 * one.error_drop:+.1f} %" if one.error_drop else "",
+            _held_out(one),
+            escape(_parameters(one.parameters)),
+        )
+    return made
+
+
+def _held_out(one: Ranked) -> str:
+    if not math.isfinite(one.heldout_before):
+        return ""
+    return f"{one.heldout_before:.4g} to {one.heldout_after:.4g}"
+
+
+def _parameters(found: Mapping[str, FoundParameter]) -> str:
+    texts = []
+    for name, one in found.items():
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        spread = f" ± {one.std:.1g}" if math.isfinite(one.std) else ""
+        texts.append(f"{name} {one.value:.4g}{spread}{unit}")
+    return ", ".join(texts)
+
+
+def _show_evidence(evidence: Sequence[str]) -> None:
+    """A line for each thing that speaks for an effect or against it."""
+    out = console()
+    for line in evidence:
+        side = line.partition(" ")[0]
+        mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(side, " ")
+        out.print(f"  {mark} {escape(line)}", soft_wrap=True)
+
+
+def _show_classes(classes: Sequence[Sequence[str]]) -> None:
+    for names in classes:
+        if len(names) > 1:
+            console().print(f"  these data cannot tell apart: [bold]{escape(', '.join(names))}[/]")
+
+
+def _drift(found: Sequence[Drift]) -> Table:
+    """The fitted parameters, without and with the effects found."""
+    made = table("fitted parameter", "without", "with it", "unit", "change")
+    for one in found:
+        change = f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
+        made.add_row(one.parameter, f"{one.before:.5g}", f"{one.after:.5g}", escape(one.unit), change)
+    return made
+
+
+def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
+    """Effects that these data say nothing of, by what would make them testable."""
+    out = console()
+    by_need: dict[str, list[str]] = {}
+    for name, needs in found:
+        by_need.setdefault(needs, []).append(name)
+    if by_need:
+        out.print("  [bold]these data say nothing of[/]")
+    for needs, names in by_need.items():
+        out.print(f"  {escape(', '.join(names))}: needs {escape(needs)}", soft_wrap=True)
+
+
+def _show_step(step: Step) -> None:
+    """One addition: why, and what it did to the error."""
+    out = console()
+    head = step.version.head
+    out.print(
+        f"[bold]Version {step.version.number}[/] of {escape(str(head))}: added {', '.join(step.effects)}"
+    )
+    _show_verdict(step.diagnosis)
+    out.print(f"  {escape(step.reason)}.", soft_wrap=True)
+    _show_evidence([line for line in step.diagnosis.evidence if not line.startswith("against")])
+    _show_evidence([line for line in step.diagnosis.evidence if line.startswith("against")])
+    show_errors([("before", step.before), (f"with {' and '.join(step.effects)}", step.after)])
+    out.print()
+
+
+def show_improvement(found: Improvement) -> None:
+    """Every step, how it ended, the whole fall of the error, and what is left."""
+    out = console()
+    for step in found.steps:
+        _show_step(step)
+    out.print(f"[bold]{escape(found.statement[0].upper() + found.statement[1:])}.[/]", soft_wrap=True)
+    if len(found.steps) > 1:
+        steps = [("before", found.steps[0].before)]
+        show_errors([*steps, *((f"with {' and '.join(one.effects)}", one.after) for one in found.steps)])
+    show_diagnosis(found.last)
+    if found.steps:
+        head = found.steps[-1].version.head
+        out.print(f"  rigctl model history {escape(str(head))} shows every version")

@@ -1,0 +1,256 @@
+"""Diagnose, add what is missing, and diagnose again, until the model is adequate or nothing helps."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from rigctl.compare.compare import fit_model, judge
+from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.diagnose.diagnose import diagnose_comparison
+from rigctl.diagnose.result import Diagnosis, Verdict
+from rigctl.diagnose.search import Search, Tell
+from rigctl.diagnose.trial import Trial, refit
+from rigctl.model.fit.model_error import model_error
+from rigctl.model.history.change import Change, ModelError
+from rigctl.model.history.save import save_version
+from rigctl.model.history.version import Version
+from rigctl.model.load import load_model
+from rigctl.model.measured.noise import DataNoise
+
+
+class Ended(StrEnum):
+    """Why no further effect was added."""
+
+    ADEQUATE = "adequate"  #: the data show nothing more that the model lacks
+    NOTHING_HELPS = "nothing_helps"  #: mBIC falls with no further effect
+    MAX_EFFECTS = "max_effects"  #: as many as were asked for
+
+
+@dataclass(frozen=True)
+class Step:
+    """One addition.
+
+    Attributes
+    ----------
+    effects: what was added; more than one where only both together pay.
+    diagnosis: of the model before it.
+    reason: why these effects, in words; where these data cannot tell which, it says so.
+    delta_bic: mBIC with them less that without.
+    before, after: the error.
+    version: the model's version that was saved, in which they are.
+    comparison: of the model with them.
+    """
+
+    effects: tuple[str, ...]
+    diagnosis: Diagnosis = field(repr=False)
+    reason: str
+    delta_bic: float
+    before: ModelError
+    after: ModelError
+    version: Version
+    comparison: ModelComparison = field(repr=False)
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "effects": list(self.effects),
+            "verdict": self.diagnosis.verdict.value,
+            "reason": self.reason,
+            "delta_bic": self.delta_bic,
+            "version": self.version.number,
+            "before": self.before.document(),
+            "after": self.after.document(),
+            "p_value": self.comparison.adequacy.p_value,
+        }
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What the loop did.
+
+    Attributes
+    ----------
+    model: the file whose next versions were saved.
+    steps: the additions, in order.
+    last: the diagnosis of the model as it is now.
+    ended: why it went no further.
+    """
+
+    model: Path
+    steps: tuple[Step, ...]
+    last: Diagnosis
+    ended: Ended
+
+    @property
+    def first(self) -> Diagnosis:
+        """The diagnosis of the model as it was."""
+        return self.steps[0].diagnosis if self.steps else self.last
+
+    @property
+    def statement(self) -> str:
+        """What was added and why it ended, in one sentence."""
+        names = [name for step in self.steps for name in step.effects]
+        added = f"added {', '.join(names)}" if names else "added nothing"
+        why = {
+            Ended.ADEQUATE: "the model now agrees with the measurements within their noise"
+            if names
+            else "the model agrees with the measurements within their noise",
+            Ended.NOTHING_HELPS: "no further effect of the library pays for itself, and the model still does "
+            "not agree with the measurements",
+            Ended.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree with the "
+            "measurements",
+        }[self.ended]
+        return f"{added}: {why}"
+
+    def document(self) -> dict[str, Any]:
+        """The first diagnosis' answer, with what was added and the diagnosis of what came of it."""
+        return {
+            **self.first.document(),
+            "steps": [step.document() for step in self.steps],
+            "ended": self.ended.value,
+            "improvement": self.statement,
+            "after": self.last.document() if self.steps else None,
+        }
+
+    def summary(self) -> str:
+        """A line for each step, and how it ended."""
+        lines = [f"version {step.version.number}: {step.reason}" for step in self.steps]
+        return "\n".join([*lines, self.statement])
+
+
+def improve(
+    compared: Comparison,
+    path: Path,
+    *,
+    hold_out: str | None = None,
+    most: int = 4,
+    excluded: Collection[str] = (),
+    tell: Tell | None = None,
+) -> Improvement:
+    """Add to a model what it lacks, one step after the other, each saved as the file's next version.
+
+    A step adds the one effect of the most probable set that gains most by itself, or the set where its
+    members pay only together.
+
+    Parameters
+    ----------
+    compared: the model with the data; its first model is improved.
+    path: its file, or ``m.yaml@3`` where it is version 3.
+    hold_out: the condition by which records were held out, noted with the versions.
+    most: effects to add altogether.
+
+    Raises
+    ------
+    RigctlError
+        a version cannot be saved, or as `rigctl.compare.compare.judge`.
+    """
+    said = tell or (lambda _: None)
+    here, steps, source = compared.models[0], list[Step](), path
+    while True:
+        room = most - sum(len(step.effects) for step in steps)
+        found = diagnose_comparison(
+            here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), tell=tell
+        )
+        chosen = _next(found, room) if found.verdict is not Verdict.ADEQUATE else None
+        if chosen is None:
+            return Improvement(path, tuple(steps), found, _why(found, room))
+        said(f"Adding {', '.join(chosen.trial.effects)}")
+        after = _compared(here, chosen.trial, excluded, said)
+        step = _saved(found, chosen, after, source, hold_out or "")
+        steps.append(step)
+        here, source = after, step.version.head
+
+
+@dataclass(frozen=True)
+class _Choice:
+    trial: Trial
+    delta_bic: float
+    reason: str
+
+
+def _next(found: Diagnosis, room: int) -> _Choice | None:
+    """The members of the best set that are added now; None when nothing pays or there is no room."""
+    search = Search(found.before, found.before.whole)
+    worth = search.mbic(found.best) - search.mbic(search.none)
+    if not found.best.candidates or worth >= 0.0 or room < 1:
+        return None
+    singles = [_single(found, place) for place in range(len(found.best.candidates))]
+    alone = [trial for trial in singles if trial is not None]
+    best = min(alone, key=search.mbic, default=None)
+    if best is not None and search.mbic(best) < search.mbic(search.none):
+        difference = search.mbic(best) - search.mbic(search.none)
+        return _Choice(best, difference, _reason(found, best, difference))
+    if len(found.best.candidates) > room:
+        return None
+    return _Choice(found.best, worth, _reason(found, found.best, worth))
+
+
+def _single(found: Diagnosis, place: int) -> Trial | None:
+    """One member of the best set by itself, refitted unless it was already."""
+    member = found.best.candidates[place]
+    if len(found.best.candidates) == 1:
+        return found.best
+    known = [trial for trial in found.trials if trial.candidates == (member,)]
+    starts = {column: found.best.value(column)[0] for column in member.columns}
+    return known[0] if known else refit(found.before.fit, (member,), starts)
+
+
+def _reason(found: Diagnosis, trial: Trial, difference: float) -> str:
+    names = " and ".join(trial.effects)
+    together = " only together" if len(trial.effects) > 1 else ""
+    text = f"{names}: mBIC falls by {-difference:.1f}{together}"
+    if len(found.best.effects) > len(trial.effects):
+        rest = ", ".join(name for name in found.best.effects if name not in trial.effects)
+        text += f", the most that one effect gains; {rest} may have to follow"
+    classes = [names for names in found.classes if len(names) > 1 and set(names) & set(trial.effects)]
+    if found.verdict is Verdict.AMBIGUOUS:
+        text += ". These data cannot tell for certain that it is this one: it is the most probable"
+        text += "".join(f" of {', '.join(names)}" for names in classes[:1])
+    if found.verdict is Verdict.OUTSIDE_LIBRARY:
+        text += ". It is not all that is missing, or only the nearest to it in the library"
+    return text
+
+
+def _why(found: Diagnosis, room: int) -> Ended:
+    if found.verdict is Verdict.ADEQUATE:
+        return Ended.ADEQUATE
+    return Ended.MAX_EFFECTS if len(found.best.candidates) > room else Ended.NOTHING_HELPS
+
+
+def _compared(here: ModelComparison, trial: Trial, excluded: Collection[str], tell: Tell) -> ModelComparison:
+    """The model with a trial's effects on the same data."""
+    problem = here.fit.problem
+    data = DataNoise(problem.noise, problem.ok)
+    model = trial.fit.model
+    fitted = fit_model(model, problem.measurements, data, here.fit.held_out, tell=tell)
+    return judge(fitted, model.name, excluded=excluded, tell=tell)
+
+
+def _saved(found: Diagnosis, chosen: _Choice, after: ModelComparison, source: Path, hold_out: str) -> Step:
+    """Save the model with the effects as the next version, and say what it did to the error."""
+    before_error, after_error = model_error(found.before.fit), model_error(after.fit)
+    done = Change(
+        "add",
+        effect=", ".join(chosen.trial.effects),
+        runs=tuple(found.runs),
+        hold_out=hold_out,
+        before=before_error,
+        after=after_error,
+        note=chosen.reason,
+    )
+    made = replace(after.fit.model, text=load_model(source).text)
+    version = save_version(made, source, done)
+    return Step(
+        chosen.trial.effects,
+        found,
+        chosen.reason,
+        chosen.delta_bic,
+        before_error,
+        after_error,
+        version,
+        after,
+    )
