@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from rigctl.compare.adequacy import adequacy
+from rigctl.compare.candidates import candidates
 from rigctl.compare.cells import cell_map
 from rigctl.compare.direction import sentence, trends
 from rigctl.compare.linearise import linearise
@@ -14,6 +15,7 @@ from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.compare.scores import screen
 from rigctl.compare.slots import slot_evidence
 from rigctl.dataset.run import Run
+from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import make_problem
@@ -27,12 +29,14 @@ from rigctl.model.model import Model
 Tell = Callable[[str], None]
 
 
+@one_thread()
 def compare(
     runs: Sequence[Run],
     models: Sequence[Model],
     *,
     hold_out: str | None = None,
     refit: bool = True,
+    excluded: Collection[str] = (),
     tell: Tell | None = None,
 ) -> Comparison:
     """Compare each model with the usable records of `runs`.
@@ -41,6 +45,7 @@ def compare(
     ----------
     hold_out: a condition that chooses the records no fit sees, e.g. ``oil == 60 degC``.
     refit: fit each model's free parameters first, without changing its file; False takes them as they are.
+    excluded: effects of the library that are not to be looked at.
     tell: told what is being done, for a progress line.
 
     Raises
@@ -68,8 +73,8 @@ def compare(
         said(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
         fitted = fit_model(model, measurements, noise, out, refit=refit, tell=said)
         said(f"Looking where {model.name} fails")
-        found.append(judge(fitted, model.name, tell=said))
-        notes += [*measurements.notes, noise.model.statement, *_spikes(noise)]
+        found.append(judge(fitted, model.name, excluded=excluded, tell=said))
+        notes += [*measurements.notes, noise.model.statement, *_spikes(noise), *_silent(fitted)]
     return Comparison(
         runs=tuple(run.id for run in runs),
         held_out=labels,
@@ -78,6 +83,7 @@ def compare(
     )
 
 
+@one_thread()
 def fit_model(
     model: Model,
     measurements: Measurements,
@@ -92,13 +98,16 @@ def fit_model(
     return fit(problem, held_out, refit=refit and bool(problem.shared))
 
 
-def judge(fitted: FitResult, name: str, *, tell: Tell | None = None) -> ModelComparison:
-    """Test a fitted model, and say where it fails."""
+@one_thread()
+def judge(
+    fitted: FitResult, name: str, *, excluded: Collection[str] = (), tell: Tell | None = None
+) -> ModelComparison:
+    """Test a fitted model, and say where it fails; effects `excluded` are not looked at."""
     problem = fitted.problem
     whole = make_problem(
         fitted.model, problem.measurements, problem.noise, problem.ok, library=True, progress=tell
     )
-    linearisation = linearise(fitted, whole)
+    linearisation = linearise(fitted, whole, candidates(fitted.model, excluded))
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
@@ -119,6 +128,7 @@ def judge(fitted: FitResult, name: str, *, tell: Tell | None = None) -> ModelCom
         screening=screening,
         cells=cells,
         whole=whole,
+        excluded=frozenset(excluded),
     )
 
 
@@ -145,6 +155,10 @@ def _spikes(noise: DataNoise) -> list[str]:
         for channel in noise.model.channels
         if channel.masked
     ]
+
+
+def _silent(fitted: FitResult) -> list[str]:
+    return [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
 
 
 def _nothing(_: str) -> None:

@@ -82,7 +82,7 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
     places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]
-    slopes = _slopes(inner, fit, [unknown.name for unknown in free], chosen, local)
+    slopes = slopes_at(inner, fit, [unknown.name for unknown in free], chosen, local)
     regions = make_regions(inner)
     triangles, sizes = [], np.zeros(sum(len(one.columns) for one in chosen))
     for k in range(len(inner.records)):
@@ -104,7 +104,7 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
 
 
 @dataclass(frozen=True)
-class _Slopes:
+class Slopes:
     """(n, channels, columns) of each record: nuisances, candidates' columns, and own unknowns by name."""
 
     nuisance: list[Floats]
@@ -112,14 +112,17 @@ class _Slopes:
     own: list[Mapping[str, Floats]]
 
 
-def _slopes(
+def slopes_at(
     problem: Problem,
     fit: FitResult,
     free: Sequence[str],
     chosen: Sequence[Candidate],
     local: Sequence[Floats],
-) -> _Slopes:
-    """Simulate once with every column, and once more for each further choice of shapes."""
+) -> Slopes:
+    """Derivatives of the records of `problem` at `fit`, by the unknowns `free`, the candidates and their own.
+
+    Simulates once with every column, and once more for each further choice of shapes.
+    """
     base = _base(problem, fit)
     at = problem.with_shared((), base)
     plain = [name for one in chosen if not one.shapes for name in one.columns]
@@ -133,7 +136,7 @@ def _slopes(
         for k, array in enumerate(every):
             own = shaped[place][k] if one.shapes else array[:, :, [index[name] for name in one.columns]]
             parts[k].append(own)
-    return _Slopes(
+    return Slopes(
         nuisance=[array[:, :, [index[name] for name in free]] for array in every],
         signatures=[
             np.concatenate(own, axis=2) if own else np.empty((*array.shape[:2], 0))
@@ -144,12 +147,14 @@ def _slopes(
 
 
 def _base(problem: Problem, fit: FitResult) -> Floats:
-    """The superset's parameters at the fitted point."""
-    names = problem.compiled.system.parameter_names
-    same = fit.problem.compiled.system.parameter_names == names
-    base = fit.problem.base.copy() if same else problem.base.copy()
+    """The superset's parameters at the fitted point; what the fitted system does not have is at its null."""
+    places = {name: k for k, name in enumerate(problem.compiled.system.parameter_names)}
+    base = problem.base.copy()
+    for name, value in zip(fit.problem.compiled.system.parameter_names, fit.problem.base, strict=True):
+        if name in places:
+            base[places[name]] = value
     for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
-        base[names.index(unknown.name)] = value
+        base[places[unknown.name]] = value
     return base
 
 
@@ -182,43 +187,56 @@ def _shaped(
 
 
 def _record(
-    problem: Problem, k: int, slopes: _Slopes, regions: Regions, local: Floats, outputs: Floats
+    problem: Problem, k: int, slopes: Slopes, regions: Regions, local: Floats, outputs: Floats
 ) -> tuple[RecordTriangle, Floats]:
     """Whiten a record, project its own unknowns off, and reduce what is left to a triangle."""
     whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
     measured = np.where(ok, record.values, 0.0)
     residual = whitener(np.where(ok, measured - outputs, 0.0))
-    own = [slopes.own[k][one.name] for one in problem.local[k]]
-    stacked = np.concatenate([slopes.nuisance[k], slopes.signatures[k]], axis=2)
-    white = whitener(stacked)
+    white = whitener(np.concatenate([slopes.nuisance[k], slopes.signatures[k]], axis=2))
     if not np.isfinite(white).all():
         raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
     p = slopes.nuisance[k].shape[2]
     sizes = np.square(white[:, p:]).sum(axis=0)
     left = np.column_stack([white, regions.of_record(k, whitener.rows), residual])
-    basis = [whitener(np.stack(own, axis=2))] if own else []
-    prior_residual, weight = prior_rows([one.unknown for one in problem.local[k]], local)
-    quiet = quiet_columns(problem, k, outputs)
-    if quiet is not None:
-        basis.append(whitener(quiet))
-        weight = np.concatenate([weight, np.ones(quiet.shape[2])])
-        prior_residual = np.concatenate([prior_residual, np.zeros(quiet.shape[2])])
-    unknowns = weight.size
+    own, weight, prior_residual = own_rows(problem, k, slopes, local, outputs)
     count = whitener.size + int((weight > 0.0).sum())
-    if unknowns:
-        matrix = np.vstack([np.concatenate(basis, axis=1), np.diag(weight)])
-        below = np.zeros((unknowns, left.shape[1]))
+    if weight.size:
+        below = np.zeros((weight.size, left.shape[1]))
         below[:, -1] = -prior_residual
         left = np.vstack([left, below])
-        orthogonal = _range(matrix)
-        left = left - orthogonal @ (orthogonal.T @ left)
-        count -= orthogonal.shape[1]
+        left = left - own @ (own.T @ left)
+        count -= own.shape[1]
     triangle: Floats = np.asarray(np.linalg.qr(left, mode="r")) if left.shape[0] > left.shape[1] else left
     e = p + slopes.signatures[k].shape[2]
     return (
         RecordTriangle(triangle[:, :p], triangle[:, p:e], triangle[:, e:-1], triangle[:, -1], count),
         sizes,
     )
+
+
+def own_rows(
+    problem: Problem, k: int, slopes: Slopes, local: Floats, outputs: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """What a record's own unknowns can do to its whitened rows, below which their priors' rows stand.
+
+    Returns
+    -------
+    (rows + unknowns, directions) orthonormal; (unknowns) weights of the priors, 0 where there is none; and
+    the priors' residuals.
+    """
+    whitener = problem.whiteners[k]
+    own = [slopes.own[k][one.name] for one in problem.local[k]]
+    basis = [whitener(np.stack(own, axis=2))] if own else []
+    residual, weight = prior_rows([one.unknown for one in problem.local[k]], local)
+    quiet = quiet_columns(problem, k, outputs)
+    if quiet is not None:
+        basis.append(whitener(quiet))
+        weight = np.concatenate([weight, np.ones(quiet.shape[2])])
+        residual = np.concatenate([residual, np.zeros(quiet.shape[2])])
+    if not weight.size:
+        return np.empty((whitener.size, 0)), weight, residual
+    return _range(np.vstack([np.concatenate(basis, axis=1), np.diag(weight)])), weight, residual
 
 
 def _range(matrix: Floats) -> Floats:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
@@ -14,9 +14,10 @@ from rigctl.dataset.run import Run
 from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.diagnose.folds import HeldOut, held_out_gain
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
-from rigctl.diagnose.search import Point, Search, Tell, linearise_at
+from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
+from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
@@ -32,6 +33,7 @@ def diagnose(
     *,
     hold_out: str | None = None,
     most: int = 4,
+    excluded: Collection[str] = (),
     tell: Tell | None = None,
 ) -> Diagnosis:
     """Diagnose a model on the usable records of `runs`; see `Diagnosis`.
@@ -40,11 +42,27 @@ def diagnose(
     ----------
     hold_out: a condition that chooses records which nothing here sees.
     most: effects in the largest set that is looked at.
+    excluded: effects of the library that are not to be looked at.
 
     Raises
     ------
     RigctlError
         as `rigctl.compare.compare.compare`; or the model has nothing to fit.
+    """
+    require_free_parameters(model)
+    compared = compare(runs, [model], hold_out=hold_out, excluded=excluded, tell=tell)
+    return diagnose_comparison(
+        compared.models[0], compared.runs, compared.held_out, compared.notes, most=most, tell=tell
+    )
+
+
+def require_free_parameters(model: Model) -> None:
+    """Require that the model has something to fit.
+
+    Raises
+    ------
+    RigctlError
+        it has not.
     """
     if not model.fitted:
         raise RigctlError(
@@ -52,12 +70,9 @@ def diagnose(
             "physics",
             hint="Mark the parameters that are not known exactly with 'fit: true' in the model file",
         )
-    compared = compare(runs, [model], hold_out=hold_out, tell=tell)
-    return diagnose_comparison(
-        compared.models[0], compared.runs, compared.held_out, compared.notes, most=most, tell=tell
-    )
 
 
+@one_thread()
 def diagnose_comparison(
     before: ModelComparison,
     runs: Sequence[str] = (),
@@ -161,28 +176,23 @@ def _left(search: Search, best: Trial) -> float:
     return max(excess, promised) / (reached + max(excess, promised))
 
 
-@dataclass(frozen=True)
-class _Weighted:
-    trial: Trial
-    weight: float
-
-
 def _ranking(search: Search, best: Trial) -> list[Ranked]:
     """Effects with their probabilities over all sets that were looked at, "none" among them."""
     trials = [search.none, *search.trials.values()]
     refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
     screened = [score for score in search.before.screening.scores if score.effect not in refitted]
-    values = [search.mbic(trial) for trial in trials]
-    linear = [
-        search.mbic(search.none) - score.gain + math.log(search.samples) + 2.0 * math.log(search.library)
-        for score in screened
-    ]
-    least = min([*values, *linear])
-    weights = [math.exp(-0.5 * min(value - least, 1400.0)) for value in [*values, *linear]]
-    total = sum(weights)
+    sets: dict[tuple[str, ...], float] = {}
+    for trial in trials:  # of several shapes of one set, the best counts
+        key = tuple(sorted(trial.effects))
+        sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
+    for score in screened:
+        penalty = math.log(search.samples) + 2.0 * math.log(search.library)
+        sets[(score.effect,)] = search.mbic(search.none) - score.gain + penalty
+    least = min(sets.values())
+    weights = {names: math.exp(-0.5 * min(value - least, 1400.0)) for names, value in sets.items()}
+    total = sum(weights.values())
     shares: dict[str, float] = {}
-    sets = [trial.effects for trial in trials] + [(score.effect,) for score in screened]
-    for names, weight in zip(sets, weights, strict=True):
+    for names, weight in weights.items():
         for name in set(names):
             shares[name] = shares.get(name, 0.0) + weight / total
     by_name = {score.effect: score for score in search.before.screening.scores}
@@ -320,6 +330,3 @@ def _drift(before: ModelComparison, best: Trial) -> list[Drift]:
             Drift(unknown.name, unit.from_si(value), unit.from_si(after[unknown.name]), declared.unit)
         )
     return found
-
-
-__all__ = ["Point", "diagnose", "diagnose_comparison", "linearise_at"]

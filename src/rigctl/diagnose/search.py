@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,7 +51,7 @@ class Search:
     @cached_property
     def none(self) -> Trial:
         """The model as it is."""
-        return plain(self.before.fit, self.whole)
+        return plain(self.before.fit)
 
     @cached_property
     def library(self) -> int:
@@ -90,7 +90,7 @@ class Search:
         """The linearisation and the tests at a trial's fit."""
         key = _key(trial.candidates)
         if key not in self._points:
-            self._points[key] = point(trial, self.whole)
+            self._points[key] = point(trial, self.whole, self.before.excluded)
         return self._points[key]
 
     def rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
@@ -103,7 +103,7 @@ class Search:
         if without is None:
             return []
         size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
-        look = linearise_at(trial, self.whole, drop=member)
+        look = linearise_at(trial, self.whole, drop=member, excluded=self.before.excluded)
         projected = project(look)
         own = next(k for k, one in enumerate(look.candidates) if one is member or _same(one, member))
         close: dict[str, tuple[float, Candidate, float]] = {}
@@ -184,7 +184,7 @@ class Search:
     def _try(self, chosen: Sequence[Candidate], starts: dict[str, float]) -> Trial | None:
         key = _key(chosen)
         if key not in self.trials:
-            found = refit(self.before.fit, self.whole, chosen, starts)
+            found = refit(self.before.fit, chosen, starts)
             if found is None:
                 return None
             self.trials[key] = found
@@ -204,21 +204,23 @@ class Point:
     adequacy: Adequacy
 
 
-def point(trial: Trial, whole: Problem) -> Point:
+def point(trial: Trial, whole: Problem, excluded: Collection[str] = ()) -> Point:
     """Linearise at a trial with every candidate that is not in it."""
-    lin = linearise_at(trial, whole)
+    lin = linearise_at(trial, whole, excluded=excluded)
     projected = project(lin)
     screening = screen(projected)
     return Point(lin, projected, screening, adequacy(projected, screening))
 
 
-def linearise_at(trial: Trial, whole: Problem, drop: Candidate | None = None) -> Linearisation:
+def linearise_at(
+    trial: Trial, whole: Problem, drop: Candidate | None = None, *, excluded: Collection[str] = ()
+) -> Linearisation:
     """Linearise at a trial; `drop` is one of its members whose parameters are signatures, not nuisances."""
     present = set(trial.effects)
     contradicted = {name for one in trial.candidates for name in one.effect.instead_of}
     others = [
         one
-        for one in candidates(whole.model)
+        for one in candidates(whole.model, excluded)
         if one.name not in present and (one.name not in contradicted or drop is not None)
     ]
     if drop is None:

@@ -14,12 +14,11 @@ from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem
-from rigctl.model.fit.unknowns import effect_unknown
 
 Floats = NDArray[np.float64]
 
 #: a trial is fitted until the next step would lower its cost by less than this share
-_COST = 1e-6
+_COST = 1e-5
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Trial:
     Attributes
     ----------
     candidates: the effects with their shapes; none for the model as it is.
-    fit: of the library's superset, the effects' parameters among its shared unknowns.
+    fit: of the model with the effects, their parameters among its shared unknowns.
     chi2: whitened squares with the priors' share.
     parameters: of the effects, those at a bound not counted.
     """
@@ -60,38 +59,28 @@ class Trial:
         return float(self.fit.values[names.index(column)]), self.fit.std.get(column, math.nan)
 
 
-def plain(fitted: FitResult, whole: Problem) -> Trial:
-    """The model itself as a trial of the superset `whole`, without fitting it again."""
+def plain(fitted: FitResult) -> Trial:
+    """The model itself, as it was fitted."""
     solution = fitted.solution
-    chi2 = 2.0 * solution.cost if solution is not None else _chi2(fitted)
-    return Trial((), replace(fitted, problem=_at(fitted, whole)), chi2, 0)
+    return Trial((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
 
 
-def refit(
-    fitted: FitResult, whole: Problem, chosen: Sequence[Candidate], starts: dict[str, float]
-) -> Trial | None:
+def refit(fitted: FitResult, chosen: Sequence[Candidate], starts: dict[str, float]) -> Trial | None:
     """Fit the model's parameters and those of `chosen`, from `starts`; None when that cannot be done.
 
     Parameters
     ----------
     fitted: the model's own fit, from which everything begins.
-    whole: the same data with the whole library at its null.
     starts: of the effects' parameters, SI; what is left out starts at its typical size.
     """
-    base = whole.base.copy()
-    names = whole.compiled.system.parameter_names
-    for candidate in chosen:
-        for name, value in candidate.shapes.items():
-            base[names.index(name)] = value
-    unknowns = list(_started(fitted))
-    for candidate in chosen:
-        for column in candidate.columns:
-            own = column.partition(".")[2]
-            unknowns.append(_inside(effect_unknown(candidate.effect, own, starts.get(column))))
-    problem = whole.with_shared(unknowns, base)
     try:
+        model = fitted.model
+        for candidate in chosen:
+            model = model.with_effect(candidate.effect, _values(candidate, starts))
+        problem = fitted.problem.rebuilt(model)
+        problem = problem.with_shared(_started(problem, fitted))
         found = fit(problem, fitted.held_out, local=fitted.local, cost=_COST)
-    except RigctlError:  # the model has no value there: this effect is no explanation
+    except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     assert found.solution is not None  # noqa: S101 - there is something to fit
     held = set(found.solution.at_bound)
@@ -99,22 +88,21 @@ def refit(
     return Trial(tuple(chosen), found, 2.0 * found.solution.cost, free)
 
 
-def _started(fitted: FitResult) -> list[Unknown]:
-    """The model's unknowns, beginning where its fit ended."""
-    return [
-        replace(unknown, start=float(np.clip(value, unknown.lower, unknown.upper)))
-        for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True)
-    ]
+def _values(candidate: Candidate, starts: dict[str, float]) -> dict[str, float]:
+    """The effect's parameters to begin with: never at a bound, from which a fit would have to find its way."""
+    values = {}
+    for column in candidate.columns:
+        declared = candidate.effect.parameter(column.partition(".")[2])
+        room = 1e-6 * (declared.high - declared.low)
+        start = starts.get(column, declared.start)
+        values[declared.name] = min(max(start, declared.low + room), declared.high - room)
+    return values | {name.partition(".")[2]: value for name, value in candidate.shapes.items()}
 
 
-def _inside(unknown: Unknown) -> Unknown:
-    """Not at a bound, from which a fit would have to find its way in first."""
-    room = 1e-6 * (unknown.upper - unknown.lower)
-    return replace(unknown, start=min(max(unknown.start, unknown.lower + room), unknown.upper - room))
-
-
-def _at(fitted: FitResult, whole: Problem) -> Problem:
-    return whole.with_shared(_started(fitted))
+def _started(problem: Problem, fitted: FitResult) -> list[Unknown]:
+    """The unknowns of a longer model, those of the shorter one beginning where its fit ended."""
+    known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
+    return [replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared]
 
 
 def _chi2(fitted: FitResult) -> float:

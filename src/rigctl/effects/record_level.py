@@ -55,6 +55,8 @@ class Start:
         `rest` away from 0, else 0, and is not fitted.
     input, share, spread: for "set": the state starts at share·input, with a standard deviation spread·input.
     rest: for "rest", SI.
+    at_rest: for "rest", the state's value there, of the other states and the model's parameters, SI; 0 when
+        left out.
     """
 
     state: str
@@ -63,6 +65,7 @@ class Start:
     share: float = 1.0
     spread: float = 0.0
     rest: float = 0.0
+    at_rest: Callable[[Mapping[str, float], Mapping[str, float]], float] | None = None
 
 
 @dataclass(frozen=True)

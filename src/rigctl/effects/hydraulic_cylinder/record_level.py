@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from rigctl.effects.declaration import Effect, EffectParameter, Own
 from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
 from rigctl.engine.symbols import Scalar
+from rigctl.physics.hydraulic_cylinder.piston import CONTACT_WIDTH
 from rigctl.physics.scope import Scope
 from rigctl.rig.rig import Rig
 
@@ -12,6 +16,8 @@ from rigctl.rig.rig import Rig
 _REPEATABILITY = 0.005
 #: the zero of a position sensor when the rig does not say, in m
 _ZERO = 0.1e-3
+#: the least pressure that holds the piston on its stop, in Pa
+_TRAPPED = 1e3
 
 
 def _late(_: Scope, p: Own, before: Scalar, after: Scalar) -> Scalar:
@@ -36,6 +42,17 @@ def _zero(rig: Rig | None) -> float:
     channel = rig.channels.get("position") if rig is not None else None
     uncertainty = channel.calibration.uncertainty if channel is not None else None
     return 0.5 * uncertainty if uncertainty else _ZERO  # it is stated at 95 %
+
+
+def _on_the_stop(states: Mapping[str, float], parameters: Mapping[str, float]) -> float:
+    """Where the oil trapped behind the piston holds it on its end stop.
+
+    The stop's spring is ``k·(d + sqrt(d² + w²))/2`` for a depth d; it carries ``A_B·p_B`` at
+    ``x = (w² − 4s²)/(4s)``, s = A_B·p_B/k.
+    """
+    area = 0.25 * math.pi * (parameters["bore"] ** 2 - parameters["rod"] ** 2)
+    depth = area * max(states["pressure_b"], _TRAPPED) / parameters["end_stop_stiffness"]
+    return (CONTACT_WIDTH**2 - 4.0 * depth**2) / (4.0 * depth)
 
 
 _EFFECT = Effect(
@@ -73,7 +90,7 @@ RECORD_LEVEL = RecordLevel(
         Start("oil_temperature", "measured"),
         Start("supply_pressure", "set", input="pressure_setpoint"),
         Start("pressure_b", "set", input="pressure_setpoint", share=0.9, spread=0.2),
-        Start("position", "rest", rest=2e-3),
+        Start("position", "rest", rest=2e-3, at_rest=_on_the_stop),
     ),
     shared_switch="switching",
 )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +28,7 @@ from rigctl.model.model import Model
 Floats = NDArray[np.float64]
 
 #: a fit ends when the next step would lower the cost by less than this share of it
-_COST = 1e-7
+_COST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class FitResult:
     local: the records' own unknowns, of all records in order. A held-out record keeps its own: how warm it
         was and how its valve was set are not the model's to predict.
     outputs: (n, outputs) of each record, what the model says.
+    silent: parameters that were to be fitted and act on no reading; they kept their values.
     """
 
     problem: Problem = field(repr=False)
@@ -50,6 +53,7 @@ class FitResult:
     values: Floats
     local: tuple[Floats, ...] = field(repr=False)
     outputs: tuple[Floats, ...] = field(repr=False)
+    silent: tuple[str, ...] = ()
 
     @property
     def held_out(self) -> tuple[int, ...]:
@@ -58,14 +62,17 @@ class FitResult:
 
     @cached_property
     def model(self) -> Model:
-        """The model with the values found, their standard deviations aside."""
-        known = set(self.problem.model.fitted)
+        """The model with the values found, their standard deviations and the runs they come from."""
+        known = set(self.problem.model.fitted) if self.solution is not None else set()
         found = {
             unknown.name: float(value)
             for unknown, value in zip(self.problem.shared, self.values, strict=True)
             if unknown.name in known
         }
-        return self.problem.model.with_values(found)
+        std = {name: value for name, value in self.std.items() if name in found and 0.0 < value < math.inf}
+        runs = ", ".join(self.problem.measurements.runs)
+        source = f"fitted {datetime.now(UTC):%Y-%m-%d} to {runs}"
+        return self.problem.model.with_values(found, std=std, source=source)
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -126,6 +133,9 @@ def fit(
     fitted = tuple(place for place in range(count) if place not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
+    silent: tuple[str, ...] = ()
+    if refit and problem.shared:
+        problem, silent = _without_silent(problem, fitted)
     inner = problem.only(fitted)
     start = np.array([unknown.start for unknown in problem.shared])
     if refit and problem.shared:
@@ -147,7 +157,24 @@ def fit(
     everything = tuple(own[place] for place in range(count))
     found = problem.simulate(values, everything).require()
     outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
-    return FitResult(problem, fitted, solution, values, everything, outputs)
+    return FitResult(problem, fitted, solution, values, everything, outputs, silent)
+
+
+def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, tuple[str, ...]]:
+    """The problem without the shared unknowns that act on no reading: they keep their values."""
+    inner = problem.only(fitted)
+    start = np.array([unknown.start for unknown in inner.shared])
+    local = [np.array([unknown.start for unknown in own]) for own in inner.local_unknowns()]
+    blocks = inner.evaluate(start, local, derivatives=True)
+    if isinstance(blocks, Refused):
+        return problem, ()
+    squares = np.zeros(start.size)
+    for block in blocks:
+        if block.shared is not None:
+            squares += np.square(block.shared).sum(axis=0)
+    silent = [u.name for u, s in zip(problem.shared, squares, strict=True) if s == 0.0 and u.prior is None]
+    kept = [unknown for unknown in problem.shared if unknown.name not in silent]
+    return (problem.with_shared(kept) if silent else problem), tuple(silent)
 
 
 def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unknown]]:

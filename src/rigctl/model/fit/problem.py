@@ -79,6 +79,16 @@ class Problem:
         """Every state whose start some record has as an unknown, each once."""
         return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.initial))
 
+    def rebuilt(self, model: Model, *, library: bool = False, progress: Progress | None = None) -> Problem:
+        """The same data for another model; with `library`, every other effect is there at its null.
+
+        Raises
+        ------
+        RigctlError
+            an effect's term does not fit.
+        """
+        return make_problem(model, self.measurements, self.noise, self.ok, library=library, progress=progress)
+
     def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
         """The same data with other common unknowns, and other values of the parameters beside them."""
         return replace(self, shared=tuple(shared), base=self.base if base is None else base)
@@ -204,8 +214,8 @@ def make_problem(
     usual = initial_state(model.family, used)
     records = measurements.records
     starts = tuple(
-        np.array([start_values(level, record, measurements, usual)[name] for name in system.state_names])
-        for record in records
+        np.array([found[name] for name in system.state_names])
+        for found in (start_values(level, record, measurements, usual, model.values) for record in records)
     )
     return Problem(
         model=model,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -145,7 +145,11 @@ def _start(start: Start, record: MeasuredRecord, measurements: Measurements) -> 
 
 
 def start_values(
-    level: RecordLevel, record: MeasuredRecord, measurements: Measurements, usual: dict[str, float]
+    level: RecordLevel,
+    record: MeasuredRecord,
+    measurements: Measurements,
+    usual: dict[str, float],
+    parameters: Mapping[str, float],
 ) -> dict[str, float]:
     """The state at the start of a record, where its unknowns do not say otherwise."""
     found = dict(usual)
@@ -158,7 +162,9 @@ def start_values(
         if start.how == "set":
             found[start.state] = start.share * float(record.inputs[0, measurements.inputs.index(start.input)])
         elif start.how == "rest":
-            found[start.state] = reading if np.isfinite(reading) and abs(reading) > start.rest else 0.0
+            at_rest = 0.0 if start.at_rest is None else start.at_rest(found, parameters)
+            away = np.isfinite(reading) and abs(reading) > start.rest
+            found[start.state] = reading if away else at_rest
         elif np.isfinite(reading):
             found[start.state] = reading
     if "oil_temperature" in found and "oil_temperature" in record.condition:
