@@ -152,6 +152,19 @@ def test_bad_rows_are_counted_in_their_group(tmp_path: Path, rig: Rig) -> None:
     assert run.info["rows"] == 39
 
 
+def test_a_file_that_is_cut_off_is_told_and_taken_only_as_it_is(tmp_path: Path, rig: Rig) -> None:
+    path = tdms(
+        tmp_path / "log.tdms",
+        ("a", "time", TIME, {"unit_string": "s"}),
+        ("a", "position", POSITION, {"unit_string": "mm"}),
+    )
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-80])
+    assert "log.tdms: the file is damaged: Last segment" in refusal(path, rig)
+    done = import_file(path, rig, tmp_path / "runs", keep_good=True)
+    assert (done.rows, len(done.faults)) == (10, 2)  # the library says two things of it
+
+
 # --- MDF
 
 

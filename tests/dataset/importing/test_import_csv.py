@@ -192,6 +192,7 @@ time [s],record,valve [1],position [mm]
 0.06,0,0,1e999
 0.00,1,0,1
 0.07,0,0,1
+1e300,1,0,1
 """
 
 
@@ -212,18 +213,19 @@ def test_bad_rows_are_named_by_line_and_nothing_is_imported(importer: Importer) 
         8: ("time: the value is missing", None),
         9: ("position: not a number", "1e999"),
         11: ("record: it has ended before", "0"),
+        12: ("time: too far away", "1e+300 s"),
     }
     assert problem.errors[0].where.column == 8
-    assert "8 bad rows" in problem.errors[-1].what
+    assert "9 bad rows" in problem.errors[-1].what
     assert "--keep-good" in str(problem.errors[-1].hint)
 
 
 def test_keep_good_leaves_them_out_and_says_so_in_the_run(importer: Importer) -> None:
     done = importer.bring_in(BAD, keep_good=True)
-    assert (done.records, done.rows, done.left_out) == (2, 2, 8)
+    assert (done.records, done.rows, done.left_out) == (2, 2, 9)
     run = open_run(done.path)
     gaps = run.events[run.events["kind"] == "gap"]["message"].tolist()
-    assert len(gaps) == 8
+    assert len(gaps) == 9
     assert gaps[0].startswith("strokes.csv:3:8: valve: not a number")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, repeat
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rigctl.rig.layout import Layout
+
+#: no time of a measurement is further from zero, s: three centuries, also where zero is the year 1904
+LATEST: Final = 1e10
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,11 @@ class Checker:
         return Stretch(len(self.record_ids) - 1 if label != BETWEEN else -1, start, stop, begins)
 
     def _check_values(self, values: Mapping[str, NDArray[np.float64]], bad: _Bad) -> None:
-        bad.add(np.flatnonzero(np.isnan(values["time"])), "time: the value is missing")
+        time = values["time"]
+        bad.add(np.flatnonzero(np.isnan(time)), "time: the value is missing")
+        far = np.flatnonzero(np.isfinite(time) & (np.abs(time) > LATEST))
+        said = [f"{value:.3g} s" for value in time[far].tolist()]
+        bad.add(far, "time: too far away", said, repeat(f"within {LATEST:g} s of zero"))
         for column in self._columns:
             found = values[column.name]
             bad.add(np.flatnonzero(np.isinf(found)), f"{column.name}: not a finite number")
@@ -119,7 +126,7 @@ class Checker:
         Returns label, first row and row after the last of every stretch of equal labels.
         """
         found = []
-        rows = np.flatnonzero(np.isfinite(time) & (ids != IMPOSSIBLE))
+        rows = np.flatnonzero((np.abs(time) <= LATEST) & (ids != IMPOSSIBLE))
         for first, last in _equal(ids[rows]):
             here = rows[first:last]
             label = int(ids[here[0]])

@@ -6,6 +6,10 @@ alike.
 
 from __future__ import annotations
 
+import gc
+import logging
+import sys
+import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -14,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.importing.table import (
     PART_ROWS,
+    Fault,
     Heading,
     Labels,
     Part,
@@ -89,6 +94,7 @@ class GroupedFile:
     reading: Reading
     noun: str = "group"
     remarks: tuple[str, ...] = ()
+    damage: tuple[str, ...] = ()  #: what its library finds wrong with the file, though it can read it
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows of group after group; what a group lacks is missing."""
@@ -96,6 +102,15 @@ class GroupedFile:
             for group in groups:
                 for start in range(0, group.rows, PART_ROWS):
                     yield self._part(group, start, min(start + PART_ROWS, group.rows), wanted, record)
+        if self.damage:
+            yield self._damage(wanted)
+
+    def _damage(self, wanted: Collection[int]) -> Part:
+        """No rows, and why there may be some missing."""
+        import numpy as np
+
+        faults = tuple(Fault(0, f"the file is damaged: {text}") for text in self.damage)
+        return Part({place: np.zeros(0) for place in wanted}, np.zeros(0, dtype=np.int64), None, faults)
 
     def _part(self, group: Group, start: int, stop: int, wanted: Collection[int], record: int | None) -> Part:
         import numpy as np
@@ -127,12 +142,19 @@ class GroupedFile:
         return labels_of_numbers(as_numbers(self.path, column.name, values))
 
 
-def open_groups(path: Path, reading: Reading, names: Mapping[str, str], noun: str = "group") -> GroupedFile:
+def open_groups(
+    path: Path,
+    reading: Reading,
+    names: Mapping[str, str],
+    noun: str = "group",
+    damage: Collection[str] = (),
+) -> GroupedFile:
     """A file of groups, ready to be read.
 
     Parameters
     ----------
     names: ours by theirs, so that the column of time is known.
+    damage: what is wrong with the file; looked at when the groups have been read.
 
     Raises
     ------
@@ -145,7 +167,8 @@ def open_groups(path: Path, reading: Reading, names: Mapping[str, str], noun: st
             raise RigctlError("the file has no data", where=Location(path))
         _check_alike(path, groups, names, noun)
         headings = _headings(path, groups, noun)
-    return GroupedFile(path, headings, _chosen(reading, {group.name for group in groups}), noun, remarks)
+    chosen = _chosen(reading, {group.name for group in groups})
+    return GroupedFile(path, headings, chosen, noun, remarks, tuple(dict.fromkeys(damage)))
 
 
 def _chosen(reading: Reading, chosen: Collection[str]) -> Reading:
@@ -267,6 +290,34 @@ def _as_text(value: object) -> str:
 
 
 @contextmanager
+def overheard(library: str, said: list[str]) -> Iterator[None]:
+    """What a library logs about a file goes to `said` and not to the terminal."""
+    names = [library, *(name for name in logging.root.manager.loggerDict if name.startswith(f"{library}."))]
+    loggers = [logging.getLogger(name) for name in names]
+    before = [(logger.handlers, logger.propagate) for logger in loggers]
+    listener = _Listener(said)
+    for logger in loggers:
+        logger.handlers, logger.propagate = [listener], False
+    try:
+        yield
+    finally:
+        for logger, (handlers, propagate) in zip(loggers, before, strict=True):
+            logger.handlers, logger.propagate = handlers, propagate
+
+
+class _Listener(logging.Handler):
+    """Keeps the text of every warning."""
+
+    def __init__(self, said: list[str]) -> None:
+        super().__init__(logging.WARNING)
+        self._said = said
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep one."""
+        self._said.append(record.getMessage())
+
+
+@contextmanager
 def telling(path: Path, kind: str) -> Iterator[None]:
     """Whatever a library raises over a file that is damaged, or is none of its kind, in plain words."""
     try:
@@ -276,7 +327,24 @@ def telling(path: Path, kind: str) -> Iterator[None]:
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", where=Location(path)) from problem
     except Exception as problem:
+        _let_go(problem)
         raise RigctlError(f"the file is no {kind} file, or it is damaged", where=Location(path)) from problem
+
+
+def _let_go(problem: Exception) -> None:
+    """Free what a library holds of a damaged file at once, and quietly.
+
+    Destructors of half-made objects raise errors of their own, which Python would print.
+    """
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        failure: BaseException | None = problem
+        while failure is not None:
+            traceback.clear_frames(failure.__traceback__)
+            failure = failure.__context__
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
 
 
 def missing_extra(extra: str, package: str, path: Path) -> RigctlError:

@@ -16,6 +16,7 @@ from rigctl.dataset.importing.groups import (
     held,
     missing_extra,
     open_groups,
+    overheard,
     telling,
     unit_of,
 )
@@ -37,20 +38,21 @@ def open_mdf(path: Path, names: Mapping[str, str]) -> GroupedFile:
     except ImportError as problem:
         raise missing_extra("mdf", "asammdf", path) from problem
 
+    said: list[str] = []
+
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
-        with telling(path, "MDF"):
-            path.open("rb").close()  # the library would take a name that is not there for a new file
-            with MDF(path) as file:
-                yield _groups(file)
+        # opened here: the library takes a name that is not there for a new file, and leaves damaged ones open
+        with telling(path, "MDF"), overheard("asammdf", said), path.open("rb") as raw, MDF(raw) as file:
+            yield _groups(file)
 
     with telling(path, "MDF"):
         small = path.stat().st_size <= LARGE
     if small:
         with reading() as groups:
             kept = [held(group) for group in groups]
-        return open_groups(path, lambda: nullcontext(kept), names, noun="channel group")
-    return open_groups(path, reading, names, noun="channel group")
+        return open_groups(path, lambda: nullcontext(kept), names, "channel group", said)
+    return open_groups(path, reading, names, "channel group", said)
 
 
 def _groups(file: Any) -> list[Group]:

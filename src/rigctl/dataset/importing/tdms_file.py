@@ -20,6 +20,7 @@ from rigctl.dataset.importing.groups import (
     common_length,
     missing_extra,
     open_groups,
+    overheard,
     telling,
     unit_of,
 )
@@ -46,26 +47,33 @@ def open_tdms(path: Path, names: Mapping[str, str]) -> GroupedFile:
     except ImportError as problem:
         raise missing_extra("tdms", "npTDMS", path) from problem
 
+    said: list[str] = []
+
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
-        with telling(path, "TDMS"), path.open("rb") as raw, TdmsFile.open(raw) as file:
-            yield [_group(path, group, names) for group in file.groups()]
+        with (
+            telling(path, "TDMS"),
+            overheard("nptdms", said),
+            path.open("rb") as raw,
+            TdmsFile.open(raw) as file,
+        ):
+            yield [_group(path, group, names, said) for group in file.groups()]
 
-    with telling(path, "TDMS"):
+    with telling(path, "TDMS"), overheard("nptdms", said):
         if path.stat().st_size > LARGE:
-            return open_groups(path, reading, names)
-        with path.open(
-            "rb"
-        ) as raw:  # whole: the library looks for each piece of a large file from its beginning
-            groups = [_group(path, group, names) for group in TdmsFile.read(raw).groups()]
-    return open_groups(path, lambda: nullcontext(groups), names)
+            return open_groups(path, reading, names, damage=said)
+        # whole: for each piece of a file the library looks through all that come before it
+        with path.open("rb") as raw:
+            groups = [_group(path, group, names, said) for group in TdmsFile.read(raw).groups()]
+    return open_groups(path, lambda: nullcontext(groups), names, damage=said)
 
 
-def _group(path: Path, group: Any, names: Mapping[str, str]) -> Group:
+def _group(path: Path, group: Any, names: Mapping[str, str], damage: Sequence[str]) -> Group:
+    """One group; of a file that was cut off as many rows as every channel still has."""
     channels = group.channels()
     where = f"group '{group.name}'"
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
-    rows = common_length(path, where, lengths, names)
+    rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, names)
     columns = [Column(*_heading(channel), _reader(channel)) for channel in channels]
     timed = any(names.get(name, name).partition("[")[0].strip() == "time" for name in lengths)
     if not timed and (clock := _waveform_time(path, where, channels)) is not None:
