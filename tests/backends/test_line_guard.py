@@ -124,6 +124,13 @@ def test_a_loop_that_stands_still_is_told_what_was_done(board: Served) -> None:
         assert any(notice.kind == "alarm" for notice in bench.take_notices())
 
 
+def test_a_bench_can_be_closed_after_a_standstill(board: Served) -> None:
+    with opened(board.url) as bench:
+        bench.command("heater_1", 0.5)
+        wait_for(lambda: board.sketch.received[-1] == "Q2 0.00")
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
 def test_the_guard_ends_with_the_bench_and_lets_the_port_go(board: Served) -> None:
     for _ in range(2):
         with opened(board.url) as bench:

@@ -11,6 +11,7 @@ from rigctl.procedure import Plan, RecordNode, expand, load_procedure
 from rigctl.procedure.actions import Measure, Prompt, Wait
 from rigctl.procedure.plan import Leaf, walk
 from rigctl.rig import Rig, load_rig
+from rigctl.runner.simulation import simulate
 
 ROOT = Path(__file__).parents[2]
 PROCEDURES = sorted((ROOT / "procedures").glob("*.yaml"))
@@ -126,6 +127,17 @@ def test_the_heater_board_goes_up_and_down_in_steps() -> None:
     assert {wait.duration for wait in waits} == {1200.0}
     shorter = records(plan_of("heater-board-steps", powers="20 %, 60 %", dwell="5 min", second="50 %"))
     assert [r.sweep["power"][0] for r in shorter] == pytest.approx([0.2, 0.6])
+
+
+@pytest.mark.parametrize("heater", [1, 2])
+def test_the_step_test_heats_the_heater_that_is_named(heater: int, tmp_path: Path) -> None:
+    arguments = {"heater": str(heater), "power": "30 %", "dwell": "3 min"}
+    found = simulate(ROOT / "procedures" / "tclab-step.yaml", arguments=arguments, runs=tmp_path).run.records
+    assert list(found["name"]) == ["up", "down"]
+    up = found.iloc[0]
+    warmer = up["final_1"] - up["final_2"]
+    assert abs(warmer) > 5.0
+    assert (warmer > 0.0) == (heater == 1)
 
 
 def test_the_rig_is_found_from_any_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
