@@ -1,0 +1,226 @@
+"""Which equation wants a term? Evidence for an unknown disturbance at each slot of the model.
+
+A disturbance w(t) at a slot is mapped through the model's derivatives to the readings, with the fitted
+unknowns integrated out. Its prior is smooth in time; over the records it is a smooth function of their
+operating point and something of each record's own. Readings are slots too: otherwise the fault of a sensor is
+blamed on an equation. The idea is that of Kristensen, Madsen & Jorgensen, Automatica 40 (2004) 225.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.disturbance_columns import DisturbanceColumns, Part, disturbance_columns
+from rigctl.compare.disturbance_normals import DisturbanceNormals, disturbance_normals
+from rigctl.compare.evidence import Component, Evidence, evidence
+from rigctl.compare.regions import make_regions
+from rigctl.effects.registry import library
+from rigctl.engine.compile import Progress
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.physics.family import Slot
+
+Floats = NDArray[np.float64]
+
+#: knots over a record; more where few records leave the room for it
+_KNOTS, _MORE_KNOTS, _FEW_RECORDS = 11, 24, 3
+#: over how many knots a disturbance remembers
+_MEMORY = 3.0
+#: smooth functions of the operating point
+_FEATURES = 6
+#: logarithms of evidence that differ by less (20 to 1), or by less than the share that a linear model of a
+#: large effect is in error, do not tell two slots apart
+_TOLD, _LINEAR = 3.0, 0.01
+
+
+@dataclass(frozen=True)
+class SlotEvidence:
+    """How much the data want a term at a slot.
+
+    Attributes
+    ----------
+    slot: its name; several, joined by " + ", for places at which one effect of the library acts at once.
+    meaning: of the slot, for people.
+    log_evidence: of a disturbance there, relative to none; below 0 when the data do without.
+    share: of the misfit that a disturbance explains, 0 to 1.
+    when: the phase in which the disturbance is largest.
+    alike: the slots that these data do not tell from it, the more wanted first.
+    """
+
+    slot: str
+    meaning: str
+    log_evidence: float
+    share: float
+    when: str
+    alike: tuple[str, ...] = ()
+
+
+def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[SlotEvidence, ...]:
+    """The slots at which a disturbance shows in the measured readings, the most wanted first.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated or differentiated at the fit.
+    """
+    problem = fit.problem.only(fit.fitted)
+    knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
+    columns = disturbance_columns(fit, problem, knots, progress)
+    normals = disturbance_normals(fit, problem, columns)
+    features = _features(make_regions(problem).conditions)
+    found: list[_Found] = []
+    for parts in _hypotheses(problem, columns.parts):
+        component, root = _component(normals, parts)
+        if component is not None:
+            best = evidence(component, normals.unknowns, features)
+            found.append(_Found(parts, best, best.amplitudes @ root.T))
+    return _ranked(_one_each(found), problem, columns, normals.excess)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A disturbance that was tried; `amplitudes` (records, columns) are in the slots' units."""
+
+    parts: tuple[Part, ...]
+    evidence: Evidence
+    amplitudes: Floats
+
+    @property
+    def slots(self) -> tuple[Slot, ...]:
+        return tuple(dict.fromkeys(part.slot for part in self.parts))
+
+
+def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part, ...]]:
+    """What is tried: each slot, a reading in two ways, and the places of every effect that has several."""
+    by_slot: dict[str, list[Part]] = {}
+    for part in parts:
+        by_slot.setdefault(part.slot.name, []).append(part)
+    for own in by_slot.values():
+        constant = tuple(part for part in own if part.view != "time")
+        if constant and len(constant) < len(own):
+            yield constant
+        yield tuple(own)
+    model = problem.model
+    effects = [*library(model.family).values(), *model.own]
+    together = {effect.slots for effect in effects if effect.name not in model.effects}
+    for slots in sorted(together):
+        if len(slots) > 1 and all(len(by_slot.get(slot, ())) == 1 for slot in slots):
+            yield tuple(by_slot[slot][0] for slot in slots)
+
+
+def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Component | None, Floats]:
+    """Its normal matrices, each part's share of them the same, and the root of its prior covariance.
+
+    None when no reading shows it.
+    """
+    places = np.concatenate([np.arange(part.columns.start, part.columns.stop) for part in parts])
+    square = normals.square[:, places[:, None], places[None, :]]
+    total = square.sum(axis=0)
+    root = np.zeros((places.size, places.size))
+    first = 0
+    for part in parts:
+        last = first + part.columns.stop - part.columns.start
+        block = slice(first, last)
+        own = _prior_root(np.diag(total)[block], part.knots)
+        trace = float(np.trace(own.T @ total[block, block] @ own))
+        if trace > 0.0 and np.isfinite(trace):
+            root[block, block] = own / np.sqrt(len(parts) * trace)
+        first = last
+    if not root.any():
+        return None, root
+    return (
+        Component(
+            root.T @ square @ root,
+            root.T @ normals.cross[:, places],
+            normals.gradient[:, places] @ root,
+        ),
+        root,
+    )
+
+
+def _prior_root(lengths: Floats, knots: int) -> Floats:
+    """Of ``exp(−|i − j|/memory)`` over each run of knots; columns without an order count alike."""
+    if not knots:
+        return np.diag(np.where(lengths > 0.0, 1.0 / np.sqrt(np.where(lengths > 0.0, lengths, 1.0)), 0.0))
+    distance = np.abs(np.subtract.outer(np.arange(knots), np.arange(knots)))
+    block = np.linalg.cholesky(np.exp(-distance / _MEMORY))
+    return np.asarray(np.kron(np.eye(lengths.size // knots), block))
+
+
+def _features(conditions: Floats) -> Floats:
+    """(records, features) whose products are ``1 + c·c′ + 0.3·exp(−|c − c′|²/2)``, as far as few of them can.
+
+    One record, or records at one condition, have a disturbance of their own each and no more.
+    """
+    if conditions.shape[0] < 2:
+        return np.empty((conditions.shape[0], 0))
+    apart = np.square(conditions[:, None, :] - conditions[None, :, :]).sum(axis=2)
+    values, vectors = np.linalg.eigh(1.0 + conditions @ conditions.T + 0.3 * np.exp(-0.5 * apart))
+    kept = np.argsort(-values)[:_FEATURES]
+    kept = kept[values[kept] > 1e-9 * values[kept[0]]]
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def _one_each(found: Sequence[_Found]) -> list[_Found]:
+    """Of a slot that was tried in several ways, the best with the mean of their evidence."""
+    ways: dict[tuple[Slot, ...], list[_Found]] = {}
+    for one in found:
+        ways.setdefault(one.slots, []).append(one)
+    result = []
+    for own in ways.values():
+        logs = np.array([one.evidence.log_evidence for one in own])
+        best = own[int(np.argmax(logs))]
+        mean = float(logs.max() + np.log(np.mean(np.exp(logs - logs.max()))))
+        result.append(replace(best, evidence=replace(best.evidence, log_evidence=mean)))
+    return result
+
+
+def _ranked(
+    found: Sequence[_Found], problem: Problem, columns: DisturbanceColumns, excess: float
+) -> tuple[SlotEvidence, ...]:
+    ordered = sorted(found, key=lambda one: -one.evidence.log_evidence)
+    misfit = max([excess, *(one.evidence.explained for one in ordered), 1.0])
+    names = [" + ".join(slot.name for slot in one.slots) for one in ordered]
+    logs = [one.evidence.log_evidence for one in ordered]
+    result = []
+    for one, name, log in zip(ordered, names, logs, strict=True):
+        near = max(_TOLD, _LINEAR * abs(log))
+        alike = [
+            other
+            for other, its in zip(names, logs, strict=True)
+            if other != name and abs(its - log) < near and log > _TOLD
+        ]
+        share = min(max(one.evidence.explained / misfit, 0.0), 1.0) if log > 0.0 else 0.0
+        meaning = "; ".join(slot.meaning for slot in one.slots)
+        result.append(SlotEvidence(name, meaning, log, share, _when(one, problem, columns), tuple(alike)))
+    return tuple(result)
+
+
+def _when(found: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
+    """The phase with the largest mean square of the disturbance, each slot's in units of its own mean."""
+    squares: dict[str, list[float]] = {}
+    for slot in found.slots:
+        courses = [_course(found, columns.courses[k], slot, k) for k in range(len(problem.records))]
+        mean = float(np.mean(np.concatenate(courses) ** 2)) or 1.0
+        for record, course in zip(problem.records, courses, strict=True):
+            for place, name in enumerate(record.phases):
+                inside = course[record.phase == place]
+                if inside.size:
+                    squares.setdefault(name, []).append(float(np.mean(inside**2)) / mean)
+    return max(squares, key=lambda name: float(np.mean(squares[name])))
+
+
+def _course(found: _Found, courses: Floats, slot: Slot, k: int) -> Floats:
+    """(n) of one record: the disturbance at one slot."""
+    total = np.zeros(courses.shape[0])
+    first = 0
+    for part in found.parts:
+        width = part.columns.stop - part.columns.start
+        if part.slot == slot:
+            total += courses[:, part.columns] @ found.amplitudes[k, first : first + width]
+        first += width
+    return total
