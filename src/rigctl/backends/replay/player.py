@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from rigctl.backends.commands import check_command
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
@@ -13,6 +15,7 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
+NEAR = 2.0  #: s
 _BLOCK = 1024  # rows turned into tuples at once
 _PATIENCE = 0.5  # of the rig's stale_after: the end is told before it looks like a silent bench
 
@@ -23,6 +26,10 @@ class Player:
     The first `start` begins the recording; samples come at their recorded distances in time, whatever rate
     is asked for, with the commands that were in force when they were taken. What is commanded now changes
     nothing, but receipts come as from a bench that times its pulses.
+
+    A procedure that is carried out again decides on the same samples, but a wait may end one sample earlier
+    or later than it did, since the recorded bench took time to answer. So a command that the recording has
+    too, within `NEAR` of where it is, moves the recording there: strokes begin when they are commanded.
 
     Parameters
     ----------
@@ -48,6 +55,7 @@ class Player:
             tuple[float, list[float], list[float]]
         ] = []  # the block being played, last row first
         self._pulse_ends: dict[str, float] = {}
+        self._passed = 0  # switches of the recording that have been met
 
     def open(self) -> None:
         """Read the recording."""
@@ -56,6 +64,7 @@ class Player:
         self._index = 0
         self._rows.clear()
         self._pulse_ends.clear()
+        self._passed = 0
 
     def close(self) -> None:
         """Forget the recording."""
@@ -100,10 +109,12 @@ class Player:
         self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
     ) -> CommandReceipt:
         """Take note of a command."""
-        self._opened()
+        recording = self._opened()
         check_command(self._rig, actuator, value, duration)
         now = self.clock.now()
         when = now if at is None else max(at, now)
+        if when == now:
+            self._meet(recording, actuator, value, now)
         self._pulse_ends.pop(actuator, None)
         if duration is not None:
             self._pulse_ends[actuator] = when + duration
@@ -133,6 +144,22 @@ class Player:
         if self._recording is None:
             raise BackendLost("the recording is not open")
         return self._recording
+
+    def _meet(self, recording: Recording, actuator: str, value: float, now: float) -> None:
+        """Move the recording to where it was commanded the same, if that is near."""
+        if self._origin is None:
+            return
+        position = now - self._origin
+        for index in range(self._passed, len(recording.switches)):
+            switch = recording.switches[index]
+            if switch.time > position + NEAR:
+                return
+            if switch.time >= position - NEAR and (switch.actuator, switch.value) == (actuator, value):
+                self._passed = index + 1
+                self._origin = now - switch.time
+                self._index = int(np.searchsorted(recording.times, switch.time, side="right"))
+                self._rows.clear()
+                return
 
     def _next_rows(self, recording: Recording) -> list[tuple[float, list[float], list[float]]]:
         part = slice(self._index, self._index + _BLOCK)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,15 @@ if TYPE_CHECKING:
     from rigctl.dataset import Run
 
 
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """A command of the recorded run: s since the first sample, and the SI value."""
+
+    time: float
+    actuator: str
+    value: float
+
+
 @dataclass(frozen=True)
 class Recording:
     """Samples of a run in the columns of a rig.
@@ -24,11 +34,13 @@ class Recording:
     times: s since the first sample, never falling; (n,).
     values: SI, NaN where a channel gave none; (n, channels).
     commands: SI, NaN where the run does not know them; (n, commands).
+    switches: when what was commanded, oldest first; empty where the run does not know it.
     """
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
     commands: NDArray[np.float64]
+    switches: tuple[Switch, ...] = ()
 
 
 def read_recording(run: Run, rig: Rig) -> Recording:
@@ -47,7 +59,8 @@ def read_recording(run: Run, rig: Rig) -> Recording:
                 expected=f"one of {', '.join(run.layout.channels)}",
                 nearest=nearest_name(channel, run.layout.channels),
             )
-    times = continuous_time(np.asarray(run.signals("time"), dtype=float))
+    recorded_times = np.asarray(run.signals("time"), dtype=float)
+    times = continuous_time(recorded_times)
     if not len(times):
         raise RigctlError(f"run {run.id} has no samples to play")
     unknown = np.full(len(times), np.nan)
@@ -57,6 +70,7 @@ def read_recording(run: Run, rig: Rig) -> Recording:
         _columns(
             [run.signals(name) if name in recorded else unknown for name in rig.layout.commands], len(times)
         ),
+        _switches(run, recorded_times),
     )
 
 
@@ -67,6 +81,17 @@ def continuous_time(times: NDArray[np.float64]) -> NDArray[np.float64]:
     forward = steps[steps > 0.0]
     steps[steps < 0.0] = np.median(forward) if len(forward) else 0.0
     return np.cumsum(steps)
+
+
+def _switches(run: Run, times: NDArray[np.float64]) -> tuple[Switch, ...]:
+    """The commands of a run whose samples and events are on one time."""
+    if np.any(np.diff(times) < 0.0):
+        return ()
+    events = run.table("events").select(["time", "kind", "data"]).to_pylist()
+    told = [(event["time"], json.loads(event["data"])) for event in events if event["kind"] == "command"]
+    return tuple(
+        Switch(float(time) - float(times[0]), data["actuator"], float(data["value"])) for time, data in told
+    )
 
 
 def _columns(signals: list[NDArray[np.float64]], rows: int) -> NDArray[np.float64]:
