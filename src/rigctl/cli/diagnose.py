@@ -29,8 +29,8 @@ def diagnose(
         bool,
         typer.Option(
             "--apply",
-            help="Add what is missing, step by step, until the model agrees or nothing helps; every step is saved "
-            "as the model's next version.",
+            help="Add what is missing, step by step, until the model agrees or nothing helps. "
+            "Every step is saved as the model's next version.",
         ),
     ] = False,
     most: Annotated[
@@ -80,7 +80,7 @@ def _compared(runs: list[str], path: Path, hold_out: str | None, tell: Callable[
     """The model fitted to the runs; one with nothing to fit is refused before any work."""
     from rigctl.cli.compare import open_models, open_runs
     from rigctl.compare.compare import compare
-    from rigctl.diagnose.diagnose import require_free_parameters
+    from rigctl.compare.fitting import require_free_parameters
 
     (model,) = open_models([path])
     require_free_parameters(model)

@@ -96,9 +96,9 @@ def _show_evidence(evidence: Sequence[str]) -> None:
     """A line for each thing that speaks for an effect or against it."""
     out = console()
     for line in evidence:
-        side = line.partition(" ")[0]
-        mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(side, " ")
-        out.print(f"  {mark} {escape(line)}", soft_wrap=True)
+        mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(line.partition(" ")[0])
+        if mark is not None:  # what else there is, the parameters' drift, has a table
+            out.print(f"  {mark} {escape(line)}", soft_wrap=True)
 
 
 def _show_classes(classes: Sequence[Sequence[str]]) -> None:
@@ -137,8 +137,7 @@ def _show_step(step: Step) -> None:
     )
     _show_verdict(step.diagnosis)
     out.print(f"  {escape(step.reason)}.", soft_wrap=True)
-    _show_evidence([line for line in step.diagnosis.evidence if not line.startswith("against")])
-    _show_evidence([line for line in step.diagnosis.evidence if line.startswith("against")])
+    _show_evidence(step.diagnosis.evidence)
     show_errors([("before", step.before), (f"with {' and '.join(step.effects)}", step.after)])
     out.print()
 

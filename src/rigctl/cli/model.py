@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.compare import HoldOut, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.errors import RigctlError
 
@@ -21,6 +22,11 @@ app = typer.Typer(
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 ModelFile = Annotated[
     Path, typer.Argument(metavar="M", help="A model file; M@3 is its version 3.", show_default=False)
+]
+
+SomeRuns = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[RUN]...", help="Ids, starts of ids, paths, or 'latest'.", show_default=False),
 ]
 
 
@@ -84,33 +90,102 @@ def history(model: ModelFile, *, as_json: Json = False) -> None:
 
 
 @app.command()
+def fit(
+    model: ModelFile,
+    runs: Runs,
+    hold_out: HoldOut = None,
+    *,
+    family: FamilyOption = None,
+    as_json: Json = False,
+) -> None:
+    """Fit a model's free parameters to runs; the result is its next version.
+
+    The error before is that of the values in the file.
+
+    Example: rigctl model fit models/hl32-textbook.yaml latest --hold-out "oil == 60 degC"
+    """
+    from rigctl.cli.model_changes import Wanted, carry_out
+
+    wanted = Wanted("fit", lambda found: found, runs, hold_out, fit=True)
+    carry_out(own_model(model), wanted, as_json=as_json)
+
+
+@app.command()
+def add(
+    model: ModelFile,
+    effect: Annotated[
+        str,
+        typer.Argument(
+            metavar="EFFECT[:P=V,...]",
+            help="An effect of the library or your own file. The values given are where its fit begins.",
+            show_default=False,
+        ),
+    ],
+    runs: SomeRuns = None,
+    *,
+    fitting: Annotated[
+        bool, typer.Option("--fit/--no-fit", help="Fit the free parameters to the runs that are named.")
+    ] = True,
+    hold_out: HoldOut = None,
+    family: FamilyOption = None,
+    as_json: Json = False,
+) -> None:
+    """Add an effect to a model; the result is its next version, with the error before and after.
+
+    With --fit the error before is that of the model without the effect, fitted to the same records, so that
+    what falls is the effect's own merit.
+
+    Examples:
+
+      rigctl model add models/hl32-textbook.yaml valve_leakage --fit latest --hold-out "oil == 60 degC"
+
+      rigctl model add models/hl32-textbook.yaml "piston_leakage:clearance=30 um" --no-fit
+    """
+    from rigctl.cli.model_changes import Wanted, carry_out, read_effect
+    from rigctl.model import load_model
+
+    if fitting and not runs:
+        raise RigctlError("there is nothing to fit the effect to", hint="Name a RUN, or say --no-fit")
+    path = own_model(model)
+    found, values, files = read_effect(load_model(path), effect)
+    wanted = Wanted(
+        "add",
+        lambda one: one.with_effect(found, values),
+        runs or (),
+        hold_out,
+        fit=fitting,
+        effect=found.name,
+        effect_files=files,
+    )
+    carry_out(path, wanted, as_json=as_json)
+
+
+@app.command()
 def remove(
     model: ModelFile,
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect of the model, or base physics.")],
+    runs: SomeRuns = None,
     *,
+    fitting: Annotated[
+        bool, typer.Option("--fit/--no-fit", help="Fit the rest to the runs that are named.")
+    ] = True,
+    hold_out: HoldOut = None,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
     """Take an effect out of a model; the result is its next version.
 
-    Base physics is taken away by its null value. The other parameters keep their values.
+    Base physics is taken away by its null value. The other parameters keep their values unless runs are named
+    to fit them to; then the error before and after is told.
 
-    Example: rigctl model remove models/hl32-textbook.yaml piston_leakage
+    Example: rigctl model remove models/hl32-textbook.yaml piston_leakage --fit latest
     """
-    from rigctl.cli.tables import print_json
-    from rigctl.model import Change, load_model, save_version
+    from rigctl.cli.model_changes import Wanted, carry_out
 
-    path = own_model(model)
-    found = load_model(path).without_effect(effect)
-    version = save_version(found, path, Change("remove", effect=effect))
-    if as_json:
-        told = {"version": version.number, "parent": version.parent, "effect": effect}
-        print_json({"model": str(version.head), **told})
-        return
-    typer.echo(f"{version.head} is now version {version.number}, without {effect}.")
-    typer.echo(
-        f"Version {version.parent} is kept: rigctl model diff {version.head}@{version.parent} {version.head}"
+    wanted = Wanted(
+        "remove", lambda one: one.without_effect(effect), runs or (), hold_out, fit=fitting, effect=effect
     )
+    carry_out(own_model(model), wanted, as_json=as_json)
 
 
 def own_model(written: Path) -> Path:

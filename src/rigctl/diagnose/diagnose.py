@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
+from rigctl.compare.fitting import require_free_parameters
 from rigctl.compare.linearise import linearise
 from rigctl.compare.result import ModelComparison
 from rigctl.dataset.run import Run
@@ -18,7 +19,6 @@ from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
 from rigctl.engine.one_thread import one_thread
-from rigctl.errors import RigctlError
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
 
@@ -32,6 +32,7 @@ def diagnose(
     model: Model,
     *,
     hold_out: str | None = None,
+    only: str | None = None,
     most: int = 4,
     excluded: Collection[str] = (),
     tell: Tell | None = None,
@@ -41,6 +42,7 @@ def diagnose(
     Parameters
     ----------
     hold_out: a condition that chooses records which nothing here sees.
+    only: a condition that chooses the records to look at.
     most: effects in the largest set that is looked at.
     excluded: effects of the library that are not to be looked at.
 
@@ -50,26 +52,10 @@ def diagnose(
         as `rigctl.compare.compare.compare`; or the model has nothing to fit.
     """
     require_free_parameters(model)
-    compared = compare(runs, [model], hold_out=hold_out, excluded=excluded, tell=tell)
+    compared = compare(runs, [model], hold_out=hold_out, only=only, excluded=excluded, tell=tell)
     return diagnose_comparison(
         compared.models[0], compared.runs, compared.held_out, compared.notes, most=most, tell=tell
     )
-
-
-def require_free_parameters(model: Model) -> None:
-    """Require that the model has something to fit.
-
-    Raises
-    ------
-    RigctlError
-        it has not.
-    """
-    if not model.fitted:
-        raise RigctlError(
-            f"the model '{model.name}' has nothing to fit: a misfit of its numbers would be taken for missing "
-            "physics",
-            hint="Mark the parameters that are not known exactly with 'fit: true' in the model file",
-        )
 
 
 @one_thread()

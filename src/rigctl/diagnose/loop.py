@@ -8,7 +8,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from rigctl.compare.compare import fit_model, judge
+from rigctl.compare.compare import judge
+from rigctl.compare.fitting import fit_again
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.diagnose.diagnose import diagnose_comparison
 from rigctl.diagnose.result import Diagnosis, Verdict
@@ -19,7 +20,6 @@ from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
 from rigctl.model.history.version import Version
 from rigctl.model.load import load_model
-from rigctl.model.measured.noise import DataNoise
 
 
 class Ended(StrEnum):
@@ -223,11 +223,8 @@ def _why(found: Diagnosis, room: int) -> Ended:
 
 def _compared(here: ModelComparison, trial: Trial, excluded: Collection[str], tell: Tell) -> ModelComparison:
     """The model with a trial's effects on the same data."""
-    problem = here.fit.problem
-    data = DataNoise(problem.noise, problem.ok)
-    model = trial.fit.model
-    fitted = fit_model(model, problem.measurements, data, here.fit.held_out, tell=tell)
-    return judge(fitted, model.name, excluded=excluded, tell=tell)
+    fitted = fit_again(here.fit, trial.fit.model, tell=tell)
+    return judge(fitted, here.name, excluded=excluded, tell=tell)
 
 
 def _saved(found: Diagnosis, chosen: _Choice, after: ModelComparison, source: Path, hold_out: str) -> Step:

@@ -1,0 +1,143 @@
+"""Change a model file, with the error before and after on what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import typer
+from rich.markup import escape
+
+from rigctl.cli.compare import open_runs
+from rigctl.cli.model_views import show_errors
+from rigctl.cli.plans import find_file
+from rigctl.cli.tables import console, print_json, table
+from rigctl.cli.telling import telling
+from rigctl.compare.fitting import fit_again, fit_to_runs, require_free_parameters
+from rigctl.effects import Effect
+from rigctl.effects.option import read_effect_option
+from rigctl.effects.user import is_effect_file
+from rigctl.errors import RigctlError
+from rigctl.model import Change, Model, Version, load_model, save_version, stated_values
+from rigctl.model.fit.model_error import model_error
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A change that a command was asked for.
+
+    Attributes
+    ----------
+    kind: what is done; `effect` is its name.
+    changed: makes the new model out of the old one.
+    runs, hold_out: the records to fit to, and those to keep for the proof.
+    fit: whether free parameters are fitted, those of the model before too, so that only the effect differs.
+    effect_files: of the user's own effects.
+    """
+
+    kind: Literal["fit", "add", "remove"]
+    changed: Callable[[Model], Model]
+    runs: Sequence[str]
+    hold_out: str | None
+    fit: bool
+    effect: str = ""
+    effect_files: tuple[Path, ...] = ()
+
+
+def carry_out(path: Path, wanted: Wanted, *, as_json: bool) -> None:
+    """Change the model file `path`, and tell what that did to the error.
+
+    Raises
+    ------
+    RigctlError
+        the records or the model are not fit for it.
+    """
+    model = load_model(path)
+    if wanted.kind == "fit":
+        require_free_parameters(model)
+    made, done = _measured(model, wanted) if wanted.runs else _unmeasured(model, wanted)
+    version = save_version(made, path, done, effect_files=wanted.effect_files)
+    if as_json:
+        print_json(_document(version))
+    else:
+        _show(made, version)
+
+
+def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
+    """A change that no record is asked about."""
+    if wanted.hold_out:
+        raise RigctlError("--hold-out chooses among the records of runs, and none was named")
+    return wanted.changed(model), Change(wanted.kind, effect=wanted.effect)
+
+
+def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
+    wanted.changed(model)  # refused before any work
+    runs = open_runs(wanted.runs)
+    with telling() as tell:
+        refit = wanted.fit and wanted.kind != "fit"
+        before = fit_to_runs(model, runs, hold_out=wanted.hold_out, refit=refit, tell=tell)
+        made = wanted.changed(before.model)
+        tell(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
+        after = fit_again(before, made, refit=wanted.fit, tell=tell)
+    done = Change(
+        wanted.kind,
+        effect=wanted.effect,
+        runs=tuple(run.id for run in runs),
+        hold_out=wanted.hold_out or "",
+        before=model_error(before),
+        after=model_error(after),
+    )
+    return after.model, done
+
+
+def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], tuple[Path, ...]]:
+    """The effect of ``EFFECT[:param=value,...]``, its parameters in SI, and the files it comes from."""
+    if ":" not in written and not is_effect_file(written):
+        effect = model.effect(written)
+        return effect, {} if effect.base else effect.start, ()
+    parameters = {name: value for name, value in model.values.items() if "." not in name}
+    effect, values = read_effect_option(written, model.family, parameters)
+    own = is_effect_file(written.partition(":")[0])
+    return effect, values, (find_file(Path(written.partition(":")[0])),) if own else ()
+
+
+def _document(version: Version) -> dict[str, Any]:
+    done = version.done
+    return {
+        "model": str(version.head),
+        "version": version.number,
+        "parent": version.parent,
+        "effect": done.effect or None,
+        "runs": list(done.runs),
+        "hold_out": done.hold_out or None,
+        "before": done.before.document() if done.before else None,
+        "after": done.after.document() if done.after else None,
+    }
+
+
+def _show(made: Model, version: Version) -> None:
+    """What became of the file, the fall of the error, and the values found."""
+    done, head = version.done, version.head
+    old, new = {
+        "fit": ("as it was", "fitted"),
+        "add": (f"without {done.effect}", f"with {done.effect}"),
+        "remove": (f"with {done.effect}", f"without {done.effect}"),
+    }[done.kind]
+    typer.echo(f"{head} is now version {version.number}, {new}.")
+    if done.before is not None and done.after is not None:
+        show_errors([(old, done.before), (new, done.after)])
+        typer.echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
+        _show_values(made)
+    typer.echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
+
+
+def _show_values(made: Model) -> None:
+    """The parameters that were fitted."""
+    shown = table("fitted parameter", "value", "", "unit")
+    for stated in stated_values(made):
+        if stated.fit:
+            spread = "" if stated.std_value is None else f"± {stated.std_value:.2g}"
+            shown.add_row(stated.name, f"{stated.value:.6g}", spread, escape(stated.unit))
+    console().print(shown)
