@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.noise import differences
-from rigctl.noise.converter import find_step, noise_before, stretch_bias
+from rigctl.noise.converter import find_step, stretch_bias
+from rigctl.noise.learning import ChannelData, learn_noise
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
-from rigctl.noise.pooling import Pooled, pool
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.spikes import find_spikes_in_records
 from rigctl.noise.statements import channel_statement, model_statement
-from rigctl.noise.windows import contrasts, cut_windows
 
 #: a sigma below this share of the values' size is rounding, not noise
 _ROUNDING = 1e-12
@@ -84,20 +83,21 @@ def _channel_noise(
     values = [record.values[kept[:, channel], channel] for record, kept in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
-    pooled = _pooled(records, ok, channel, spacing, step)
+    pooled = learn_noise(ChannelData(records, ok, channel, spacing, step))
     if pooled is not None and pooled.fit.sigma > _ROUNDING * size:
         source: Source = "replicates" if pooled.replicates > pooled.quiet else "quiet"
         fit = pooled.fit
+        sigma, bias = _with_steps(fit.sigma, step)
         noise = ChannelNoise(
             name,
-            fit.sigma,
+            sigma,
             fit.correlation,
             step,
             source,
             guessed=False,
             masked=masked,
             white=fit.white,
-            bias=stretch_bias(step, noise_before(step, fit.sigma)),
+            bias=bias,
             degrees=fit.degrees,
         )
     else:
@@ -105,15 +105,10 @@ def _channel_noise(
     return noise.stated(channel_statement(noise, known))
 
 
-def _pooled(
-    records: Sequence[NoiseRecord],
-    ok: Sequence[NDArray[np.bool_]],
-    channel: int,
-    spacing: float,
-    step: float,
-) -> Pooled | None:
-    groups, cells = cut_windows(records, ok, channel, spacing)
-    return pool(groups, contrasts(groups), len(cells))
+def _with_steps(sigma: float, step: float) -> tuple[float, float]:
+    """Sigma, no less than a converter's own error, and the part of it that quiet stretches have in common."""
+    before = float(np.sqrt(max(0.0, sigma**2 - step**2 / 12.0)))
+    return float(np.hypot(before, step / np.sqrt(12.0))) if step else sigma, stretch_bias(step, before)
 
 
 def _without_windows(
@@ -128,7 +123,7 @@ def _without_windows(
 ) -> ChannelNoise:
     sigma, count = differences.difference_noise(records, ok, channel)
     if count >= differences.FEWEST and sigma > _ROUNDING * size:
-        bias = stretch_bias(step, noise_before(step, sigma))
+        sigma, bias = _with_steps(sigma, step)
         return ChannelNoise(
             name, sigma, 0.0, step, "differences", guessed=False, masked=masked, bias=bias, degrees=count
         )

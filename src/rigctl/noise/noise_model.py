@@ -31,8 +31,9 @@ class ChannelNoise:
     masked: samples that were found to be spikes and left out.
     statement: one sentence that says all this.
     white: share of the variance that neighbouring samples do not have in common, 0…1.
-    bias: SI, standard deviation of the error that a whole quiet stretch has in common because the
-        converter's steps are coarse against the noise; it does not average out (see `quantisation`).
+    bias: SI, the part of sigma that a whole quiet stretch has in common because the converter's steps are
+        coarse against the noise (see `converter.stretch_bias`): it does not average out there. Over a moving
+        signal there is no such part.
     degrees: of freedom behind sigma: a whitened sum of squares over n rows, divided by n, is distributed like
         F(n, degrees), not χ²(n)/n; 0 when guessed.
     """

@@ -23,14 +23,28 @@ _ROUNDS = 12
 
 @dataclass(frozen=True)
 class Pooled:
-    """The fit to the windows that agree, and where its degrees of freedom came from."""
+    """The fit to the windows that agree, and where its degrees of freedom came from.
+
+    Parameters
+    ----------
+    quiet, replicates: degrees of freedom from the records themselves, and from differences of replicates.
+    used: (cells) whether the records themselves showed noise alone there.
+    """
 
     fit: NoiseFit
     quiet: int
     replicates: int
+    used: NDArray[np.bool_]
 
 
-def pool(groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cells: int) -> Pooled | None:
+def pool(
+    groups: Sequence[WindowGroup],
+    differences: Sequence[WindowGroup],
+    cells: int,
+    *,
+    start: NoiseFit | None = None,
+    tolerance: float = 1.0,
+) -> Pooled | None:
     """Fit the noise to every cell that shows nothing but noise; None when too little is quiet.
 
     A cell is one place of the procedure (a phase, and so many windows before its end) over all records. The
@@ -45,6 +59,8 @@ def pool(groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cell
     groups: windows of the records.
     differences: contrasts of replicates of the same cells.
     cells: how many cells there are.
+    start: a fit to begin with instead of the quietest cells.
+    tolerance: by which the Σz² of a cell may be larger still, where it is known to differ from cell to cell.
     """
     total = sum(group.total_degrees for group in groups)
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
@@ -52,25 +68,33 @@ def pool(groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cell
     used = _quietest(groups, cells)
     quiet, replicates = _chosen(groups, used), list[WindowGroup]()
     seen: set[bytes] = set()
-    fit = fit_noise(quiet, white=False)
+    fit = start or fit_noise(quiet, white=False)
+    white = start is not None
     for _ in range(_ROUNDS):
         if fit.sigma == 0.0:
             return None
         far = [_far(group, fit) for group in groups]
-        agreeing = _agreeing(groups, far, fit, cells, means=True)
+        agreeing = _agreeing(groups, far, fit, cells, tolerance, means=True)
         if not agreeing.any():
             break
         used = agreeing
         far_differences = [_far(group, fit) for group in differences]
-        used_differences = _agreeing(differences, far_differences, fit, cells, means=False) & ~used
+        used_differences = _agreeing(differences, far_differences, fit, cells, tolerance, means=False) & ~used
         quiet = _chosen(groups, used, far)
         replicates = _chosen(differences, used_differences, far_differences)
-        fit = fit_noise([*quiet, *replicates], white=False)
+        fit = fit_noise([*quiet, *replicates], white=white)
         state = used.tobytes() + used_differences.tobytes()
-        if state in seen:
+        if state in seen and white:
             break
+        # white noise on top costs ten times the fit, so it is looked for when the rest stands
+        white = white or state in seen
         seen.add(state)
-    return Pooled(fit, sum(group.rows.size for group in quiet), sum(group.rows.size for group in replicates))
+    return Pooled(
+        fit,
+        sum(group.total_degrees for group in quiet),
+        sum(group.total_degrees for group in replicates),
+        used,
+    )
 
 
 def _quietest(groups: Sequence[WindowGroup], cells: int) -> NDArray[np.bool_]:
@@ -119,6 +143,7 @@ def _agreeing(
     far: Sequence[NDArray[np.bool_]],
     fit: NoiseFit,
     cells: int,
+    tolerance: float,
     *,
     means: bool,
 ) -> NDArray[np.bool_]:
@@ -141,7 +166,7 @@ def _agreeing(
                 mean_degrees[cell] += group.degrees
     agree = left > 0.5 * count
     asked = np.maximum(degrees, 1.0)
-    agree &= squares / asked <= f.isf(_CELL_LEVEL, asked, fit.degrees)
+    agree &= squares / asked <= tolerance * f.isf(_CELL_LEVEL, asked, fit.degrees)
     if means:
         asked = np.maximum(mean_degrees, 1.0)
         agree &= mean_squares / asked <= f.isf(_CELL_LEVEL, asked, fit.degrees)

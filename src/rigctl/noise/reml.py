@@ -63,7 +63,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: bool = True) -> NoiseFit:
 
 
 def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:
-    """(windows, samples) innovations less their trend: if the fit holds, Σz² of a window is χ²(group.degrees)."""
+    """(windows, samples) innovations less their trend; Σz² of a window is χ²(degrees) if the fit holds."""
     change = innovations(group.places, fit.correlation, fit.white)
     trend = np.linalg.qr(change(group.trend))[0]
     z = change(group.rows.T) / fit.sigma

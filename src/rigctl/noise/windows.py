@@ -40,7 +40,7 @@ class WindowGroup:
     rows: (windows, samples) SI, each less its mean.
     cells: (windows) index of the cell of each window.
     conditions: (windows) the condition of each window's record.
-    levels: (windows, samples) SI, the signal itself as its trend shows it.
+    levels: (windows, samples) SI, the signal as its trend shows it, counted from a value that occurs.
     """
 
     places: NDArray[np.float64]
@@ -129,7 +129,7 @@ def _group(
     rows = values - level
     cells = np.array([cell for _, cell, _ in members], np.intp)
     conditions = np.array([condition for _, _, condition in members], np.intp)
-    return WindowGroup(places, trend, rows, cells, conditions, level + rows @ trend @ trend.T)
+    return WindowGroup(places, trend, rows, cells, conditions, level - values[:, :1] + rows @ trend @ trend.T)
 
 
 def contrasts(groups: Sequence[WindowGroup]) -> list[WindowGroup]:

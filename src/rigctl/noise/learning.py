@@ -1,0 +1,106 @@
+"""From the records of one channel to its noise: windows, converter steps, long windows where they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.noise.converter import level_variance, noise_before
+from rigctl.noise.pooling import Pooled, pool
+from rigctl.noise.record import NoiseRecord
+from rigctl.noise.windows import Cell, WindowGroup, contrasts, cut_windows
+
+#: windows in a row that may become one: the longer, the better slow noise is seen
+_LONGEST_JOIN = 4
+#: noise wider than this many steps does not feel them
+_FINE = 0.6
+#: the variance referred to all levels holds to this factor when the noise is slow
+_COARSE_TOLERANCE = 1.3
+#: a window whose noise a converter leaves less of than this says nothing about it
+_SWALLOWED = 0.2
+
+
+@dataclass(frozen=True)
+class ChannelData:
+    """One channel of all records, and the step of its converter (SI, 0 for none)."""
+
+    records: Sequence[NoiseRecord]
+    ok: Sequence[NDArray[np.bool_]]
+    channel: int
+    spacing: float
+    step: float
+
+
+def learn_noise(data: ChannelData) -> Pooled | None:
+    """The noise of one channel from windows of its records; None when they do not tell.
+
+    First over short windows; then, where several in a row show noise alone, over long ones, which see more of
+    slow noise. Where a converter's steps are coarse, the variance of each window is referred to that over all
+    levels (`level_variance`): a rod that rests in the middle of a step looks quieter than it is, and the
+    sigma returned is ``√(σ₀² + Δ²/12)``.
+    """
+    groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing)
+    found = pool(groups, contrasts(groups), len(cells))
+    if found is None:
+        return None
+    before = noise_before(data.step, found.fit.sigma)
+    coarse = 0.0 < before < _FINE * data.step or found.fit.sigma**2 < data.step**2 / 12.0
+    for _ in range(2 if coarse else 0):
+        again = _pool(groups, len(cells), data.step, before, found)
+        if again is None:
+            break
+        found = again
+        before = float(np.sqrt(max(0.0, found.fit.sigma**2 - data.step**2 / 12.0)))
+    step = data.step if coarse else 0.0
+    return _over_long_windows(data, cells, found, step, before)
+
+
+def _over_long_windows(
+    data: ChannelData, cells: Sequence[Cell], found: Pooled, step: float, before: float
+) -> Pooled:
+    joined = _runs([cell for cell, used in zip(cells, found.used.tolist(), strict=True) if used])
+    while joined:
+        groups, longer = cut_windows(data.records, data.ok, data.channel, data.spacing, joined)
+        again = _pool(groups, len(longer), step, before, found)
+        if again is None:
+            return found
+        lost = {cell for cell, used in zip(longer, again.used.tolist(), strict=True) if not used}
+        if not lost & joined.keys():
+            return again
+        joined = {cell: count for cell, count in joined.items() if cell not in lost}
+    return found
+
+
+def _pool(
+    groups: Sequence[WindowGroup], cells: int, step: float, before: float, start: Pooled
+) -> Pooled | None:
+    referred = [_referred(group, step, before) for group in groups] if step else list(groups)
+    return pool(
+        referred, contrasts(referred), cells, start=start.fit, tolerance=_COARSE_TOLERANCE if step else 1.0
+    )
+
+
+def _referred(group: WindowGroup, step: float, before: float) -> WindowGroup:
+    """The windows with the variance they would have over all levels, less those whose noise was swallowed."""
+    share = level_variance(group.levels, step, before).mean(axis=1)
+    told = group.only(share > _SWALLOWED)
+    return replace(told, rows=told.rows / np.sqrt(share[share > _SWALLOWED])[:, None])
+
+
+def _runs(used: Sequence[Cell]) -> dict[Cell, int]:
+    """Which cells begin a run of cells in use (towards the front of their phase), and how long it is."""
+    left = set(used)
+    runs = {}
+    for phase, nth in sorted(used):
+        if (phase, nth) not in left:
+            continue
+        length = 1
+        while length < _LONGEST_JOIN and (phase, nth + length) in left:
+            length += 1
+        left -= {(phase, nth + i) for i in range(length)}
+        if length > 1:
+            runs[phase, nth] = length
+    return runs
