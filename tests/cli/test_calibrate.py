@@ -160,6 +160,29 @@ def test_a_file_that_was_changed_meanwhile_is_left_alone(rigctl: Rigctl, tmp_pat
     assert path.read_text(encoding="utf-8").endswith("faster\n")
 
 
+def test_a_run_that_asked_for_the_reference_gives_the_points(rigctl: Rigctl, tmp_path: Path) -> None:
+    """The gauge reads 2 % more than the transducer, as the operator says."""
+    text = shipped("procedures", "calibrate-pressure.yaml").read_text(encoding="utf-8")
+    text = text.replace("rigs/hl32-bench.yaml", "rigs/bench.yaml").replace(
+        "simulated: $gauge", "simulated: 1.02 * $gauge"
+    )
+    (tmp_path / "gauge.yaml").write_text(text, encoding="utf-8")
+    arguments = ["--backend", "simulated", "--speed", "max", "--arg", "tolerance=2 bar"]
+    done = CliRunner().invoke(app, ["run", "gauge.yaml", *arguments])
+    assert done.exit_code == 0, done.output
+    answer = told(
+        rigctl("supply_pressure", "--run", "latest", "--against", "reference_pressure", "--json", "--dry")
+    )
+    assert [point["reference"] for point in answer["points"]] == pytest.approx([10.2, 20.4, 30.6, 40.8, 51.0])
+    assert answer["coefficients"][1] == pytest.approx(1.02 * 0.1221896, rel=0.005)
+    with pytest.raises(RigctlError, match="did you mean 'reference_pressure'"):
+        rigctl("supply_pressure", "--run", "latest", "--against", "reference_presure")
+    with pytest.raises(RigctlError, match="which value"):
+        rigctl("supply_pressure", "--run", "latest")
+    with pytest.raises(RigctlError, match="points come from one place"):
+        rigctl("supply_pressure", "--run", "latest", "--points", "points.csv")
+
+
 def test_guided_on_the_simulated_bench_the_answers_on_stdin(rigctl: Rigctl) -> None:
     with pytest.raises(RigctlError, match="too few points with different raw values, got '1'"):
         rigctl("position", "--backend", "simulated", "--speed", "max", "--readings", "5", "--dry",

@@ -25,6 +25,16 @@ def calibrate(
         Path | None,
         typer.Option(help="A CSV file 'reference [unit],raw' instead of the bench.", show_default=False),
     ] = None,
+    run: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RUN", help="A run whose records hold the reference values, instead of the bench."
+        ),
+    ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="With --run: the answer or measure that is the reference."),
+    ] = None,
     degree: Annotated[int, typer.Option(min=1, max=5, help="1 a straight line, 2 a parabola, …")] = 1,
     readings: Annotated[int, typer.Option(min=1, help="Samples at each reference value.")] = 20,
     reference: Annotated[
@@ -48,19 +58,24 @@ def calibrate(
 
     The rig file gets the new coefficients with date and uncertainty; all the rest of it, comments too, stays
     as it is. The former file, the points and a figure of the residuals are kept in 'calibrations/' beside it.
-    Reference values come from the keyboard, from stdin one a line, or with the raw readings from --points.
+    Reference values come from the keyboard, from stdin one a line, with the raw readings from --points, or
+    from the records of a run such as one of 'procedures/calibrate-pressure.yaml'.
 
     Examples:
 
       rigctl calibrate supply_pressure --reference "dead-weight tester, class 0.05" --valid-for "365 day"
 
       rigctl calibrate supply_pressure --points points.csv --dry
+
+      rigctl calibrate supply_pressure --run latest --against reference_pressure
     """
     from rigctl.cli.manual import open_rig
     from rigctl.rig.calibration_fit import fit_calibration
     from rigctl.rig.calibration_points import read_points
     from rigctl.units import read_si
 
+    if (points is not None) + (run is not None) > 1:
+        raise RigctlError("points come from one place", value="--points and --run", expected="one of them")
     bench = open_rig(rig)
     if channel not in bench.channels:
         raise unknown_name("channel", channel, bench.channels)
@@ -73,8 +88,11 @@ def calibrate(
         if reference_uncertainty
         else 0.0
     )
+    taken: Sequence[Point]
     if points is not None:
-        taken: Sequence[Point] = read_points(points, part)
+        taken = read_points(points, part)
+    elif run is not None:
+        taken = _from_run(bench, channel, run, against)
     else:
         taken = _from_bench(bench, channel, backend, port, speed, rate, readings)
     fit = fit_calibration(part, taken, degree, reference_uncertainty=of_reference)
@@ -86,6 +104,17 @@ def calibrate(
     ):
         told |= _write(bench, channel, fit, on, reference, valid_for)
     _finish(told, as_json=as_json)
+
+
+def _from_run(rig: Rig, channel: str, run: str, against: str | None) -> Sequence[Point]:
+    from rigctl.dataset import open_run
+    from rigctl.runner.calibrate import points_of_run
+
+    if against is None:
+        raise RigctlError(
+            "which value of the records is the reference?", expected="e.g. '--against reference_pressure'"
+        )
+    return points_of_run(open_run(run), rig, channel, against)
 
 
 def _date(written: str | None) -> date:

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 
-from rigctl.errors import RigctlError
-from rigctl.rig import Channel, Rig
+from rigctl.dataset import Run
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.rig import Channel, Rig, parse_rig
 from rigctl.rig.calibration_fit import Point
 from rigctl.runner.launch import Launch
 from rigctl.runner.manual import Reading, watch
@@ -126,6 +127,41 @@ def take_points(
             if series.ended:
                 return series.points
     return series.points
+
+
+def points_of_run(run: Run, rig: Rig, name: str, against: str) -> list[Point]:
+    """The points of a run whose records hold a reference value each, as an answer or a measure.
+
+    Raw values come from the samples by the calibration that the run was measured with.
+
+    Parameters
+    ----------
+    against: the name of that value.
+
+    Raises
+    ------
+    RigctlError
+        no record holds such a value, the run has no such channel, or the converter is another one now.
+    """
+    if not run.header.rig.text:
+        raise RigctlError("this run has no rig file with it, so its raw values are not known", value=run.id)
+    before, now = parse_rig(run.header.rig.text).channels, rig.channels[name]
+    if name not in before:
+        raise unknown_name("channel of the run", name, before)
+    then = before[name]
+    if then.raw != now.raw:
+        raise RigctlError(f"the converter of '{name}' is another one than in this run", value=run.id)
+    points, known = list[Point](), set[str]()
+    for index in run.usable:
+        record = run.record(index)
+        values = {**record.sweep, **record.measures}
+        known.update(values)
+        raw = tuple(then.raw_from_value(float(v)) for v in record.channels[name] if math.isfinite(v))
+        if against in values and raw:
+            points.append(Point(now.display.from_si(values[against], difference=now.difference), raw))
+    if not points:
+        raise unknown_name("value of a record", against, known)
+    return points
 
 
 def _sound(reading: Reading, tell: Callable[[str], None]) -> None:
