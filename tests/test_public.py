@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
+from importlib import import_module
 
 import pytest
 
@@ -27,3 +29,13 @@ def test_its_names_are_those_of_the_packages() -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="open_rum"):
         _ = rigctl.open_rum
+
+
+@pytest.mark.parametrize("name", ["compare", "diagnose"])
+def test_a_package_of_the_same_name_is_called_like_its_function(name: str) -> None:
+    before = getattr(rigctl, name)
+    function = getattr(import_module(f"rigctl.{name}.{name}"), name)
+    assert getattr(rigctl, name) is before  # importing the package did not replace it
+    assert inspect.signature(before) == inspect.signature(function)
+    with pytest.raises(TypeError, match="missing"):
+        before()

@@ -63,7 +63,7 @@ def require_free_parameters(model: Model) -> None:
     """
     if not model.fitted:
         raise RigctlError(
-            f"the model '{model.name}' has nothing to fit: every misfit of its numbers would look like missing "
-            "physics",
+            f"the model '{model.name}' has nothing to fit: any misfit of its numbers would look like "
+            "missing physics",
             hint="Mark the parameters that are not known exactly with 'fit: true' in the model file",
         )
