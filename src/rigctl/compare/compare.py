@@ -19,7 +19,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import make_problem
-from rigctl.model.measured.hold_out import held_out
+from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
@@ -35,6 +35,7 @@ def compare(
     models: Sequence[Model],
     *,
     hold_out: str | None = None,
+    only: str | None = None,
     refit: bool = True,
     excluded: Collection[str] = (),
     tell: Tell | None = None,
@@ -44,6 +45,7 @@ def compare(
     Parameters
     ----------
     hold_out: a condition that chooses the records no fit sees, e.g. ``oil == 60 degC``.
+    only: a condition that chooses the records to look at; the noise is learned from all.
     refit: fit each model's free parameters first, without changing its file; False takes them as they are.
     excluded: effects of the library that are not to be looked at.
     tell: told what is being done, for a progress line.
@@ -68,7 +70,10 @@ def compare(
             measurements = read_measurements(model, runs)
             data[key] = measurements, noise_of(measurements)
         measurements, noise = data[key]
-        out = held_out(measurements, hold_out, variable_units(measurements))
+        units = variable_units(measurements)
+        places = chosen(measurements, only, units)
+        measurements, noise = measurements.only(places), noise.only(places)
+        out = held_out(measurements, hold_out, units)
         labels = tuple(measurements.records[k].label for k in out)
         said(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
         fitted = fit_model(model, measurements, noise, out, refit=refit, tell=said)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigctl.compare.cells import CellMap
 from rigctl.compare.linearise import Linearisation
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.read import condition_text
+from rigctl.model.measured.read import START, condition_text
 from rigctl.model.measured.record import Measurements
 from rigctl.units import show
 
@@ -55,8 +55,9 @@ def variable_units(measurements: Measurements) -> dict[str, str]:
     rig = measurements.rig
     units = {}
     for name in {name for record in measurements.records for name in record.condition}:
-        if rig is not None and name in rig.channels:
-            units[name] = rig.channels[name].unit
+        channel = name.removeprefix(START)
+        if rig is not None and channel in rig.channels:
+            units[name] = rig.channels[channel].unit
         elif rig is not None and name in rig.actuators:
             units[name] = rig.actuators[name].display_unit
         else:

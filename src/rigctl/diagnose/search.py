@@ -26,6 +26,7 @@ _ALIKE = 0.5
 #: never more refits of rivals than these
 _MOST_RIVALS = 7
 _PAIRS = 2
+_SWAPS = 3
 #: a set of another size must be better by this to be looked at, in χ²
 _WORTH = 6.0
 
@@ -47,6 +48,7 @@ class Search:
     tell: Tell = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
+    _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
 
     @cached_property
     def none(self) -> Trial:
@@ -84,7 +86,7 @@ class Search:
             if longer is None or self.mbic(longer) >= self.mbic(best):
                 break
             best = longer
-        return self._backward(best)
+        return self._swapped(self._backward(best))
 
     def at(self, trial: Trial) -> Point:
         """The linearisation and the tests at a trial's fit."""
@@ -98,6 +100,12 @@ class Search:
 
         Those that are alike or close are refitted; the others are told apart already.
         """
+        key = (_key(trial.candidates), member.name)
+        if key not in self._rivals:
+            self._rivals[key] = self._find_rivals(trial, member)
+        return self._rivals[key]
+
+    def _find_rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
         rest = tuple(one for one in trial.candidates if one is not member)
         without = self.none if not rest else self._try(rest, {})
         if without is None:
@@ -179,6 +187,18 @@ class Search:
             if found is best:
                 break
             best = found
+        return best
+
+    def _swapped(self, best: Trial) -> Trial:
+        """With a member replaced by a rival where that explains more: what came first need not be right."""
+        for _ in range(_SWAPS):
+            if len(best.candidates) < 2:
+                break
+            sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
+            found = self._least([best, *sets])
+            if found is best:
+                break
+            best = self._backward(found)
         return best
 
     def _try(self, chosen: Sequence[Candidate], starts: dict[str, float]) -> Trial | None:

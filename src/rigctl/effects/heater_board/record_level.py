@@ -7,7 +7,7 @@ from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
 from rigctl.rig.rig import Rig
 
 #: how far the room may be from what is written down, in K
-_ROOM = 2.0
+_ROOM = 1.0
 
 
 def _room(_: Rig | None) -> float:

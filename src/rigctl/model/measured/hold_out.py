@@ -20,6 +20,19 @@ _SAME_TEMPERATURE = 1.0
 _SAME_SHARE = 0.01
 
 
+def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str]) -> tuple[int, ...]:
+    """Places of the records for which the condition is true; all of them without one.
+
+    Raises
+    ------
+    RigctlError
+        it is no condition, names something unknown, or chooses no record.
+    """
+    if text is None or not text.strip():
+        return tuple(range(len(measurements.records)))
+    return _chosen(measurements, text, units, "no record is chosen by this")
+
+
 def held_out(measurements: Measurements, text: str | None, units: Mapping[str, str]) -> tuple[int, ...]:
     """Places of the records for which the condition is true; none without one.
 
@@ -35,24 +48,25 @@ def held_out(measurements: Measurements, text: str | None, units: Mapping[str, s
     """
     if text is None or not text.strip():
         return ()
+    found = _chosen(measurements, text, units, "no record is held out by this")
+    if len(found) == len(measurements.records):
+        raise RigctlError("this holds every record out: nothing is left to fit on", value=text)
+    return found
+
+
+def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], none: str) -> tuple[int, ...]:
     named = [_named(record, units) | {"record": k + 1.0} for k, record in enumerate(measurements.records)]
     types = _types(measurements, units)
     expression = parse(text)
     kind = expression.check(types)
     if not kind.boolean:
-        raise RigctlError(
-            "what is held out is chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'"
-        )
+        raise RigctlError("records are chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'")
     checked = expression.checked(types)
     exact = list(_equalities(checked, types))
-    chosen = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
-    if not chosen:
-        raise RigctlError(
-            "no record is held out by this", value=text, expected=_points(measurements, named) or None
-        )
-    if len(chosen) == len(named):
-        raise RigctlError("this holds every record out: nothing is left to fit on", value=text)
-    return chosen
+    found = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
+    if not found:
+        raise RigctlError(none, value=text, expected=_points(measurements, named) or None)
+    return found
 
 
 def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, ValueType]:

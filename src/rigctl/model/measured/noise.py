@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,10 @@ class DataNoise:
 
     model: NoiseModel
     ok: tuple[NDArray[np.bool_], ...]
+
+    def only(self, places: Sequence[int]) -> DataNoise:
+        """Of these records alone."""
+        return replace(self, ok=tuple(self.ok[place] for place in places))
 
 
 def noise_of(measurements: Measurements) -> DataNoise:

@@ -10,7 +10,7 @@ import numpy as np
 from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError
 from rigctl.model.inputs import InputSource, input_sources
-from rigctl.model.measured.groups import group_numbers
+from rigctl.model.measured.groups import first_reading, group_numbers
 from rigctl.model.measured.observations import observed_records
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -20,6 +20,8 @@ from rigctl.rig.rig import Rig
 
 #: a record with fewer samples tells nothing of a motion
 _FEWEST_SAMPLES = 5
+#: before a channel's name: what it read at the start of a record
+START = "start_"
 
 
 def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
@@ -42,7 +44,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     _check(records, known, runs, model)
     present = [k for k in range(len(known)) if any(record.here[:, k].any() for record in records)]
     records = [replace(record, values=record.values[:, present]) for record in records]
-    named = _conditions(records, model)
+    named = _conditions(records, model, [known[k] for k in present])
     grouped = [
         replace(record, group=group) for record, group in zip(named, group_numbers(named), strict=True)
     ]
@@ -168,7 +170,9 @@ def _check(
         raise RigctlError(f"{which} has no channel that the model predicts", expected=f"one of {outputs}")
 
 
-def _conditions(records: Sequence[MeasuredRecord], model: Model) -> list[MeasuredRecord]:
+def _conditions(
+    records: Sequence[MeasuredRecord], model: Model, outputs: Sequence[str]
+) -> list[MeasuredRecord]:
     """Records that no sweep tells apart are told apart by what was commanded, and where they began."""
     if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
         return list(records)
@@ -178,6 +182,9 @@ def _conditions(records: Sequence[MeasuredRecord], model: Model) -> list[Measure
             item.name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
             for k, item in enumerate(model.family.inputs)
         }
+        first = next((c for c in range(len(outputs)) if record.here[:, c].any()), None)
+        if first is not None and record.times.size > 1:
+            extra[f"{START}{outputs[first]}"] = first_reading(record, first)
         named.append(replace(record, condition={**record.condition, **extra}))
     differing = {name for name in named[0].condition if len({record.condition[name] for record in named}) > 1}
     return [
