@@ -233,6 +233,17 @@ def test_safe_sends_everything_even_when_one_answer_is_missing(board: Board) -> 
     assert board.sketch.heaters == (0.0, 0.0)
 
 
+def test_a_silent_board_is_made_safe_within_a_second(board: Board) -> None:
+    board.bench.command("heater_1", 0.5)
+    answer = board.sketch._answer
+    board.sketch._answer = lambda line: answer(line) and b""  # type: ignore[method-assign]
+    began = board.clock.now()
+    with pytest.raises(BackendLost, match="may not be safe"):
+        board.bench.safe()
+    assert board.clock.now() - began < 1.0
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
 def test_closing_switches_off(board: Board) -> None:
     board.bench.command("heater_2", 0.5)
     board.bench.close()

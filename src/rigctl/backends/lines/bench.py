@@ -220,15 +220,24 @@ class LineBench:
         return {name: float(value) for name, value in self._rig.safe_state.items()}
 
     def _make_safe(self, talk: Talk) -> PortLost | Refused | None:
-        """Send all that makes safe, whatever becomes of each; the first trouble, if there was any."""
+        """Send all that makes safe, whatever becomes of each; the first trouble, if there was any.
+
+        Once a device is silent its answers are not waited for any more: all of it takes a second at most.
+        """
         first: PortLost | Refused | None = None
+        silent = False
         for exchange, text in self._setter.safe_commands():
             try:
-                talk.ask(exchange, text, tries=1, timeout=_SAFE_ANSWER)
+                if silent:
+                    talk.send(text)
+                else:
+                    talk.ask(exchange, text, tries=1, timeout=_SAFE_ANSWER)
             except GuardActed as acted:
                 self._guard_acted(acted)
                 talk.send(text)
-            except (PortLost, Refused) as error:
+            except PortLost as error:
+                first, silent = first or error, True
+            except Refused as error:
                 first = first or error
         self._commanded |= self._resting()
         return first

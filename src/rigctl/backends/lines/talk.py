@@ -56,6 +56,7 @@ class Talk:
         self.stray = 0
         self.heard = False
         self.last_sent = clock.now()  #: s
+        self._in_step = True  # no answer to an earlier question can still come
 
     def send(self, text: str) -> None:
         """Send a command, and wait for nothing."""
@@ -89,20 +90,22 @@ class Talk:
         command = exchange.send if text is None else text
         wrong = ""
         for attempt in range(tries or self._lines.tries):
-            if attempt:
+            if attempt or not self._in_step:
                 self._synchronise()
             self._drop_stray()
+            self._in_step = False
             sent = self._clock.now()
             self.send(command)
             if not exchange.patterns:
+                self._in_step = True
                 return Answer({}, sent, self._clock.now())
             found, wrong = self._read_answer(exchange, command, sent + (timeout or self._lines.timeout))
             if found is None:
                 continue
             if fits(found):
+                self._in_step = True
                 return Answer(found, sent, self._clock.now())
             wrong = " / ".join(found.values())
-        self._synchronise()
         if wrong:
             raise Refused(command, wrong, " / ".join(exchange.reply))
         raise PortLost(f"{self.port.name}: the device does not answer {command!r}")
@@ -122,6 +125,7 @@ class Talk:
             if line is None:
                 return None, ""
             if any(error.match(line) is not None for error in self._lines.error_patterns):
+                self._in_step = True
                 raise Refused(command, line)
             matched = pattern.match(line)
             if matched is None:
@@ -153,6 +157,7 @@ class Talk:
 
     def _synchronise(self) -> None:
         """Throw away what is on its way, so that the next answer is that of the next question."""
+        self._in_step = True
         give_up = self._clock.now() + _LONGEST_NOISE
         while self._take(min(self._clock.now() + _QUIET, give_up)) and self._clock.now() < give_up:
             pass
