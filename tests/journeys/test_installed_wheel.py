@@ -46,6 +46,8 @@ def test_first_job_works_from_an_installed_wheel(installed: dict[str, str], tmp_
     made = json.loads(rigctl(["init", "bench", "--json"], tmp_path, installed))
     assert len(made["files"]) > 8
     bench = tmp_path / "bench"
+    table = json.loads(rigctl(["import", "data/hl32-viscosity.csv", "--json"], bench, installed))
+    assert table["records"] == 13
     rigctl(["check", "procedures/campaign.yaml", "--json"], bench, installed)
     run = json.loads(rigctl(["simulate", "procedures/quick-check.yaml", "--json"], bench, installed))
     assert run["records"] == 2

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rigctl.dataset import open_run
-from rigctl.dataset.importing import csv_file, import_file
+from rigctl.dataset.importing import csv_file, import_file, samples
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 
@@ -92,11 +92,12 @@ def test_a_text_column_that_is_left_out_does_not_matter(tmp_path: Path, cylinder
     assert done.rows == 2
 
 
-@pytest.mark.parametrize("piece", [1, 50, 200, 1 << 23])
+@pytest.mark.parametrize(("piece", "short"), [(1, 0), (50, 1000), (200, 1 << 20), (1 << 23, 0)])
 def test_the_result_does_not_depend_on_how_the_file_is_divided(
-    tmp_path: Path, cylinder: Rig, monkeypatch: pytest.MonkeyPatch, piece: int
+    tmp_path: Path, cylinder: Rig, monkeypatch: pytest.MonkeyPatch, piece: int, short: int
 ) -> None:
     monkeypatch.setattr(csv_file, "_PIECE", piece)
+    monkeypatch.setattr(samples, "_SHORT", short)
     rows = ["time [s],record,valve [1],oil_temperature [degC],position [mm]"]
     for record in ("a", "-1", "b"):
         rows += [f"{t / 10},{record},{int(t > 5)},{20 + t},{t * t}" for t in range(10)]

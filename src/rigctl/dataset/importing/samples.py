@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -22,18 +22,23 @@ if TYPE_CHECKING:
     from rigctl.dataset.writer import RunWriter
     from rigctl.rig import Rig
 
+#: bytes of samples up to which a file is short: a million rows of a dozen columns
+_SHORT: Final = 100_000_000
+
 
 @dataclass(frozen=True)
 class Samples:
     """A file of samples that has been gone through once and is ready to be written.
 
-    Going through it again costs less than keeping it in memory: a file of any length can be imported.
+    A long file is gone through again rather than kept in memory, so that its length does not matter; `kept`
+    is the whole of a short one, nothing of a long one.
     """
 
     source: Source
     assigned: Sequence[Assigned]
     layout: Layout
     found: Survey
+    kept: Sequence[Checked] = ()
 
     @property
     def rows(self) -> int:
@@ -48,7 +53,8 @@ class Samples:
         name: of every record; when left out, what the file calls it, or `stem` where that is a number.
         """
         recorder = _Recorder(writer, self.layout, self.found.records, name, stem)
-        for part in checked(self.source, self.assigned, Checker(self.assigned, self.layout)):
+        again = checked(self.source, self.assigned, Checker(self.assigned, self.layout))
+        for part in self.kept or again:
             for stretch in part.stretches:
                 recorder.take(part.block[stretch.start : stretch.stop], stretch)
         recorder.close()
@@ -65,8 +71,10 @@ def take_samples(source: Source, assigned: Sequence[Assigned], rig: Rig) -> Samp
     """
     layout = layout_of(assigned, rig)
     checker = Checker(assigned, layout)
-    parts = checked(source, assigned, checker)
-    return Samples(source, assigned, layout, survey(parts, checker, layout, conditions_of(layout, rig)))
+    kept: list[Checked] = []
+    parts = _keeping(checked(source, assigned, checker), kept)
+    found = survey(parts, checker, layout, conditions_of(layout, rig))
+    return Samples(source, assigned, layout, found, kept)
 
 
 def checked(source: Source, assigned: Sequence[Assigned], checker: Checker) -> Iterator[Checked]:
@@ -74,6 +82,18 @@ def checked(source: Source, assigned: Sequence[Assigned], checker: Checker) -> I
     wanted, record = places_of(assigned)
     for part in source.parts(wanted, record):
         yield checker.take(part)
+
+
+def _keeping(parts: Iterator[Checked], kept: list[Checked]) -> Iterator[Checked]:
+    """The same parts, all of them in `kept` too if they are not too many."""
+    size = 0
+    for part in parts:
+        size += part.block.nbytes
+        if size <= _SHORT:
+            kept.append(part)
+        else:
+            kept.clear()
+        yield part
 
 
 class _Recorder:

@@ -129,11 +129,11 @@ class _Gathered:
         values = {}
         for name in self._conditions.medians:
             values[name] = _median(self._whole(name))
-        for name in self._conditions.starts:
-            values[name] = _median(self._whole(name)[:_FIRST])
         for name in self._conditions.levels:
             levels = np.unique(self._whole(name))
             values[name] = float(levels[0]) if len(levels) == 1 else float("nan")
+        for name in self._conditions.starts:
+            values[name] = _median(self._whole(name)[:_FIRST])
         times = self._whole("time")
         steps = np.diff(times)
         label = checker.book.labels[checker.record_ids[self._record]]
