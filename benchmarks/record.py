@@ -54,10 +54,20 @@ def command_seconds(command: Sequence[str], runs: int = 5, cwd: Path | None = No
     )
 
 
-def keep(folder: Path, results: Mapping[str, Any], *packages: str, name: str = "results") -> Path:
-    """Write the results beside the benchmark, with machine and versions."""
+def keep(
+    folder: Path,
+    results: Mapping[str, Any],
+    *packages: str,
+    name: str = "results",
+    elsewhere: Mapping[str, str] | None = None,
+) -> Path:
+    """Write the results beside the benchmark, with machine and versions.
+
+    `elsewhere` are versions of packages in other environments.
+    """
     path = folder / f"{name}.json"
-    content = {"machine": machine(), "versions": versions(*packages), "results": results}
+    known = versions(*packages) | dict(elsewhere or {})
+    content = {"machine": machine(), "versions": known, "results": results}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
     return path
 

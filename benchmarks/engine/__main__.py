@@ -1,124 +1,162 @@
 """Simulating, differentiating and fitting 28 records, beside what people use instead.
 
-    python -m benchmarks.engine [--runs 5] [--slow]
+    python -m benchmarks.engine [--runs 20] [--slow] [--venvs DIR] [--install]
 
-The peers that are installed take part. `--slow` also times 28 columns where that takes minutes.
+SciPy and CasADi take part where they are installed here. diffrax lives in a virtual environment of its own
+under DIR; `--install` makes it. `--slow` also times 28 columns of those that take a minute for them.
+Every peer is measured in a process of its own. The shortest of several runs counts: it is what the work
+takes by itself, whatever else the machine does meanwhile. Beside it stands the processor time of all threads.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
-import time
-from collections.abc import Callable
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.engine import cylinder, fit
-from benchmarks.engine.common import Floats, Peer
-from benchmarks.engine.rigctl_peer import RigctlPeer
-from benchmarks.record import keep, median_seconds, table
+from benchmarks.engine import building, cylinder, fit, oracle, scaling, stepping, superset
+from benchmarks.engine.common import EIGHT, OURS, PEERS, Floats
+from benchmarks.record import keep, table
 
 HERE = Path(__file__).parent
-OTHERS = (
-    ("scipy", "scipy_peer", "ScipyPeer"),
-    ("casadi", "casadi_peer", "CasadiPeer"),
-    ("diffrax", "diffrax_peer", "DiffraxPeer"),
-)
-EIGHT = list(cylinder.NUISANCES)
-ALL = list(cylinder.PARAMETERS)
+ROOT = HERE.parents[1]
+SEPARATE = {"diffrax": ("diffrax", "jax", "numpy")}
+TASKS = (("simulate", "simulate"), ("columns_8", "+ 8 columns"), ("columns_28", "+ 28 columns"))
 
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--runs", type=int, default=5)
+    arguments.add_argument("--runs", type=int, default=20)
     arguments.add_argument("--slow", action="store_true")
+    arguments.add_argument("--venvs", type=Path)
+    arguments.add_argument("--install", action="store_true")
     options = arguments.parse_args()
-    reference = RigctlPeer().exact()
-    results: dict[str, Any] = {}
-    packages: list[str] = []
-    for peer in peers():
-        print(f"measuring {peer.name}", flush=True)
-        wanted = isinstance(peer, RigctlPeer) or options.slow
-        results[peer.name] = measure(peer, reference, options.runs, all_columns=wanted)
-        packages += peer.packages
-    ours = results[RigctlPeer.name]
-    fitted, stepped = fit.seconds(), stepper_seconds()
-    rows = [("", "simulate", "+ 8 columns", "+ 28 columns", "outputs off by", "columns off by")]
-    for name, found in results.items():
-        timed = [shown(found[kind], ours[kind]) for kind in ("simulate", "columns_8", "columns_28")]
-        rows.append((name, *timed, f"{found['output_error']:.1e}", f"{found['column_error']:.1e}"))
-    table("28 records of 7 s at 100 Hz, 7 stiff states: warm seconds (ratio to rigctl)", rows)
-    print(
-        "\n8 parameters fitted from 30 % off (rigctl): "
-        f"{fitted['seconds']:.2f} s, {fitted['evaluations']} calls"
-    )
-    print(f"65 000 calls of a stepper (rigctl): {stepped:.2f} s")
-    results["fit of 8 parameters from 30 % off, rigctl"] = fitted
-    results["65 000 calls of a stepper, rigctl"] = {"seconds": stepped}
-    print(f"\nkept in {keep(HERE, results, *dict.fromkeys(packages))}")
-
-
-def peers() -> list[Peer]:
-    """This engine and every other one that is installed."""
-    found: list[Peer] = [RigctlPeer()]
-    for package, module, name in OTHERS:
-        try:
-            importlib.import_module(package)
-        except ImportError:
-            print(f"{package} is not installed: left out")
+    reference = oracle.ourselves()
+    results: dict[str, Any] = {"campaign": {}}
+    for name in PEERS:
+        python = interpreter(name, options.venvs, install=options.install)
+        if python is None:
+            print(f"{name} is not installed: left out")
             continue
-        found.append(getattr(importlib.import_module(f"benchmarks.engine.{module}"), name)())
-    return found
-
-
-def measure(peer: Peer, reference: tuple[Floats, Floats], runs: int, *, all_columns: bool) -> dict[str, Any]:
-    """Median seconds of each task, and the errors against a solution at 1e-9."""
-    outputs = peer.simulate()
-    columns = peer.jacobian(EIGHT)
-    few = 1 if once(lambda: peer.jacobian(EIGHT)) > 1.0 else runs
-    found = {
-        "simulate": median_seconds(peer.simulate, runs),
-        "columns_8": median_seconds(lambda: peer.jacobian(EIGHT), few, warm_up=0),
-        "columns_28": median_seconds(lambda: peer.jacobian(ALL), few) if all_columns else None,
+        print(f"measuring {name}", flush=True)
+        found, outputs, columns = measured(python, name, options.runs, slow=options.slow or name == OURS)
+        results["campaign"][name] = found | errors(outputs, columns, reference)
+    for title, part in (
+        ("independent solvers", oracle),
+        ("fit", fit),
+        ("stepper", stepping),
+        ("superset", superset),
+        ("scaling", scaling),
+        ("building", building),
+    ):
+        print(f"measuring {title}", flush=True)
+        results[title] = part.results()
+    show(results)
+    versions = {
+        name: version
+        for found in results["campaign"].values()
+        for name, version in found.pop("versions").items()
     }
+    print(f"\nkept in {keep(HERE, results, elsewhere=versions)}")
+
+
+def interpreter(name: str, venvs: Path | None, *, install: bool) -> Path | None:
+    """The Python that has the peer, or None."""
+    if name not in SEPARATE:
+        python = Path(sys.executable)
+        return python if imports(python, PEERS[name].package) else None
+    if venvs is None:
+        return None
+    folder = venvs / name
+    if install and not folder.exists():
+        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+        python = executable(folder)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", *SEPARATE[name]], check=True)
+    return executable(folder) if folder.exists() else None
+
+
+def executable(folder: Path) -> Path:
+    """The Python of a virtual environment."""
+    return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def imports(python: Path, package: str) -> bool:
+    """Whether a package is installed there."""
+    code = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({package!r}) is None)"
+    return subprocess.run([python, "-c", code], check=False).returncode == 0
+
+
+def measured(python: Path, name: str, runs: int, *, slow: bool) -> tuple[dict[str, Any], Floats, Floats]:
+    """A peer's times and memory, its outputs and its first 8 columns."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "computed.npz"
+        command = [python, "-m", "benchmarks.engine.measure", name, str(runs), str(int(slow)), file]
+        path = os.pathsep.join((str(ROOT / "src"), str(ROOT)))
+        environment = {**os.environ, "PYTHONPATH": path, "JAX_PLATFORMS": "cpu"}
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:
+            sys.exit(f"{name} failed:\n{done.stderr}")
+        with np.load(file) as computed:
+            return json.loads(done.stdout.splitlines()[-1]), computed["outputs"], computed["columns"]
+
+
+def errors(outputs: Floats, columns: Floats, reference: tuple[Floats, Floats]) -> dict[str, float]:
+    """The largest error of an output, as a share of its peak, and of a column, as a share of its length."""
     exact, slopes = reference
     peak = np.abs(exact).max(axis=(0, 1))
-    found["output_error"] = float((np.abs(outputs - exact).max(axis=(0, 1)) / peak).max())
     # each column over all outputs, these in units of their noise
     wrong, whole = (
-        np.sqrt(np.square(x / fit.SIGMA[:, None]).sum(axis=(0, 1, 2))) for x in (columns - slopes, slopes)
+        np.sqrt(np.square(x / fit.SIGMA[:, None]).sum(axis=(0, 1, 2)))
+        for x in (columns - slopes[..., : len(EIGHT)], slopes[..., : len(EIGHT)])
     )
-    found["column_error"] = float((wrong / whole).max())
-    return found
+    return {
+        "output_error": float((np.abs(outputs - exact).max(axis=(0, 1)) / peak).max()),
+        "column_error": float((wrong / whole).max()),
+    }
 
 
-def once(work: Callable[[], object]) -> float:
-    """Seconds of one call."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
+def show(results: Mapping[str, Any]) -> None:
+    """All tables, ours first."""
+    campaign = results["campaign"]
+    rows = [("", *(title for _, title in TASKS), "outputs off by", "columns off by", "memory")]
+    for name, found in campaign.items():
+        timed = [shown(found[task], campaign[OURS][task]) for task, _ in TASKS]
+        off = [f"{found[error]:.1e}" for error in ("output_error", "column_error")]
+        rows.append((PEERS[name].title, *timed, *off, f"{found['peak_memory_mb']:.0f} MB"))
+    count = len(cylinder.CONDITIONS)
+    table(f"{count} records of 7 s at 100 Hz, 7 stiff states: warm seconds (ratio to rigctl)", rows)
+    rows = [("processor seconds, all threads", *(title for _, title in TASKS))]
+    rows += [
+        (PEERS[name].title, *(seconds(found[task], "cpu") for task, _ in TASKS))
+        for name, found in campaign.items()
+    ]
+    table("the same, without what the machine did meanwhile", rows)
+    for part, module in (
+        ("independent solvers", oracle),
+        ("fit", fit),
+        ("stepper", stepping),
+        ("superset", superset),
+        ("scaling", scaling),
+        ("building", building),
+    ):
+        module.show(results[part])
 
 
-def shown(seconds: float | None, ours: float) -> str:
+def shown(found: Mapping[str, float] | None, ours: Mapping[str, float]) -> str:
     """Seconds, and how many times as long as ours."""
-    return "-" if seconds is None else f"{seconds:.3f} ({seconds / ours:.1f}x)"
+    return "-" if found is None else f"{found['wall']:.3f} ({found['wall'] / ours['wall']:.1f}x)"
 
 
-def stepper_seconds(calls: int = 65_000) -> float:
-    """A bench watched at 10 Hz for nearly two hours."""
-    from rigctl.engine.stepper import Stepper
-
-    peer = RigctlPeer()
-    record = peer.records[3]
-    stepper = Stepper(peer.compiled, record.initial, record.parameters, [0.0, *record.inputs[0][1:]])
-    start = time.perf_counter()
-    for k in range(1, calls + 1):
-        stepper.advance(k / 10.0)
-        stepper.outputs()
-    return time.perf_counter() - start
+def seconds(found: Mapping[str, float] | None, kind: str) -> str:
+    return "-" if found is None else f"{found[kind]:.3f}"
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from benchmarks.engine.common import Floats, equations, shown
 class CasadiPeer:
     """CVODES with its forward sensitivities."""
 
-    name = "CasADi CVODES"
     packages = ("casadi",)
 
     def __init__(self) -> None:
@@ -24,10 +23,10 @@ class CasadiPeer:
         self.sizes = np.array([100.0 * state.scale for state in self.system.states])
         self.functions: dict[tuple[str, ...], Any] = {}
 
-    def simulate(self) -> Floats:
-        return np.stack([shown(self.system, states, 0.2e5) for states, _ in self._run(())])
+    def simulate(self) -> list[Floats]:
+        return [shown(self.system, states, 0.2e5) for states, _ in self._run(())]
 
-    def jacobian(self, columns: Sequence[str]) -> Floats:
+    def jacobian(self, columns: Sequence[str]) -> list[Floats]:
         """The column of the pressure sensors' offset is known: CVODES is spared it."""
         moving = tuple(name for name in columns if name != "pressure_offset")
         places = [self.system.state_names.index(name) for name in self.system.output_names]
@@ -36,7 +35,7 @@ class CasadiPeer:
             known = dict(zip(moving, np.moveaxis(slopes[:, places], -1, 0), strict=True))
             known["pressure_offset"] = np.broadcast_to([0.0, 1.0, 0.0, 1.0], (*slopes.shape[:1], 4))
             found.append(np.stack([known[name] for name in columns], axis=-1))
-        return np.stack(found)
+        return found
 
     def _run(self, columns: tuple[str, ...]) -> list[tuple[Floats, Floats]]:
         """States (samples, states) and their derivatives (samples, states, columns) of each record."""

@@ -5,30 +5,52 @@ All read the printed equations of the one model, so they solve the same problem.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.engine import cylinder
 from rigctl.engine.symbols import to_text
 from rigctl.engine.system import System
 
 Floats = NDArray[np.float64]
 
+EIGHT = list(cylinder.NUISANCES)
+OURS = "rigctl"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where a peer is, the package that it needs, and what tables call it."""
+
+    package: str
+    module: str
+    kind: str
+    title: str
+
+
+PEERS: Mapping[str, Entry] = {
+    OURS: Entry("numba", "rigctl_peer", "RigctlPeer", "rigctl (ESDIRK3(2), exact tangents)"),
+    "scipy": Entry("scipy", "scipy_peer", "ScipyPeer", "SciPy LSODA + finite differences"),
+    "casadi": Entry("casadi", "casadi_peer", "CasadiPeer", "CasADi CVODES"),
+    "diffrax": Entry("diffrax", "diffrax_peer", "DiffraxPeer", "diffrax Kvaerno3"),
+}
+
 
 class Peer(Protocol):
     """One way to simulate the campaign."""
 
-    name: str
     packages: tuple[str, ...]
 
-    def simulate(self) -> Floats:
-        """Outputs (records, samples, outputs)."""
+    def simulate(self) -> Sequence[Floats] | Floats:
+        """Outputs of each record (samples, outputs)."""
         ...
 
-    def jacobian(self, columns: Sequence[str]) -> Floats:
-        """∂outputs/∂parameters (records, samples, outputs, columns)."""
+    def jacobian(self, columns: Sequence[str]) -> Sequence[Floats] | Floats:
+        """∂outputs/∂parameters of each record (samples, outputs, columns)."""
         ...
 
 

@@ -20,7 +20,6 @@ class DiffraxPeer:
     Without the largest step `dtmax` the derivatives come out as nan although the outputs are right.
     """
 
-    name = "diffrax Kvaerno3"
     packages = ("diffrax", "jax")
 
     def __init__(self) -> None:

@@ -16,7 +16,6 @@ from benchmarks.engine.common import Floats, equations, shown
 class ScipyPeer:
     """LSODA on compiled equations, and forward differences: what people do."""
 
-    name = "SciPy LSODA + finite differences"
     packages = ("scipy", "numba")
 
     def __init__(self) -> None:
@@ -30,7 +29,7 @@ class ScipyPeer:
         self.records = cylinder.campaign()
         self.atol = 1e-2 * np.array([state.scale for state in self.system.states])
 
-    def _run(self, change: int | None = None, step: float = 0.0) -> Floats:
+    def _run(self, change: int | None = None, step: float = 0.0) -> list[Floats]:
         from scipy.integrate import solve_ivp
 
         outputs = []
@@ -54,16 +53,16 @@ class ScipyPeer:
                 pieces.append(found.y.T)
                 y = found.y[:, -1]
             outputs.append(shown(self.system, np.concatenate(pieces), q[7]))
-        return np.stack(outputs)
+        return outputs
 
-    def simulate(self) -> Floats:
+    def simulate(self) -> list[Floats]:
         return self._run()
 
     def jacobian(self, columns: Sequence[str]) -> Floats:
-        base = self._run()
+        base = np.stack(self._run())
         found = []
         for name in columns:
             step = 1e-4 * cylinder.PARAMETERS[name][2]
             place = self.system.parameter_names.index(name)
-            found.append((self._run(place, step) - base) / step)
+            found.append((np.stack(self._run(place, step)) - base) / step)
         return np.stack(found, axis=-1)
