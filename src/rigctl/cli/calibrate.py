@@ -244,6 +244,7 @@ def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
 
 def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
     from rigctl.report.calibration_figure import residual_lines
+    from rigctl.rig.calibration_fit import interval
 
     for line in residual_lines(channel, fit):
         typer.echo(line)
@@ -252,11 +253,12 @@ def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
         f"{value:+.7g}{term}" for value, term in zip(fit.coefficients, terms, strict=False)
     ).removeprefix("+")
     typer.echo(f"{name} [{channel.unit}] = {formula}")
-    spread = f", residuals {fit.residual_std:.3g}" if fit.residual_std is not None else ""
-    change = fit.largest_change(channel.calibration.coefficients)
+    spread = f", residuals {interval(channel, fit.residual_std):.3g}" if fit.residual_std is not None else ""
+    change = interval(channel, fit.largest_change(channel.calibration.coefficients))
+    unit = channel.interval_unit
     typer.echo(
-        f"uncertainty {fit.uncertainty:.3g} {channel.unit} (95 %{spread}); "
-        f"up to {change:.3g} {channel.unit} from the calibration before"
+        f"uncertainty {interval(channel, fit.uncertainty):.3g} {unit} (95 %{spread}); "
+        f"up to {change:.3g} {unit} from the calibration before"
     )
     for remark in _remarks(channel, fit):
         typer.echo(f"note: {remark}")

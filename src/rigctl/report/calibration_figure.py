@@ -5,25 +5,27 @@ from __future__ import annotations
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.rig import Channel
 from rigctl.rig.calibration import polynomial
-from rigctl.rig.calibration_fit import CalibrationFit
+from rigctl.rig.calibration_fit import CalibrationFit, interval
 
 _HALF = 14  # characters on either side of zero
+_ROUNDING = 1e-12  # of the largest reference: less is no residual
 
 
 def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: str) -> Plot:
     """Reference over raw value with the fitted curve, and the residuals over the same axis."""
     import numpy as np
 
-    unit = channel.unit
+    unit, between = channel.unit, channel.interval_unit
     x = np.array([point.mean for point in fit.points])
     grid = np.linspace(x.min(), x.max(), 201)
     curve = np.array([polynomial(fit.coefficients, float(at)) for at in grid])
     reference = np.array([point.reference for point in fit.points])
-    residuals = np.array(fit.residuals)
+    residuals = np.array([interval(channel, value) for value in fit.residuals])
+    half = interval(channel, fit.uncertainty)
     order = np.argsort(x, kind="stable")
     ends = np.array([x.min(), x.max()])
     band = tuple(
-        Trace("uncertainty, 95 %", ends, np.full(2, sign * fit.uncertainty), colour=7, faint=True, unit=unit,
+        Trace("uncertainty, 95 %", ends, np.full(2, sign * half), colour=7, faint=True, unit=between,
               in_legend=sign > 0)
         for sign in (1.0, -1.0)
     )  # fmt: skip
@@ -41,8 +43,11 @@ def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: st
                 height=1.6,
             ),
             Panel(
-                f"residual [{unit}]",
-                (Trace("residual", x[order], residuals[order], look=Look.POINTS, colour=1, unit=unit), *band),
+                f"residual [{between}]",
+                (
+                    Trace("residual", x[order], residuals[order], look=Look.POINTS, colour=1, unit=between),
+                    *band,
+                ),
             ),
         ),
     )
@@ -50,14 +55,15 @@ def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: st
 
 def residual_lines(channel: Channel, fit: CalibrationFit) -> list[str]:
     """A line for each point: reference, raw value, residual, and where that lies around zero."""
-    largest = max((abs(value) for value in fit.residuals), default=0.0)
-    unit, raw = channel.unit, channel.raw.unit
-    head = f"{f'reference [{unit}]':>17}  {f'raw [{raw}]':>13}  {f'residual [{unit}]':>16}"
-    lines = [head]
-    for point, residual in zip(fit.points, fit.residuals, strict=True):
-        lines.append(
-            f"{point.reference:17.6g}  {point.mean:13.6g}  {residual:16.3g}  {_strip(residual, largest)}"
-        )
+    unit, raw, between = channel.unit, channel.raw.unit, channel.interval_unit
+    tiny = _ROUNDING * max(abs(point.reference) for point in fit.points)
+    residuals = [interval(channel, value) if abs(value) > tiny else 0.0 for value in fit.residuals]
+    largest = max(map(abs, residuals))
+    lines = [f"{f'reference [{unit}]':>17}  {f'raw [{raw}]':>13}  {f'residual [{between}]':>16}"]
+    lines += [
+        f"{point.reference:17.6g}  {point.mean:13.6g}  {residual:16.3g}  {_strip(residual, largest)}"
+        for point, residual in zip(fit.points, residuals, strict=True)
+    ]
     return lines
 
 

@@ -14,11 +14,10 @@ from rigctl.files.edit import set_entries
 from rigctl.files.shipped import shipped
 from rigctl.files.write import write_bytes
 from rigctl.files.yaml import parse_document
-from rigctl.rig.calibration_fit import CalibrationFit
+from rigctl.rig.calibration_fit import CalibrationFit, interval
 from rigctl.rig.channel import Channel
 from rigctl.rig.load import parse_rig
 from rigctl.rig.rig import Rig
-from rigctl.units import parse_unit
 
 #: where former rig files, points and figures of calibrations are kept, beside the rig file
 FOLDER = "calibrations"
@@ -137,8 +136,6 @@ def _number(value: float) -> str:
 
 
 def _difference(channel: Channel, value: float) -> str:
-    """An interval with its unit: kelvin where the channel is in degrees Celsius."""
-    unit = "K" if parse_unit(channel.unit).dimension == parse_unit("K").dimension else channel.unit
-    si = channel.display.to_si(value, difference=True)
-    shown = format(parse_unit(unit).from_si(si, difference=True), ".3g")
-    return f"{shown} {unit}" if unit not in ("", "1") else shown
+    """An interval of the channel with its unit."""
+    shown = format(interval(channel, value), ".3g")
+    return f"{shown} {channel.interval_unit}" if channel.interval_unit not in ("", "1") else shown

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rigctl.errors import RigctlError
 from rigctl.rig.calibration import monotonic, polynomial
 from rigctl.rig.channel import Channel
+from rigctl.units import parse_unit
 
 COVERAGE = 0.95
 _CURVED = 0.01  # significance from which another power is worth a word
@@ -110,7 +111,7 @@ def fit_calibration(
     solved, *_ = np.linalg.lstsq(design, y, rcond=None)
     residuals = y - design @ solved
     to_raw = _powers(centre, width, count)
-    coefficients = tuple(float(value) for value in to_raw @ solved)
+    coefficients = _without_rounding(to_raw @ solved, x, y)
     if not monotonic(coefficients, channel.raw.low, channel.raw.high):
         raise RigctlError(
             "the fitted curve turns back within the converter's range: two raw values would read the same",
@@ -135,6 +136,12 @@ def fit_calibration(
     )
 
 
+def interval(channel: Channel, value: float) -> float:
+    """A difference in the channel's display unit as one in its `interval_unit`."""
+    si = channel.display.to_si(value, difference=True)
+    return parse_unit(channel.interval_unit).from_si(si, difference=True)
+
+
 def _check(channel: Channel, x: Array, degree: int) -> None:
     distinct = len(np.unique(np.round(x / channel.raw.step, 2)))
     if distinct < degree + 1:
@@ -153,6 +160,13 @@ def _powers(centre: float, width: float, count: int) -> Array:
         matrix[: k + 1, k] = power
         power = np.convolve(power, [-centre / width, 1.0 / width])
     return matrix
+
+
+def _without_rounding(coefficients: Array, x: Array, y: Array) -> tuple[float, ...]:
+    """The coefficients, with zero for those that give less than the rounding of the references."""
+    least = 1e-12 * float(np.abs(y).max())
+    sizes = np.abs(coefficients) * float(np.abs(x).max()) ** np.arange(len(coefficients))
+    return tuple(float(c) if size > least else 0.0 for c, size in zip(coefficients, sizes, strict=True))
 
 
 def _spread(

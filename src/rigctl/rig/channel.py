@@ -76,6 +76,11 @@ class Channel(Part):
         """The display unit, parsed."""
         return parse_unit(self.unit)
 
+    @property
+    def interval_unit(self) -> str:
+        """The unit that differences of its values are shown in: kelvin where it is a temperature."""
+        return "K" if self.display.dimension == parse_unit("K").dimension else self.unit
+
     @cached_property
     def si_coefficients(self) -> tuple[float, ...]:
         """The calibration polynomial from raw values to SI, lowest power first."""
