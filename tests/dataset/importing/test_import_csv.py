@@ -111,6 +111,8 @@ def test_without_a_record_column_it_is_one_record(importer: Importer) -> None:
     "text",
     [
         "time [s];position [mm]\n0,0;1,5\n0,1;2,5\n",
+        "time [s];position [mm]\n0;1,5\n0,1;2,5\n",
+        "time [s];oil_temperature [degC];position [mm]\n0;20;1.5\n0.1;20;2.5\n",
         "time [s]\tposition [mm]\n0.0\t1.5\n0.1\t2.5\n",
         "\ufefftime [s],position [mm]\r\n0.0,1.5\r\n0.1,2.5\r\n",
         "# made by a logger\n\n# on a Monday\ntime [s],position [mm]\n0.0, 1.5\n\n0.1, +2.5\n",

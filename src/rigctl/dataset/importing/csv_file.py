@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _HEADING: Final = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
-_DECIMAL_COMMA: Final = re.compile(r"\d,\d")
 #: bytes of the file that are in memory at a time
 _PIECE: Final = 1 << 23
+#: bytes of the first rows, which show how numbers are written
+_FIRST_ROWS: Final = 1 << 14
 #: a first line longer than this is no heading
 _LONGEST_HEADING: Final = 1 << 20
 
@@ -122,9 +123,10 @@ def open_csv(path: Path, names: Mapping[str, str]) -> CsvFile:
     """
     with _reading(path) as file:
         number, heading = _find_heading(path, file)
-        first_row = _text(path, number + 1, file.readline(_LONGEST_HEADING))
+        first_rows = file.read(_FIRST_ROWS).decode("utf-8", "replace")
     delimiter = max(",;\t", key=heading.count)
-    decimal = "," if delimiter != "," and _DECIMAL_COMMA.search(first_row) else "."
+    commas, points = (len(re.findall(rf"\d{sign}\d", first_rows)) for sign in (",", r"\."))
+    decimal = "," if delimiter != "," and commas > points else "."
     cells = Cells(delimiter, decimal)
     return CsvFile(path, _read_headings(path, number, heading, cells), cells, number)
 
