@@ -94,8 +94,8 @@ def chi2_test(projected: Projected) -> Test:
     problem = lin.fit.problem.only(lin.fit.fitted)
     for c, channel in enumerate(problem.noise.channels):
         count = sum(int(problem.ok[k][:, c].sum()) for k in projected.places)
-        known = channel.uncertainty if math.isfinite(channel.uncertainty) else 0.0
-        extra += (2.0 * known * count) ** 2
+        if channel.degrees:  # count·F(count, degrees) has this variance beyond that of χ²(count)
+            extra += 2.0 * count**2 / channel.degrees
     if extra == 0.0:
         return Test(statistic, chi2_tail(statistic, freedom), freedom)
     z = (statistic - freedom) / math.sqrt(2.0 * freedom + extra)

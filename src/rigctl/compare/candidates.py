@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rigctl.effects.declaration import Effect, qualified
@@ -33,14 +33,17 @@ class Candidate:
         return self.effect.name
 
 
-def candidates(model: Model) -> tuple[Candidate, ...]:
-    """Every effect that `model` may lack, at every shape of its grid, in the library's order."""
+def candidates(model: Model, excluded: Collection[str] = ()) -> tuple[Candidate, ...]:
+    """Every effect that `model` may lack, at every shape of its grid, in the library's order.
+
+    `excluded` are names of effects that are not to be looked at.
+    """
     present = [model.effect(name) for name in model.effects]
-    excluded = {name for effect in present for name in (effect.name, *effect.instead_of)}
+    impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
     found: list[Candidate] = []
     for effect in (*library(model.family).values(), *model.own):
         says_the_same = any(other.name in effect.instead_of for other in present)
-        if effect.terms and effect.name not in excluded and not says_the_same:
+        if effect.terms and effect.name not in impossible and not says_the_same:
             found += _at_each_shape(effect)
     return tuple(found)
 

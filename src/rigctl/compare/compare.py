@@ -105,9 +105,20 @@ def fit_model(
 
 @one_thread()
 def judge(
-    fitted: FitResult, name: str, *, excluded: Collection[str] = (), tell: Tell | None = None
+    fitted: FitResult,
+    name: str,
+    *,
+    excluded: Collection[str] = (),
+    locate: bool = True,
+    tell: Tell | None = None,
 ) -> ModelComparison:
-    """Test a fitted model, and say where it fails; effects `excluded` are not looked at."""
+    """Test a fitted model, and say where it fails.
+
+    Parameters
+    ----------
+    excluded: effects of the library that are not to be looked at.
+    locate: False leaves the places of the error, its directions and the equations out: the tests alone.
+    """
     problem = fitted.problem
     whole = make_problem(
         fitted.model, problem.measurements, problem.noise, problem.ok, library=True, progress=tell
@@ -117,9 +128,9 @@ def judge(
     screening = screen(projected)
     tests = adequacy(projected, screening)
     cells = cell_map(projected)
-    where = (*localise(linearisation, cells), *worst_stretches(fitted))
-    directions = trends(fitted)
-    slots = slot_evidence(fitted)
+    where = (*localise(linearisation, cells), *worst_stretches(fitted)) if locate else ()
+    directions = trends(fitted) if locate else ()
+    slots = slot_evidence(fitted) if locate else ()
     return ModelComparison(
         name=name,
         fit=fitted,

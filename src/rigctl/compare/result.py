@@ -39,6 +39,7 @@ class ModelComparison:
     slots: which equation needs a term, the most wanted first.
     statement: one plain sentence.
     whole: the same data with the whole library at its null, for those who look further.
+    excluded: effects that were not looked at.
     """
 
     name: str
@@ -53,6 +54,7 @@ class ModelComparison:
     screening: Screening = field(repr=False)
     cells: CellMap = field(repr=False)
     whole: Problem = field(repr=False)
+    excluded: frozenset[str] = frozenset()
 
     @property
     def adequate(self) -> bool:
