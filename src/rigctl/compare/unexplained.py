@@ -1,0 +1,123 @@
+"""How large a change of the readings is to a model, and which effects it looks like.
+
+λ = ‖(I − P)·W·Δy‖, P the projection on all that the fitted parameters and the records' own unknowns can do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.candidates import Candidate
+from rigctl.compare.linearise import Linearisation, own_rows, slopes_at
+from rigctl.compare.projected import HIDDEN
+from rigctl.compare.scores import cone
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+_RANK = 1e-8
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """The projection ``(I − P)·W`` of one linearisation, for changes of its records' readings.
+
+    Attributes
+    ----------
+    problem: the fitted records.
+    candidates: the effects whose signatures are known, `starts` the place of each one's first.
+    """
+
+    problem: Problem = field(repr=False)
+    candidates: tuple[Candidate, ...] = field(repr=False)
+    starts: tuple[int, ...] = field(repr=False)
+    _own: tuple[Floats, ...] = field(repr=False)
+    _shared: Floats = field(repr=False)
+    _signatures: Floats = field(repr=False)
+
+    def of(self, changes: Sequence[Floats]) -> Floats:
+        """(rows) what is left of changes of the readings, each (n, outputs), SI, in the records' order."""
+        rows = [
+            _off_own(whitener(np.where(ok, change, 0.0)), own)
+            for whitener, ok, change, own in zip(
+                self.problem.whiteners, self.problem.ok, changes, self._own, strict=True
+            )
+        ]
+        left = np.concatenate(rows)
+        left = np.concatenate([left, np.zeros(self._shared.shape[0] - left.size)])
+        return np.asarray(left - self._shared @ (self._shared.T @ left))
+
+    def size(self, changes: Sequence[Floats]) -> float:
+        """λ, in sigmas."""
+        return float(np.linalg.norm(self.of(changes)))
+
+    def cosines(self, changes: Sequence[Floats]) -> dict[str, float]:
+        """How well each effect alone, of the right signs and any size, would explain the changes: 0 … 1."""
+        left = self.of(changes)
+        length = float(np.linalg.norm(left))
+        found: dict[str, float] = {}
+        for place, candidate in enumerate(self.candidates):
+            own = slice(self.starts[place], self.starts[place] + len(candidate.columns))
+            matrix = self._signatures[:, own]
+            used = np.flatnonzero(np.any(matrix, axis=0))
+            if not used.size or length == 0.0:
+                continue
+            chosen = matrix[:, used]
+            gain, _ = cone(
+                (left @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
+            )
+            share = min(1.0, float(np.sqrt(gain[0])) / length)
+            found[candidate.name] = max(share, found.get(candidate.name, 0.0))
+        return found
+
+
+def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
+    """The projection of a linearisation; `whole` is what it was made with.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    fit = linearisation.fit
+    problem = whole.only(fit.fitted)
+    local = [fit.local[k] for k in fit.fitted]
+    slopes = slopes_at(problem, fit, linearisation.nuisances, linearisation.candidates, local)
+    own, nuisance, signatures = [], [], []
+    for k, whitener in enumerate(problem.whiteners):
+        basis = own_rows(problem, k, slopes, local[k], fit.outputs[fit.fitted[k]])[0]
+        own.append(basis)
+        nuisance.append(_off_own(whitener(slopes.nuisance[k]), basis))
+        signatures.append(_off_own(whitener(slopes.signatures[k]), basis))
+    weight = linearisation.prior[0]
+    shared = _span(np.vstack([*nuisance, weight]))
+    stacked = np.vstack([*signatures, np.zeros((weight.shape[0], signatures[0].shape[1]))])
+    left = stacked - shared @ (shared.T @ stacked)
+    lengths = np.linalg.norm(left, axis=0)
+    seen = lengths > HIDDEN * np.where(linearisation.sizes > 0.0, linearisation.sizes, np.inf)
+    return Unexplained(
+        problem=problem,
+        candidates=linearisation.candidates,
+        starts=linearisation.starts,
+        _own=tuple(own),
+        _shared=shared,
+        _signatures=np.where(seen, left / np.where(seen, lengths, 1.0), 0.0),
+    )
+
+
+def _off_own(rows: Floats, own: Floats) -> Floats:
+    """Without what the record's own unknowns can do; the rows of their priors are added below."""
+    padded = np.concatenate([rows, np.zeros((own.shape[0] - rows.shape[0], *rows.shape[1:]))])
+    return np.asarray(padded - own @ (own.T @ padded))
+
+
+def _span(matrix: Floats) -> Floats:
+    lengths = np.linalg.norm(matrix, axis=0)
+    if not matrix.shape[1]:
+        return np.empty((matrix.shape[0], 0))
+    left, values, _ = np.linalg.svd(matrix / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
+    return np.asarray(left[:, values > _RANK * max(float(values[0]), 1e-300)])

@@ -1,0 +1,197 @@
+"""One scenario from the bench to the verdict."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compare.compare import fit_model, judge
+from rigctl.compare.linearise import linearise
+from rigctl.compare.unexplained import Unexplained, unexplained
+from rigctl.diagnose.confound import separation
+from rigctl.diagnose.diagnose import diagnose_comparison
+from rigctl.diagnose.result import Diagnosis
+from rigctl.engine.one_thread import one_thread
+from rigctl.files.shipped import shipped
+from rigctl.model.load import load_model
+from rigctl.model.measured.noise import DataNoise, noise_of
+from rigctl.model.measured.record import Measurements
+from rigctl.model.model import Model
+from rigctl.noise import ChannelNoise, NoiseModel
+from rigctl.rig.load import load_rig
+from rigctl.rig.rig import Rig
+from rigctl.validation.amplitude import Amplitude, Amplitudes, Clean
+from rigctl.validation.bench.campaign import Campaign, clean_outputs
+from rigctl.validation.bench.record import RATE
+from rigctl.validation.bench.sensing import Noise
+from rigctl.validation.hidden_effect import hide
+from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.in_memory import measure
+from rigctl.validation.outcome import Interval, Outcome
+from rigctl.validation.scenario import Scenario
+
+Floats = NDArray[np.float64]
+
+#: a normal distribution's two-sided 95 %
+_WIDTH = 1.959963984540054
+
+
+@one_thread()
+def carry_out(scenario: Scenario) -> Outcome:
+    """Make the campaign of a scenario on the separate bench, diagnose it, and say what came of it.
+
+    The model is the shipped textbook one, its free parameters fitted; the data are handed over in memory,
+    and are what `make_run` would have kept.
+
+    Raises
+    ------
+    RigctlError
+        the tool cannot diagnose the campaign.
+    BenchFailure
+        the bench cannot be simulated with what is hidden in it.
+    """
+    began = time.monotonic()
+    reference = _reference(_plain_of(scenario))
+    amplitudes = [
+        reference.amplitudes.find(
+            find_hidden(wanted.effect), wanted.size, scenario.plain, shape=scenario.shape, sign=wanted.sign
+        )
+        for wanted in scenario.hidden
+    ]
+    made = Outcome(
+        scenario,
+        sizes=tuple(each.size for each in amplitudes),
+        amplitudes=tuple(each.value for each in amplitudes),
+    )
+    short = [w.effect for w, each in zip(scenario.hidden, amplitudes, strict=True) if not each.reached]
+    if short:
+        return replace(made, untested=f"no amplitude of {', '.join(short)} has the size wanted")
+    diagnosis = _diagnose(scenario, made.amplitudes)
+    cosine, apart = _rival(scenario, amplitudes, reference)
+    return replace(
+        made,
+        verdict=diagnosis.verdict.value,
+        effects=diagnosis.effects,
+        classes=diagnosis.classes,
+        first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
+        rival_cosine=cosine,
+        separation=apart,
+        intervals=tuple(_intervals(scenario, made.amplitudes, diagnosis)),
+        seconds=time.monotonic() - began,
+    )
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What sizes are measured with: the textbook model fitted to a campaign that hides nothing."""
+
+    seen: Unexplained = field(repr=False)
+    amplitudes: Amplitudes = field(repr=False)
+
+
+def _plain_of(scenario: Scenario) -> Scenario:
+    """The scenario that hides nothing in the same noise: one for all that share it."""
+    return replace(scenario, kind="nothing", hidden=(), shape="other", seed=0)
+
+
+@lru_cache(maxsize=32)
+def _reference(plain: Scenario) -> Reference:
+    model, rig = bench_model(plain.chamber_pressures)
+    measurements = measure(plain.plain, model, rig)
+    fitted = fit_model(model, measurements, _noise(plain, measurements))
+    whole = fitted.problem.rebuilt(fitted.model, library=True)
+    seen = unexplained(linearise(fitted, whole), whole)
+
+    def size(with_it: Clean, without: Clean) -> float:
+        return seen.size(_changes(with_it, without, measurements.outputs))
+
+    return Reference(seen, Amplitudes(size))
+
+
+def _changes(with_it: Clean, without: Clean, outputs: Sequence[str]) -> list[Floats]:
+    return [
+        np.column_stack([changed[name] - plain[name] for name in outputs])
+        for (_, changed), (_, plain) in zip(with_it, without, strict=True)
+    ]
+
+
+@lru_cache(maxsize=2)
+def bench_model(chamber_pressures: bool) -> tuple[Model, Rig]:
+    """The textbook model, and the rig with the channels that are recorded."""
+    name = "hl32-bench-instrumented.yaml" if chamber_pressures else "hl32-bench.yaml"
+    rig = load_rig(shipped("rigs", name))
+    return load_model(shipped("models", "hl32-textbook.yaml")), rig
+
+
+def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
+    """As the data tell it, or as the scenario says that it is known."""
+    if not scenario.noise_known:
+        return noise_of(measurements)
+    sigma = Noise().sigma
+    channels = tuple(
+        ChannelNoise(name, sigma[name], source="rig", guessed=False, statement="known")
+        for name in measurements.outputs
+    )
+    return DataNoise(
+        NoiseModel(channels, 1.0 / RATE, "known"), tuple(record.here for record in measurements.records)
+    )
+
+
+def _diagnose(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
+    model, rig = bench_model(scenario.chamber_pressures)
+    measurements = measure(scenario.campaign(amplitudes), model, rig)
+    fitted = fit_model(model, measurements, _noise(scenario, measurements))
+    compared = judge(fitted, model.name, excluded=scenario.left_out, locate=False)
+    return diagnose_comparison(compared, measurements.runs)
+
+
+def _rival(
+    scenario: Scenario, amplitudes: Sequence[Amplitude], reference: Reference
+) -> tuple[float | None, float | None]:
+    """(largest cosine, smallest separation) between what a hidden effect does and any other one."""
+    steady = replace(scenario.plain, seed=0)
+    alike, apart = None, None
+    for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
+        with_it = hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape)
+        cosines = _cosines(reference, with_it, steady)
+        cosines.pop(wanted.effect, None)
+        cosine = max(cosines.values(), default=0.0)
+        d = separation(amplitude.size, cosine)
+        alike = cosine if alike is None else max(alike, cosine)
+        apart = d if apart is None else min(apart, d)
+    return alike, apart
+
+
+def _cosines(reference: Reference, with_it: Campaign, without: Campaign) -> dict[str, float]:
+    outputs = reference.seen.problem.measurements.outputs
+    return reference.seen.cosines(_changes(clean_outputs(with_it), clean_outputs(without), outputs))
+
+
+def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:
+    """Of the parameters of hidden effects that were found and whose fitted value has a truth."""
+    found: list[Interval] = []
+    values = _estimates(diagnosis)
+    for wanted, truth in zip(scenario.hidden, amplitudes, strict=True):
+        hidden = find_hidden(wanted.effect)
+        name = f"{hidden.effect}.{hidden.parameter}"
+        if hidden.comparable and wanted.effect in diagnosis.effects and name in values:
+            value, std = values[name]
+            if math.isfinite(std) and std > 0.0:
+                found.append(
+                    Interval(
+                        hidden.effect, hidden.parameter, truth, value - _WIDTH * std, value + _WIDTH * std
+                    )
+                )
+    return found
+
+
+def _estimates(diagnosis: Diagnosis) -> Mapping[str, tuple[float, float]]:
+    """Value and standard deviation of each parameter of the effects found, SI."""
+    best = diagnosis.best
+    return {column: best.value(column) for one in best.candidates for column in one.columns}
