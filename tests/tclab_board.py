@@ -145,7 +145,7 @@ class Served:
         began = time.monotonic()
         self.sketch = Sketch(lambda: (time.monotonic() - began) * speed)
         self.switched: list[tuple[float, tuple[float, float]]] = []
-        self.deaf = False
+        self.unplugged = False  #: closes the connection, and takes no other
         self._end = threading.Event()
         self._server: socket.socket | None = None
         self._master = -1
@@ -184,7 +184,7 @@ class Served:
         answer = self.sketch.take(data)
         if self.sketch.heaters != before:
             self.switched.append((time.monotonic(), self.sketch.heaters))
-        return b"" if self.deaf else answer
+        return answer
 
     def _serve_tcp(self) -> None:
         assert self._server is not None
@@ -195,7 +195,7 @@ class Served:
                 continue
             with client:
                 client.settimeout(0.02)
-                while not self._end.is_set():
+                while not (self._end.is_set() or self.unplugged):
                     try:
                         data = client.recv(4096)
                         if not data:

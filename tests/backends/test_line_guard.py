@@ -157,6 +157,29 @@ def test_a_guard_that_is_killed_is_replaced_with_outputs_off(board: Served) -> N
         assert bench.next_sample(2.0)
 
 
+def test_a_port_that_vanishes_and_returns(board: Served) -> None:
+    with opened(board.url) as bench:
+        bench.start(5.0)
+        bench.command("heater_2", 0.5)
+        assert bench.next_sample(2.0)
+        board.unplugged = True
+        notices = []
+
+        def told(text: str) -> bool:
+            bench.next_sample(0.2)
+            notices.extend(bench.take_notices())
+            return any(text in notice.message for notice in notices)
+
+        wait_for(lambda: told("the line to the device is lost"))
+        board.unplugged = False
+        wait_for(lambda: told("the device is back"))
+        sample = bench.next_sample(2.0)
+        assert sample is not None
+        assert sample.commands == (0.0, 0.0)
+        assert board.sketch.heaters == (0.0, 0.0)
+        assert [notice.kind for notice in notices if notice.kind in ("fault", "gap")] == ["fault", "gap"]
+
+
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises((BackendLost, RigctlError), match="nothing"), opened(str(tmp_path / "nothing")):
         pass
