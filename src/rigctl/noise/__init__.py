@@ -3,6 +3,7 @@
 from rigctl.noise.estimate import estimate_noise, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.record import NoiseRecord
+from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
 from rigctl.noise.whitening import Whitener, whiten
 
@@ -10,9 +11,11 @@ __all__ = [
     "ChannelNoise",
     "NoiseModel",
     "NoiseRecord",
+    "Scatter",
     "Source",
     "Whitener",
     "estimate_noise",
+    "estimate_scatter",
     "find_spikes",
     "find_spikes_in_records",
     "usual_spacing",
