@@ -1,4 +1,4 @@
-"""Does an effect predict what it was not fitted on? One temperature, one pressure, one run left out at a time.
+"""Does an effect predict what it was not fitted on? One temperature, pressure or run left out at a time.
 
 On the linearised problem at the refitted point: there the readings without the effect are
 ``r + S·φ̂``, and every fold's fit is a small linear one.

@@ -157,11 +157,11 @@ class Diagnosis:
     def summary(self) -> str:
         """The verdict in a few lines."""
         lines = [f"{self.verdict.value}: {self.statement}"]
-        for one in self.ranking[:5]:
-            lines.append(
-                f"  {one.probability:6.1%}  {one.effect}  (score p {one.score_p_value:.2g}, "
-                f"ΔmBIC {one.delta_bic:+.1f})"
-            )
+        lines += [
+            f"  {one.probability:6.1%}  {one.effect}  (score p {one.score_p_value:.2g}, "
+            f"ΔmBIC {one.delta_bic:+.1f})"
+            for one in self.ranking[:5]
+        ]
         return "\n".join(lines)
 
     def frame(self) -> pd.DataFrame:

@@ -89,7 +89,7 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], starts: dict[str, floa
 
 
 def _values(candidate: Candidate, starts: dict[str, float]) -> dict[str, float]:
-    """The effect's parameters to begin with: never at a bound, from which a fit would have to find its way."""
+    """The effect's parameters to begin with: never at a bound, from which a fit must find in first."""
     values = {}
     for column in candidate.columns:
         declared = candidate.effect.parameter(column.partition(".")[2])

@@ -43,7 +43,8 @@ def verdict_text(
         text = described
         if rivals:
             member, name, cos, d = max(rivals, key=lambda rival: rival[2])
-            text += f". The most alike is {name} (cos {cos:.2f}), which these data tell from {member} (d = {d:.1f})"
+            alike = f"The most alike is {name} (cos {cos:.2f})"
+            text += f". {alike}, which these data tell from {member} (d = {d:.1f})"
         if left > 0.01:
             text += (
                 f". A remainder of {100 * left:.0f} % of the misfit stays: its shape is not exactly this one"
@@ -98,8 +99,8 @@ def evidence_for(
 def drift_text(found: Sequence[Drift]) -> list[str]:
     """Fitted parameters that were biased by what was missing."""
     return [
-        f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had taken over a part "
-        "of what was missing"
+        f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had taken over "
+        "a part of what was missing"
         for one in found
         if one.before and abs(one.after / one.before - 1.0) > 0.02
     ]

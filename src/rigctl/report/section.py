@@ -17,6 +17,8 @@ from rigctl.report.plot import Plot
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+    from rigctl.report.heat_map import HeatMap
+
 #: rows of a table that a browser lays out without delay; a page says how many it leaves out
 MOST_ROWS = 1000
 
@@ -36,7 +38,7 @@ class Section:
     id: str
     title: str
     body: Markup
-    plots: tuple[Plot, ...] = ()
+    plots: tuple[Plot | HeatMap, ...] = ()
 
 
 def render(template: str, **values: Any) -> Markup:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from rigctl.errors import RigctlError
 from rigctl.files.write import write_text
+from rigctl.report.heat_map import HeatMap, write_heat_map
 from rigctl.report.page import page
+from rigctl.report.plot import Plot
 from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section
 from rigctl.report.sections import SECTIONS
@@ -63,10 +65,16 @@ def write_report(
     write_text(output, html)
     drawn: tuple[Path, ...] = ()
     if figures is not None:
-        from rigctl.report.static import write_figure
-
-        drawn = tuple(write_figure(plot, figures, form) for part in parts for plot in part.plots)
+        drawn = tuple(_draw(plot, figures, form) for part in parts for plot in part.plots)
     return Report(output, drawn, tuple(run.id for run in data), output.stat().st_size)
+
+
+def _draw(plot: Plot | HeatMap, folder: Path, form: str) -> Path:
+    from rigctl.report.static import write_figure
+
+    return (
+        write_heat_map(plot, folder, form) if isinstance(plot, HeatMap) else write_figure(plot, folder, form)
+    )
 
 
 def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[Section]:

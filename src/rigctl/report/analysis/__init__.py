@@ -1,0 +1,7 @@
+"""What a comparison, a diagnosis and a model's history show on the page."""
+
+from rigctl.report.analysis.comparison import comparison_sections
+from rigctl.report.analysis.diagnosis import diagnosis_sections
+from rigctl.report.analysis.history import history_sections
+
+__all__ = ["comparison_sections", "diagnosis_sections", "history_sections"]

@@ -1,0 +1,163 @@
+"""The page's part on a diagnosis: what is missing, how sure that is, and what it would look like."""
+
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.result import Diagnosis, Ranked
+from rigctl.diagnose.trial import Trial
+from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.analysis.maps import channel_maps
+from rigctl.report.analysis.overlay import normalised_error, typical_records
+from rigctl.report.heat_map import HeatMap, heat_map_table
+from rigctl.report.numbers import symbol
+from rigctl.report.plot import Look, Panel, Plot, Trace
+from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.signals import plain_name
+from rigctl.units import parse_unit
+
+Floats = NDArray[np.float64]
+
+_SHOWN = 6
+_SIGNATURES = 3
+
+_VERDICTS = {
+    "adequate": "Nothing is missing that these data could show",
+    "missing_effect": "A physical effect is missing",
+    "ambiguous": "An effect is missing, and these data cannot tell which",
+    "outside_library": "Something is missing that the library does not know",
+}
+
+
+def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = None) -> list[Section]:
+    """The verdict, the ranking, the signatures over the residual, and before and after.
+
+    `after` is the model with what was found, compared with the same data, when that was done.
+    """
+    signature = signature_plot(diagnosis)
+    maps: list[tuple[HeatMap, HeatMap]] = []
+    if after is not None:
+        before_maps, after_maps = channel_maps(diagnosis.before, "before"), channel_maps(after, "after")
+        maps = list(zip(before_maps, after_maps, strict=False))
+    body = render(
+        "diagnosis.html",
+        diagnosis=diagnosis,
+        heading=_VERDICTS[diagnosis.verdict.value],
+        ranking=_ranking(diagnosis),
+        table=[_row(one) for one in diagnosis.ranking[:_SHOWN]],
+        classes=[names for names in diagnosis.classes if len(names) > 1],
+        signature=None if signature is None else plot_slot(signature),
+        falls=_falls(diagnosis),
+        maps=[(heat_map_table(one), heat_map_table(other)) for one, other in maps],
+        drift=[(one.parameter, one.before, one.after, symbol(one.unit)) for one in diagnosis.drift],
+    )
+    drawn = [] if signature is None else [signature]
+    return [Section("diagnosis", "What is missing", body, (*drawn, *(m for pair in maps for m in pair)))]
+
+
+def _ranking(diagnosis: Diagnosis) -> Markup:
+    shown = [
+        Bar(
+            plain_name(one.effect),
+            one.probability,
+            f"{100 * one.probability:.1f} %",
+            f"error falls {100 * one.error_drop:.0f} %" if one.error_drop > 0.005 else "",
+            0 if one.effect in diagnosis.effects else 7,
+        )
+        for one in diagnosis.ranking[:_SHOWN]
+    ]
+    return bars("Probability that an effect is among what is missing", shown) if shown else Markup()
+
+
+def _row(one: Ranked) -> dict[str, object]:
+    parameters = ", ".join(
+        f"{name} = {found.value:.3g} {symbol(found.unit)}"
+        + (f" ± {found.std:.1g}" if np.isfinite(found.std) else "")
+        for name, found in one.parameters.items()
+    )
+    return {
+        "effect": plain_name(one.effect),
+        "probability": one.probability,
+        "p_value": one.score_p_value,
+        "size": one.size,
+        "delta_bic": one.delta_bic,
+        "kappa": one.kappa,
+        "hidden_in": plain_name(one.hidden_in),
+        "before": one.heldout_before if np.isfinite(one.heldout_before) else None,
+        "after": one.heldout_after if np.isfinite(one.heldout_after) else None,
+        "parameters": parameters,
+    }
+
+
+def signature_plot(diagnosis: Diagnosis) -> Plot | None:
+    """What each refitted candidate takes away from the residual of the worst record, over that residual."""
+    trials = _candidates(diagnosis)
+    if not trials:
+        return None
+    k = typical_records(diagnosis.before)[0][1]
+    before = diagnosis.before.fit
+    record, measurements = before.problem.records[k], before.problem.measurements
+    panels: list[Panel] = []
+    residual = -normalised_error(diagnosis.before, k)
+    for c, name in enumerate(measurements.outputs):
+        if not np.isfinite(residual[:, c]).any():
+            continue
+        traces = [
+            Trace("measured − model", record.times, residual[:, c], Look.LINE, 7, "sigma", False, not panels)
+        ]
+        for number, trial in enumerate(trials):
+            change = (trial.fit.outputs[k][:, c] - before.outputs[k][:, c]) / before.problem.noise.sigma[c]
+            label = " and ".join(map(plain_name, trial.effects))
+            traces.append(Trace(label, record.times, change, Look.LINE, number, "sigma", False, not panels))
+        panels.append(Panel(f"{plain_name(name)} [sigma]", tuple(traces), height=1.3))
+    caption = "What each candidate would explain, over the residual of the worst record"
+    return Plot("signatures", caption, "time in the record [s]", tuple(panels))
+
+
+def _candidates(diagnosis: Diagnosis) -> list[Trial]:
+    """The best set, then the other refitted sets in the order of their misfit; each set once."""
+    found: dict[tuple[str, ...], Trial] = {}
+    if diagnosis.best.candidates:
+        found[tuple(sorted(diagnosis.best.effects))] = diagnosis.best
+    for trial in sorted(diagnosis.trials, key=lambda one: one.chi2):
+        if len(trial.candidates) == max(1, len(diagnosis.best.candidates)):
+            found.setdefault(tuple(sorted(trial.effects)), trial)
+    return list(found.values())[:_SIGNATURES]
+
+
+def _falls(diagnosis: Diagnosis) -> list[Markup]:
+    """Error of each channel before and after, fitted and held out."""
+    if not diagnosis.best.candidates:
+        return []
+    found = []
+    before, after = diagnosis.before.fit, diagnosis.best.fit
+    measurements = before.problem.measurements
+    units = dict(zip(measurements.outputs, measurements.units, strict=True))
+    for name, one in before.errors.items():
+        pairs = [("before", one), ("after", after.errors[name])]
+        if name in before.heldout_errors and name in after.heldout_errors:
+            pairs += [
+                ("before, held out", before.heldout_errors[name]),
+                ("after, held out", after.heldout_errors[name]),
+            ]
+        largest = max(error.rmse for _, error in pairs)
+        unit = parse_unit(units[name])
+        shown_unit = "K" if unit.offset else symbol(units[name])
+        shown = [
+            Bar(label, error.rmse / largest, f"{error.rmse / unit.factor:.3g} {shown_unit}", "", place % 2)
+            for place, (label, error) in enumerate(pairs)
+        ]
+        shown.append(
+            Bar(
+                "noise",
+                one.noise / largest,
+                f"{one.noise / unit.factor:.3g} {shown_unit}",
+                "cannot be less",
+                7,
+            )
+        )
+        found.append(bars(f"Error of the {plain_name(name)} (RMSE)", shown))
+    return found

@@ -1,0 +1,85 @@
+"""Error maps: every condition, in sigmas of the noise, for a channel or a phase."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rigctl.compare.localise import variable_units
+from rigctl.compare.result import ModelComparison
+from rigctl.report.analysis.overlay import normalised_error
+from rigctl.report.heat_map import HeatMap
+from rigctl.report.numbers import symbol
+from rigctl.report.signals import plain_name
+from rigctl.units import parse_unit
+
+_LIMIT = 4.0
+
+
+def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -> tuple[HeatMap, ...]:
+    """For each channel, the mean error of every condition: the first variable down, the second across."""
+    problem = model.fit.problem
+    variables = problem.measurements.variables[:2]
+    if not variables:
+        return ()
+    units = variable_units(problem.measurements)
+    points = [tuple(record.condition.get(name, math.nan) for name in variables) for record in problem.records]
+    if len(variables) == 1:
+        points = [(one[0], 0.0) for one in points]
+    rows = sorted({_rounded(point[0]) for point in points})
+    columns = sorted({_rounded(point[1]) for point in points})
+    found = []
+    for c, channel in enumerate(problem.measurements.outputs):
+        cells: dict[tuple[float, float], list[float]] = {}
+        counts: dict[tuple[float, float], int] = {}
+        for k, point in enumerate(points):
+            error = normalised_error(model, k)[:, c]
+            good = error[np.isfinite(error)]
+            if good.size:
+                place = (_rounded(point[0]), _rounded(point[1]))
+                cells.setdefault(place, []).append(float(np.sqrt(np.mean(good**2)) * np.sign(good.mean())))
+                counts[place] = counts.get(place, 0) + good.size
+        values = tuple(tuple(_mean(cells.get((r, col))) for col in columns) for r in rows)
+        strong = tuple(
+            tuple(
+                (r, col) in cells
+                and abs(_mean(cells[(r, col)])) > 1.0 + 4.0 / math.sqrt(2.0 * counts[(r, col)])
+                for col in columns
+            )
+            for r in rows
+        )
+        found.append(
+            HeatMap(
+                id=f"{key}-{channel}",
+                caption=f"{plain_name(channel)}: error in sigmas of the noise, 1 is noise alone; "
+                "its sign is that of model − measured; * more than chance",
+                row_title=_title(variables[0], units),
+                column_title=_title(variables[1], units) if len(variables) > 1 else "all",
+                rows=tuple(_shown(value, variables[0], units) for value in rows),
+                columns=tuple(_shown(value, variables[1], units) for value in columns)
+                if len(variables) > 1
+                else ("error",),
+                values=values,
+                strong=strong,
+                limit=limit or _LIMIT,
+            )
+        )
+    return tuple(found)
+
+
+def _mean(values: list[float] | None) -> float:
+    return float(np.mean(values)) if values else math.nan
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.5g}")
+
+
+def _title(name: str, units: dict[str, str]) -> str:
+    unit = symbol(units.get(name, "1"))
+    return f"{plain_name(name)} [{unit}]" if unit else plain_name(name)
+
+
+def _shown(value: float, name: str, units: dict[str, str]) -> str:
+    return f"{parse_unit(units.get(name, '1')).from_si(value):.4g}"

@@ -1,0 +1,113 @@
+"""Numbers in colours: on the page a table that a screen reader can read, in a file a picture."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from markupsafe import Markup
+
+from rigctl.files.write import write_bytes
+from rigctl.report.section import render
+
+#: blue below, orange above: told apart by most colour-blind readers
+_BELOW, _ABOVE = (47, 127, 193), (217, 122, 38)
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """Values over two variables.
+
+    Parameters
+    ----------
+    id, caption: as of a plot.
+    row_title, column_title: what the rows and the columns are.
+    rows, columns: their names.
+    values: by row; NaN where there is none.
+    strong: by row, whether a value is more than chance; it is marked.
+    limit: the value of the strongest colour.
+    """
+
+    id: str
+    caption: str
+    row_title: str
+    column_title: str
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    values: tuple[tuple[float, ...], ...]
+    strong: tuple[tuple[bool, ...], ...]
+    limit: float
+
+
+@dataclass(frozen=True)
+class _Cell:
+    text: str
+    colour: str
+    dark: bool
+    strong: bool
+
+
+def heat_map_table(shown: HeatMap) -> Markup:
+    """The map as a coloured table."""
+    rows = [
+        (
+            name,
+            [_cell(value, strong, shown.limit) for value, strong in zip(values, marks, strict=True)],
+        )
+        for name, values, marks in zip(shown.rows, shown.values, shown.strong, strict=True)
+    ]
+    return render("heat_map.html", map=shown, rows=rows)
+
+
+def _cell(value: float, strong: bool, limit: float) -> _Cell:
+    if not math.isfinite(value):
+        return _Cell("–", "transparent", False, False)
+    share = min(abs(value) / limit, 1.0) if limit else 0.0
+    red, green, blue = _ABOVE if value > 0.0 else _BELOW
+    colour = f"rgba({red},{green},{blue},{0.08 + 0.85 * share:.2f})"
+    return _Cell(f"{value:+.1f}".replace("-", "−"), colour, share > 0.55, strong)
+
+
+def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
+    """Draw a map into ``folder/<id>.<form>`` and return the path.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be written.
+    """
+    import numpy as np
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+
+    path = folder / f"{shown.id}.{form}"
+    colours = [tuple(c / 255 for c in _BELOW), (1.0, 1.0, 1.0), tuple(c / 255 for c in _ABOVE)]
+    figure = Figure(
+        figsize=(1.6 + 0.9 * len(shown.columns), 1.4 + 0.42 * len(shown.rows)), layout="constrained"
+    )
+    axes = figure.subplots()
+    values = np.array(shown.values, dtype=float)
+    image = axes.imshow(
+        values,
+        cmap=LinearSegmentedColormap.from_list("error", colours),
+        vmin=-shown.limit,
+        vmax=shown.limit,
+        aspect="auto",
+    )
+    axes.set_xticks(range(len(shown.columns)), shown.columns, rotation=30, ha="right")
+    axes.set_yticks(range(len(shown.rows)), shown.rows)
+    axes.set_xlabel(shown.column_title)
+    axes.set_ylabel(shown.row_title)
+    for i, row in enumerate(shown.values):
+        for j, value in enumerate(row):
+            if math.isfinite(value):
+                weight = "bold" if shown.strong[i][j] else "normal"
+                axes.text(j, i, f"{value:+.1f}", ha="center", va="center", fontsize=8, fontweight=weight)
+    figure.colorbar(image, ax=axes, label="sigma")
+    figure.suptitle(shown.caption, fontsize=10)
+    content = io.BytesIO()
+    figure.savefig(content, format=form, dpi=144, metadata={"Date": None} if form == "svg" else {})
+    write_bytes(path, content.getvalue())
+    return path
