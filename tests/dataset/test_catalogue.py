@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
-from rigctl.dataset import RunWriter, find_run, list_runs
+from rigctl.dataset import RunHeader, RunWriter, find_run, list_runs
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]
@@ -29,6 +30,17 @@ def test_numbered_runs_of_one_second_stay_in_order(make_run: RunMaker, runs: Pat
     made = [make_run(records=0) for _ in range(12)]
     assert [summary.folder for summary in list_runs(runs)] == made
     assert find_run("latest", runs) == made[-1]
+
+
+def test_runs_of_one_second_are_in_the_order_in_which_they_began(
+    runs: Path, make_header: Callable[..., RunHeader]
+) -> None:
+    began = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)
+    for name, after in (("strokes", 0.2), ("another", 0.4), ("heater", 0.1)):
+        header = make_header(f"20261121-093000-{name}", started=began + timedelta(seconds=after))
+        RunWriter.create(runs, header).close("finished")
+    names = [summary.id.rpartition("-")[2] for summary in list_runs(runs)]
+    assert names == ["heater", "strokes", "another"]
 
 
 def test_an_ambiguous_start_lists_what_it_could_be(three: list[Path], runs: Path) -> None:

@@ -48,10 +48,24 @@ def runs_folder(runs: Path | None = None) -> Path:
 
 
 def run_folders(runs: Path) -> list[Path]:
-    """The folders of all runs, oldest first; ids begin with their date and time."""
+    """The folders of all runs, oldest first; ids begin with their date and time, to the second."""
     if not runs.is_dir():
         return []
-    return sorted((entry for entry in runs.iterdir() if _is_run(entry)), key=_order)
+    by_second: dict[str, list[Path]] = {}
+    for entry in sorted((entry for entry in runs.iterdir() if _is_run(entry)), key=_order):
+        by_second.setdefault(entry.name[:15], []).append(entry)
+    for together in by_second.values():
+        if len(together) > 1:
+            together.sort(key=_started)
+    return [folder for together in by_second.values() for folder in together]
+
+
+def _started(folder: Path) -> str:
+    """When a run began, to the microsecond; nothing where it cannot be read."""
+    try:
+        return str(read_info(folder).get("started", ""))
+    except RigctlError:
+        return ""
 
 
 def _is_run(folder: Path) -> bool:
