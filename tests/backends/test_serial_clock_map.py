@@ -42,3 +42,22 @@ def test_stamps_out_of_order_are_taken_as_they_are() -> None:
     clock.add(0.0, 1000, 0.0)
     assert clock.to_host(2000) == pytest.approx(0.001)
     assert clock.to_host(1500) == pytest.approx(0.0005)
+
+
+def test_an_exchange_that_was_held_up_is_left_out_and_a_restart_is_told() -> None:
+    clock = ClockMap()
+    for k in range(20):
+        assert clock.add(k * 0.5, round(k * 0.5e6) + 1500, k * 0.5 + 0.003)
+    before = clock.to_host(10_000_000)
+    assert clock.add(10.0, 9_800_000, 10.003), "0.2 s behind, once"
+    assert clock.to_host(10_000_000) == before
+    assert clock.add(10.5, 10_501_500, 10.503)
+    assert not clock.add(11.0, 20_000, 11.003), "it begins at zero"
+
+
+def test_a_time_that_stays_another_one_is_no_longer_the_board_that_was_known() -> None:
+    clock = ClockMap()
+    for k in range(20):
+        clock.add(k * 0.5, round(k * 0.5e6) + 1500, k * 0.5 + 0.003)
+    late = [clock.add(10.0 + k, round((9.8 + k) * 1e6), 10.003 + k) for k in range(3)]
+    assert late == [True, True, False]

@@ -18,6 +18,8 @@ _RATE_LIMIT = 0.01  # a ceramic resonator is within 0.5 %
 _CORRECTION_TIME = 5.0  # s in which an error of the offset is worked off
 _STEEPEST = 2e-3  # that it may change the slope by
 _LOST_TRACK = 0.05  # s; a larger error is no drift
+_RESTARTED = 1.0  # s; nor is an error beyond it an exchange that was held up somewhere
+_DOUBTFUL = 3  # exchanges in a row, and they are believed
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,7 @@ class ClockMap:
         self._board = 0.0
         self._b0 = self._h0 = 0.0
         self._rate = 1.0
+        self._doubted = 0
         self.uncertainty = 0.0
 
     def unwrap(self, board_us: int) -> float:
@@ -59,13 +62,19 @@ class ClockMap:
         return self._h0 + self._rate * (self.unwrap(board_us) - self._b0)
 
     def add(self, sent: float, board_us: int, received: float) -> bool:
-        """Learn from an exchange; False when the board's time cannot be what it was (it was restarted)."""
+        """Learn from an exchange; False when the board's time cannot be what it was (it was restarted).
+
+        One that contradicts all before by a little is left out: a computer that is busy holds data up.
+        """
         board = self.unwrap(board_us)
         exchange = _Exchange(board, 0.5 * (sent + received), 0.5 * max(received - sent, 0.0))
         if self._exchanges:
             expected = self._h0 + self._rate * (board - self._b0)
-            if abs(expected - exchange.host) > exchange.half + _LOST_TRACK:
-                return False
+            error = abs(expected - exchange.host) - exchange.half
+            if error > _LOST_TRACK:
+                self._doubted += 1
+                return error < _RESTARTED and self._doubted < _DOUBTFUL
+        self._doubted = 0
         first = not self._exchanges
         self._exchanges.append(exchange)
         rate, host = self._fit(board)
