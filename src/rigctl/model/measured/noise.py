@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.model.measured.record import Measurements
-from rigctl.noise import ChannelNoise, NoiseModel, NoiseRecord, estimate_noise, find_spikes
+from rigctl.noise import ChannelNoise, NoiseModel, NoiseRecord, estimate_noise, find_spikes_in_records
 
 
 @dataclass(frozen=True)
@@ -35,25 +35,20 @@ def noise_of(measurements: Measurements) -> DataNoise:
     moving = [record for record in measurements.records if record.times.size > 1 and _timed(measurements)]
     if not moving:
         return _assumed(measurements)
-    ok = tuple(record.here & ~find_spikes(record.times, record.values) for record in measurements.records)
     records = [
         NoiseRecord(
-            record.times, np.where(good, record.values, np.nan), record.group, record.phase.astype(np.intp)
+            record.times,
+            np.where(record.here, record.values, np.nan),
+            record.group,
+            record.phase.astype(np.intp),
         )
-        for record, good in zip(measurements.records, ok, strict=True)
+        for record in measurements.records
     ]
-    model = estimate_noise(records, measurements.outputs, known=_known(measurements))
-    masked = [
-        sum(
-            int((record.here[:, c] & ~good[:, c]).sum())
-            for record, good in zip(measurements.records, ok, strict=True)
-        )
-        for c in range(len(measurements.outputs))
-    ]
-    channels = tuple(
-        replace(channel, masked=count) for channel, count in zip(model.channels, masked, strict=True)
+    spikes = find_spikes_in_records(records)
+    ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
+    return DataNoise(
+        estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes), ok
     )
-    return DataNoise(replace(model, channels=channels), ok)
 
 
 def _timed(measurements: Measurements) -> bool:
