@@ -27,6 +27,15 @@ HoldOut = Annotated[
         show_default=False,
     ),
 ]
+Only = Annotated[
+    str | None,
+    typer.Option(
+        "--only",
+        metavar="EXPR",
+        help="Look at these records alone, e.g. 'heater_1 > 0 %'; the noise is learned from all.",
+        show_default=False,
+    ),
+]
 Page = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="PAGE", help="Also write it as a page.", show_default=False),
@@ -46,6 +55,7 @@ def compare(
         ),
     ],
     hold_out: HoldOut = None,
+    only: Only = None,
     *,
     fit: Annotated[
         bool, typer.Option("--fit/--no-fit", help="Fit the model's free parameters first; its file stays.")
@@ -73,7 +83,13 @@ def compare(
 
     opened, models = open_runs(runs), open_models(model)
     with telling() as tell:
-        found = compared(opened, models, hold_out=hold_out, refit=fit, tell=tell)
+        found = compared(opened, models, hold_out=hold_out, only=only, refit=fit, tell=tell)
+    if output is not None:
+        from rigctl.cli.analysis_page import write_page
+        from rigctl.report.analysis import comparison_sections, history_sections
+
+        last = history_sections(model[-1]) if models[-1].path is not None else []
+        write_page(opened, output, [*comparison_sections(found), *last])
     print_json(found.document()) if as_json else show_comparison(found)
 
 

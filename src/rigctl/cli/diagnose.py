@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import HoldOut, Page, Runs
+from rigctl.cli.compare import HoldOut, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
     from rigctl.compare.result import Comparison
+    from rigctl.dataset import Run
+    from rigctl.diagnose.loop import Improvement
+    from rigctl.diagnose.result import Diagnosis
 
 
 def diagnose(
@@ -24,6 +27,7 @@ def diagnose(
         ),
     ],
     hold_out: HoldOut = None,
+    only: Only = None,
     *,
     apply: Annotated[
         bool,
@@ -51,6 +55,7 @@ def diagnose(
 
       rigctl diagnose latest --model models/hl32-textbook.yaml --apply --hold-out "oil == 60 degC"
     """
+    from rigctl.cli.compare import open_runs
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
     from rigctl.cli.model import own_model
     from rigctl.cli.tables import print_json
@@ -60,7 +65,7 @@ def diagnose(
 
     path = own_model(model) if apply else model
     with telling() as tell:
-        compared = _compared(runs, path, hold_out, tell)
+        compared = _compared(runs, path, hold_out, only, tell)
         if apply:
             done = improve(compared, path, hold_out=hold_out, most=most, tell=tell)
         else:
@@ -68,6 +73,8 @@ def diagnose(
             found = diagnose_comparison(
                 before, compared.runs, compared.held_out, compared.notes, most=most, tell=tell
             )
+    if output is not None:
+        _write_page(open_runs(runs), output, compared, done if apply else found, path)
     if as_json:
         print_json(done.document() if apply else found.document())
     elif apply:
@@ -76,7 +83,33 @@ def diagnose(
         show_diagnosis(found)
 
 
-def _compared(runs: list[str], path: Path, hold_out: str | None, tell: Callable[[str], None]) -> Comparison:
+def _write_page(
+    runs: list[Run], output: Path, compared: Comparison, found: Diagnosis | Improvement, path: Path
+) -> None:
+    """The comparison, the diagnosis, and how the error fell."""
+    from dataclasses import replace
+
+    from rigctl.cli.analysis_page import write_page
+    from rigctl.diagnose.loop import Improvement
+    from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
+
+    if isinstance(found, Improvement):
+        after = found.steps[-1].comparison if found.steps else None
+        named = [] if after is None else [replace(after, name=f"{after.name}, improved")]
+        shown = replace(compared, models=(*compared.models, *named))
+        sections = [
+            *comparison_sections(shown),
+            *history_sections(path),
+            *diagnosis_sections(found.first, after),
+        ]
+    else:
+        sections = [*comparison_sections(compared), *diagnosis_sections(found)]
+    write_page(runs, output, sections)
+
+
+def _compared(
+    runs: list[str], path: Path, hold_out: str | None, only: str | None, tell: Callable[[str], None]
+) -> Comparison:
     """The model fitted to the runs; one with nothing to fit is refused before any work."""
     from rigctl.cli.compare import open_models, open_runs
     from rigctl.compare.compare import compare
@@ -84,4 +117,4 @@ def _compared(runs: list[str], path: Path, hold_out: str | None, tell: Callable[
 
     (model,) = open_models([path])
     require_free_parameters(model)
-    return compare(open_runs(runs), [model], hold_out=hold_out, tell=tell)
+    return compare(open_runs(runs), [model], hold_out=hold_out, only=only, tell=tell)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rigctl.dataset import Run
+    from rigctl.report.section import Section
 
 
 class FigureFormat(StrEnum):
@@ -23,6 +27,17 @@ def report(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The page; by default RUN.html in this folder.")
     ] = None,
+    model: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="M",
+            help="Compare this model with the runs; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    diagnose: Annotated[bool, typer.Option("--diagnose", help="Say too what the first model lacks.")] = False,
     figures: Annotated[
         Path | None, typer.Option(help="A folder for every plot as a file of its own.")
     ] = None,
@@ -37,6 +52,8 @@ def report(
 
       rigctl report latest
 
+      rigctl report latest --model models/hl32-textbook.yaml --diagnose
+
       rigctl report 20261121-0900 20261122-0900 -o both-days.html --figures figures --format svg
     """
     from rigctl.dataset import open_run
@@ -47,7 +64,8 @@ def report(
     first = next(iter(opened))
     more = len(opened) - 1
     target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
-    written = write_report(list(opened.values()), target, figures=figures, form=form.value)
+    sections = _analysis(list(opened.values()), model, diagnose=diagnose) if model else []
+    written = write_report(list(opened.values()), target, figures=figures, form=form.value, sections=sections)
     if as_json:
         facts = {
             "page": written.page,
@@ -58,3 +76,23 @@ def report(
         typer.echo(to_json(facts))
     else:
         typer.echo(f"Wrote {written.summary()}")
+
+
+def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Section]:
+    """What the models say of the runs, how their error fell, and what the first one lacks."""
+    from rigctl.cli.compare import open_models
+    from rigctl.cli.telling import telling
+    from rigctl.compare.compare import compare
+    from rigctl.diagnose.diagnose import diagnose_comparison
+    from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
+
+    opened = open_models(models)
+    with telling() as tell:
+        found = compare(runs, opened, tell=tell)
+        sections = comparison_sections(found)
+        path = opened[-1].path
+        if path is not None:
+            sections += history_sections(path)
+        if diagnose:
+            sections += diagnosis_sections(diagnose_comparison(found.models[0], found.runs, tell=tell))
+    return sections
