@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -310,6 +311,24 @@ def test_an_import_that_is_killed_leaves_no_run(importer: Importer, tmp_path: Pa
     importer.bring_in(STROKES)
     assert not left[0].exists()
     assert len(list_runs(importer.runs)) == 2
+
+
+@pytest.mark.parametrize("more", ["0.03,1,-1,40.6,40.1,40,3\n", "0.00,2,1,40.6,40.1,40,0\n"])
+def test_a_file_that_is_still_written_to_is_refused(
+    importer: Importer, monkeypatch: pytest.MonkeyPatch, more: str
+) -> None:
+    from rigctl.dataset.importing import samples
+    from rigctl.dataset.writer import RunWriter
+
+    create = RunWriter.create
+
+    def grown(*arguments: Any) -> RunWriter:
+        (importer.folder / "strokes.csv").write_text(STROKES + more, encoding="utf-8")
+        return create(*arguments)
+
+    monkeypatch.setattr(samples, "_SHORT", 0)
+    monkeypatch.setattr(RunWriter, "create", grown)
+    assert importer.refusal(STROKES).what == "the file changed while it was read"
 
 
 def test_two_imports_of_one_second_are_two_runs(importer: Importer) -> None:

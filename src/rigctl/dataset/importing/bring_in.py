@@ -70,6 +70,7 @@ def import_file(
     RigctlError
         the file cannot be read, a column is unknown, or a row is bad; nothing was imported.
     """
+    before = _state(path)
     taken = _take(path, rig, columns)
     found = taken.found
     if found.bad_rows and not keep_good:
@@ -84,11 +85,33 @@ def import_file(
         try:
             _say(writer, said, found, path)
             records = taken.write(writer, name, stem_of(path))
-            folder = publish(writer.close("finished"), runs)
-        except BaseException:
+            whole = writer.close("finished")
+            if _state(path) != before:
+                raise _changed(path)
+            folder = publish(whole, runs)
+        except BaseException as problem:
             writer.discard()
+            if isinstance(problem, Exception) and _state(path) != before:
+                raise _changed(path) from problem
             raise
     return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """What changes when somebody writes to the file; None for a file that is not there."""
+    try:
+        facts = path.stat()
+    except OSError:
+        return None
+    return facts.st_size, facts.st_mtime_ns
+
+
+def _changed(path: Path) -> RigctlError:
+    return RigctlError(
+        "the file changed while it was read",
+        hint="Wait until what writes it has ended, or import a copy",
+        where=Location(path),
+    )
 
 
 def _say(writer: RunWriter, notes: Iterable[str], found: Survey, path: Path) -> None:
