@@ -43,7 +43,7 @@ class Outcome:
     intervals: of parameters whose truth is known.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
     failure: what went wrong; such a trial counts against the tool.
-    seconds: that it took.
+    seconds: of processor time that it took.
     """
 
     scenario: Scenario

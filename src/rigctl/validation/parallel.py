@@ -81,12 +81,12 @@ def run_scenarios(
 
 def attempt(work: Work, scenario: Scenario) -> Outcome:
     """What `work` makes of a scenario; its failure is an outcome too."""
-    began = time.monotonic()
+    began = time.process_time()
     try:
         return work(scenario)
     except (RigctlError, ArithmeticError, ValueError) as problem:
         said = f"{type(problem).__name__}: {problem}"
-        return Outcome(scenario, failure=said, seconds=time.monotonic() - began)
+        return Outcome(scenario, failure=said, seconds=time.process_time() - began)
 
 
 def _outcomes(scenarios: Sequence[Scenario], work: Work, workers: int) -> Iterator[Outcome]:
@@ -101,7 +101,7 @@ def _outcomes(scenarios: Sequence[Scenario], work: Work, workers: int) -> Iterat
         except BrokenProcessPool as problem:
             raise RigctlError(
                 "a process of the benchmark was killed; the results so far are kept",
-                hint="Give the same command again: it goes on where it was (--workers, if memory is short)",
+                hint="'--resume' goes on where it was (fewer '--workers', if memory is short)",
             ) from problem
         finally:
             pool.shutdown(wait=True, cancel_futures=True)

@@ -51,6 +51,34 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
     )
 
 
+def page(outcomes: Sequence[Outcome], command: str) -> str:
+    """The tables with the command that made them, in Markdown."""
+    counted = sum(outcome.counts for outcome in outcomes)
+    hours = sum(outcome.seconds for outcome in outcomes) / 3600.0
+    lines = [
+        f"`{command}`: {counted} trials, {hours:.1f} hours of one core.",
+        "",
+        markdown(outcomes),
+        *left_out_text(outcomes),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def left_out_text(outcomes: Sequence[Outcome]) -> list[str]:
+    """A sentence each for trials that could not be made, and for those that failed."""
+    untested = [outcome for outcome in outcomes if outcome.untested]
+    failed = [outcome for outcome in outcomes if outcome.failure]
+    found = []
+    if untested:
+        names = ", ".join(dict.fromkeys(effect for one in untested for effect in one.scenario.truth))
+        found.append(
+            f"{len(untested)} trials could not be made, because no amplitude has the size wanted: {names}."
+        )
+    if failed:
+        found.append(f"{len(failed)} trials failed and count against the tool: {failed[0].failure}")
+    return found
+
+
 def _row(rate: Rate) -> tuple[str, ...]:
     bounds = f"{_percent(rate.low)} to {_percent(rate.high)}"
     return (rate.name, rate.of, _percent(rate.value), bounds, f"{rate.count} of {rate.trials}", _target(rate))
