@@ -56,6 +56,12 @@ ENTRIES = (
         TOOLS,
         "The board's firmware emulated, its port for any client.",
     ),
+    Entry(
+        "validate",
+        "rigctl.cli.validate:validate",
+        TOOLS,
+        "How often the diagnosis is right, on a bench that hides effects.",
+    ),
     Entry("schema", "rigctl.cli.schema:schema", TOOLS, "JSON Schema of the files a user writes."),
     Entry("doctor", "rigctl.cli.doctor:doctor", TOOLS, "What is installed, what is missing, how to get it."),
 )

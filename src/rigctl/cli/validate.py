@@ -1,0 +1,119 @@
+"""`rigctl validate`: how often the diagnosis is right, on campaigns of a bench that hides something."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.validation.outcome import Outcome
+    from rigctl.validation.parallel import Standing
+
+#: without a terminal a line is printed this often, s
+_OFTEN = 15.0
+
+
+class TierName(StrEnum):
+    """How many trials."""
+
+    QUICK = "quick"
+    FULL = "full"
+
+
+def validate(
+    tier: Annotated[TierName, typer.Option(help="quick takes minutes, full hours.")] = TierName.QUICK,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder that keeps every result.")] = Path(
+        "validation"
+    ),
+    first: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Only the first N trials, a fair sample of all.", show_default=False
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Processes; one for each core if left out.", show_default=False
+        ),
+    ] = None,
+    *,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Count how often the diagnosis is right, on campaigns of a separate bench that hides effects.
+
+    That bench shares no equation and no integrator with the models it judges, and hides its effects in other
+    shapes than the library's. Every finished trial is kept: after a kill, --resume goes on. The tables are
+    also written into the folder, as Markdown.
+
+    Example: rigctl validate --tier quick
+    """
+    from rigctl.cli.tables import print_json
+    from rigctl.files.write import write_text
+    from rigctl.validation.judged import judged_version
+    from rigctl.validation.parallel import run_scenarios
+    from rigctl.validation.rates import document
+    from rigctl.validation.store import ResultStore
+    from rigctl.validation.tables import page
+    from rigctl.validation.tiers import scenarios
+    from rigctl.validation.work import carry_out
+
+    chosen = scenarios(tier.value)[:first]
+    store = ResultStore(out / f"{tier.value}.jsonl", judged_version())
+    if not resume and store.outcomes(chosen):
+        raise RigctlError(
+            "results of this version are there already",
+            value=str(store.path),
+            hint="'--resume' goes on with them, another '--out' begins anew",
+        )
+    with _told() as progress:
+        found = run_scenarios(chosen, carry_out, store, workers=workers, progress=progress)
+    command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")
+    write_text(out / f"{tier.value}.md", page(found, command))
+    if as_json:
+        print_json({"command": command, "results": str(store.path), **document(found)})
+    else:
+        _show(found, store.path)
+
+
+@contextmanager
+def _told() -> Iterator[Callable[[Standing], None]]:
+    """What is told of the progress: a line that changes on a terminal, else one now and then."""
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    if console.is_terminal:
+        with console.status("Beginning") as status:
+            yield lambda standing: status.update(str(standing))
+        return
+    last = -_OFTEN
+
+    def tell(standing: Standing) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _OFTEN or standing.done == standing.total:
+            last = now
+            console.print(str(standing), soft_wrap=True)
+
+    yield tell
+
+
+def _show(found: Sequence[Outcome], path: Path) -> None:
+    from rigctl.cli.tables import console
+    from rigctl.validation.tables import confusion_table, left_out_text, rates_table
+
+    screen = console()
+    screen.print(rates_table(found))
+    screen.print(confusion_table(found))
+    for line in left_out_text(found):
+        screen.print(line, soft_wrap=True)
+    screen.print(f"Every trial: {path}", soft_wrap=True)

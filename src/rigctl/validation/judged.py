@@ -1,0 +1,24 @@
+"""Which version of the tool a result is of: the text of everything that a verdict depends on."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+
+import rigctl.errors as ground
+
+#: packages of rigctl that a trial runs through
+_PACKAGES = ("compare", "diagnose", "effects", "engine", "model", "noise", "physics", "validation")
+
+
+@lru_cache(maxsize=1)
+def judged_version() -> str:
+    """A fingerprint of these packages: results of other ones do not count."""
+    root = Path(ground.__file__).parent
+    digest = sha256()
+    for package in _PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
