@@ -1,0 +1,132 @@
+"""From a run to how well a model agrees with it, by the commands alone."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from rigctl.cli.init import create_project
+from rigctl.cli.main import app
+from rigctl.errors import ExitCode, RigctlError
+
+MODEL = "models/hl32-textbook.yaml"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with a small campaign on a bench that is what the model says."""
+    folder = tmp_path_factory.mktemp("compare")
+    create_project(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        campaign = [
+            "procedures/campaign.yaml",
+            "-a",
+            "temperatures=20 degC, 60 degC",
+            "--seed",
+            "4",
+            "--json",
+        ]
+        done = CliRunner().invoke(app, ["simulate", *campaign])
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(bench)
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def answer(*arguments: str) -> dict[str, Any]:
+    done = call(*arguments, "--json")
+    assert done.exit_code == 0, done.output
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document
+
+
+def refusal(*arguments: str) -> str:
+    """What a command that is refused says."""
+    with pytest.raises(RigctlError) as caught:
+        CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert caught.value.exit_code == ExitCode.USAGE
+    return str(caught.value)
+
+
+def test_a_model_agrees_once_it_is_fitted() -> None:
+    Path("models/other.yaml").write_text(Path(MODEL).read_text("utf-8"), "utf-8", newline="\n")
+    fitted = answer("model", "fit", "models/other.yaml", "latest", "--hold-out", "supply == 30 bar")
+    assert (fitted["version"], fitted["effect"]) == (2, None)
+    assert fitted["after"]["rmse"]["position"] < 0.2 * fitted["before"]["rmse"]["position"]
+    assert fitted["after"]["heldout_rmse"]["position"] < 1.3 * fitted["after"]["noise"]["position"]
+
+    two = ["--model", "models/other.yaml@1", "--model", "models/other.yaml", "--no-fit"]
+    compared = answer("compare", "latest", *two)
+    first, second = compared["models"]
+    assert (first["model"], first["adequate"]) == ("other@1", False)
+    assert (second["model"], second["adequate"]) == ("other", True)
+    assert set(second["tests"]) == {"score", "plane", "chi2"}
+    assert first["where"][0]["share_of_error"] > 0.3
+    assert set(second["channels"]) == {"oil_temperature", "supply_pressure", "position"}
+    told = call("compare", "latest", *two).stdout
+    for words in ("other@1 does not agree", "other agrees", "p of plane test", "adequate"):
+        assert words in told
+
+
+def test_one_model_is_told_with_its_noise_and_its_places() -> None:
+    told = call("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC")
+    assert told.exit_code == 0
+    for words in (
+        "does not agree",
+        "RMSE/noise",
+        "quiet",
+        "held out: 4 records",
+        "where it fails",
+        "by phase",
+    ):
+        assert words in told.stdout
+    assert "Reading the records" in told.stderr
+    assert "Reading the records" not in told.stdout
+
+
+@pytest.mark.parametrize(
+    ("written", "says"),
+    [
+        ("oil == 20 degC and oil == 60 degC", "no record is held out"),
+        ("record > 0", "nothing is left to fit on"),
+        ("oyl == 20 degC", "did you mean 'oil'"),
+        ("supply == 20 degC", "cannot compare"),
+    ],
+)
+def test_a_choice_of_records_that_cannot_be_meant_is_refused(written: str, says: str) -> None:
+    assert says in refusal("compare", "latest", "--model", MODEL, "--hold-out", written)
+
+
+def test_a_model_of_another_bench_is_refused() -> None:
+    told = refusal("compare", "latest", "--model", "models/heater-board.yaml")
+    assert "was recorded on 'HL32 bench'" in told
+
+
+def test_too_few_values_name_the_parameters(tmp_path: Path) -> None:
+    table = tmp_path / "two.csv"
+    table.write_text("oil_temperature [degC],kinematic_viscosity [cSt]\n20,85.19\n", "utf-8")
+    run = answer("import", str(table))["run"]
+    told = refusal("compare", run, "--model", "models/hl32-oil.yaml")
+    shutil.rmtree(Path("runs", run))
+    assert "vogel_a, vogel_b, vogel_c" in told
+
+
+def test_a_model_that_has_nothing_to_fit_is_refused() -> None:
+    text = Path(MODEL).read_text("utf-8").replace("fit: true", "fit: false")
+    Path("models/fixed.yaml").write_text(text, "utf-8")
+    assert "nothing to fit" in refusal("diagnose", "latest", "--model", "models/fixed.yaml")
+    assert "nothing to fit" in refusal("model", "fit", "models/fixed.yaml", "latest")
