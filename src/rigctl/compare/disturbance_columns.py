@@ -18,8 +18,10 @@ from rigctl.physics.family import Slot
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.intp]
-#: samples of a record beyond which the process's derivatives are worked out at some and interpolated
-_SAMPLES = 160
+#: samples of a record beyond which derivatives are worked out at some of them and interpolated
+_SAMPLES = 500
+#: samples from a switch on that are none of them left out: what a delay does is sharp
+_ABOUT = 12
 
 
 @dataclass(frozen=True)
@@ -64,42 +66,52 @@ def disturbance_columns(
     moving, reading = sort_slots(problem)
     compiled = compile_system(disturbed_system(problem, moving, reading, knots), progress=progress)
     spacing = max((_length(record) for record in problem.records), default=0.0) / (knots - 1) or 1.0
-    disturbed = _with_system(problem, fit, compiled, spacing)
-    local = [fit.local[k] for k in fit.fitted]
-    parts, readings, courses = _of_motion(disturbed, local, moving, knots, spacing)
-    outputs = [fit.outputs[k] for k in fit.fitted]
-    grid = (knots, spacing) if moving else (knots, 0.0)
-    steps = _simulated(disturbed, local, [level(slot) for slot in reading])
-    for place, slot in enumerate(reading):
-        channel = int(np.argmax(np.sum([np.abs(step[:, :, place]).sum(axis=0) for step in steps], axis=0)))
-        for view, bases in reading_bases(problem.records, outputs, channel, *grid).items():
-            first, width = readings[0].shape[2], bases[0].shape[1]
-            ordered = knots if view == "time" else 0
-            parts.append(Part(slot, view, slice(first, first + width), ordered))
-            for k, basis in enumerate(bases):
-                added = steps[k][:, :, place, None] * basis[:, None, :]
-                readings[k] = np.concatenate([readings[k], added], axis=2)
-                courses[k] = np.concatenate([courses[k], basis], axis=1)
-    return DisturbanceColumns(tuple(parts), tuple(readings), tuple(courses))
-
-
-def _of_motion(
-    problem: Problem, local: Sequence[Floats], moving: Sequence[Slot], knots: int, spacing: float
-) -> tuple[list[Part], list[Floats], list[Floats]]:
-    """Parts, readings and courses of the slots that something moves by."""
-    chosen = [_few(record) for record in problem.records]
-    names = [amplitude(slot, k) for slot in moving for k in range(knots)]
-    arrays = _simulated(_at_samples(problem, chosen), local, names)
-    readings = [
-        _interpolated(array, places, record.times)
-        for array, places, record in zip(arrays, chosen, problem.records, strict=True)
+    names = [
+        *(amplitude(slot, k) for slot in moving for k in range(knots)),
+        *(level(slot) for slot in reading),
     ]
+    slopes = _slopes(fit, _with_system(problem, fit, compiled, spacing), names)
+    count = len(moving) * knots
+    parts = [Part(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)]
+    readings = [[array[:, :, :count]] for array in slopes]
     courses = [
-        np.tile(tents(record.times - record.switch_times[0], knots, spacing), (1, len(moving)))
+        [np.tile(tents(record.times - record.switch_times[0], knots, spacing), (1, len(moving)))]
         for record in problem.records
     ]
-    parts = [Part(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)]
-    return parts, readings, courses
+    for place, slot in enumerate(reading):
+        steps = [array[:, :, len(moving) * knots + place] for array in slopes]
+        grid = (knots, spacing) if moving else (knots, 0.0)
+        channel = _shown_on(problem, steps)
+        outputs = [fit.outputs[k][:, channel] for k in fit.fitted]
+        for view, bases in reading_bases(problem.records, outputs, *grid).items():
+            last = count + bases[0].shape[1]
+            parts.append(Part(slot, view, slice(count, last), knots if view == "time" else 0))
+            count = last
+            for k, basis in enumerate(bases):
+                readings[k].append(steps[k][:, :, None] * basis[:, None, :])
+                courses[k].append(basis)
+    return DisturbanceColumns(
+        tuple(parts),
+        tuple(np.concatenate(arrays, axis=2) for arrays in readings),
+        tuple(np.concatenate(arrays, axis=1) for arrays in courses),
+    )
+
+
+def _shown_on(problem: Problem, steps: Sequence[Floats]) -> int:
+    """The channel on which a reading's disturbance shows most, in units of the noise."""
+    shown = np.sum([np.abs(step).sum(axis=0) for step in steps], axis=0) / problem.noise.sigma
+    return int(np.argmax(shown))
+
+
+def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floats]:
+    """(n, channels, names) of each record: worked out at few samples, on straight lines between them."""
+    chosen = [_few(record) for record in problem.records]
+    local = [fit.local[k] for k in fit.fitted]
+    found = _at_samples(problem, chosen).simulate(np.empty(0), local, names).require()
+    return [
+        _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
+        for array, places, record in zip(found.sensitivities, chosen, problem.records, strict=True)
+    ]
 
 
 def _length(record: MeasuredRecord) -> float:
@@ -122,22 +134,16 @@ def _with_system(problem: Problem, fit: FitResult, compiled: CompiledSystem, spa
     )
 
 
-def _simulated(problem: Problem, local: Sequence[Floats], names: Sequence[str]) -> list[Floats]:
-    """(n, channels, names) of each record."""
-    if not names:
-        return [np.empty((r.times.size, len(problem.measurements.outputs), 0)) for r in problem.records]
-    found = problem.simulate(np.empty(0), local, names).require()
-    return [np.take(array, problem.channels, axis=1) for array in found.sensitivities]
-
-
 def _few(record: MeasuredRecord) -> Places:
-    """Samples of a record that tell the others: every so many, and both sides of each switch."""
+    """Samples of a record that tell the others: every so many, and all about each switch."""
     count = record.times.size
     if count <= _SAMPLES:
         return np.arange(count, dtype=np.intp)
     switched = np.flatnonzero(np.diff(record.phase))
     every = np.arange(0, count, -(-count // _SAMPLES))
-    return np.unique(np.concatenate([every, switched, switched + 1, [count - 1]])).astype(np.intp)
+    about = (switched[:, None] + np.arange(_ABOUT)).ravel()
+    chosen = np.unique(np.concatenate([every, about, [count - 1]]))
+    return chosen[chosen < count].astype(np.intp)
 
 
 def _at_samples(problem: Problem, chosen: Sequence[Places]) -> Problem:

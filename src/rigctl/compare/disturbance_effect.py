@@ -8,7 +8,7 @@ says what any course of it does.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, qualified
 from rigctl.engine.symbols import Scalar, positive_part
@@ -100,17 +100,18 @@ def _effect(family: ModelFamily, moving: Sequence[Slot], reading: Sequence[Slot]
     )
 
 
-def _tents(slot: Slot, knots: int, _: Scope, p: Own, **_local: Scalar) -> Scalar:
-    place = p.clock / p.spacing
+def _tents(slot: Slot, knots: int, _: Scope, p: Own) -> Scalar:
     total: Scalar = 0.0
-    for k in range(knots):
-        total = total + p[f"{slot.name}_{k}"] * _tent(place - float(k))
+    for k, tent in enumerate(_shapes(p.clock / p.spacing, knots)):
+        total = total + p[f"{slot.name}_{k}"] * tent
     return 1.0 + total if slot.combine == "product" else total
 
 
-def _tent(x: Scalar) -> Scalar:
-    """1 at 0, falling to 0 at ±1."""
-    return positive_part(x + 1.0, _CORNER) - 2.0 * positive_part(x, _CORNER) + positive_part(x - 1.0, _CORNER)
+@lru_cache(maxsize=1)
+def _shapes(place: Scalar, knots: int) -> tuple[Scalar, ...]:
+    """Tents at 0, 1, … of ``place``, each a second difference of ramps; every slot has the same."""
+    ramps = [positive_part(place - float(k), _CORNER) for k in range(-1, knots + 1)]
+    return tuple(ramps[k] - 2.0 * ramps[k + 1] + ramps[k + 2] for k in range(knots))
 
 
 def _level(slot: Slot, _: Scope, p: Own) -> Scalar:

@@ -16,15 +16,14 @@ View: TypeAlias = Literal["time", "reading", "rate"]
 
 
 def reading_bases(
-    records: Sequence[MeasuredRecord], outputs: Sequence[Floats], channel: int, knots: int, spacing: float
+    records: Sequence[MeasuredRecord], read: Sequence[Floats], knots: int, spacing: float
 ) -> dict[View, list[Floats]]:
-    """(n, functions) of each record for every view of an error of one channel.
+    """(n, functions) of each record for every view of an error of one channel, of which `read` is said.
 
     - "time": tents at the knots; of a table, whose `spacing` is 0, tents over each input that varies;
     - "reading": an offset, a gain and a bend over the range that the channel covers;
     - "rate": the time derivative, which a lag multiplies; a table has none.
     """
-    read = [output[:, channel] for output in outputs]
     low, high = min(float(x.min()) for x in read), max(float(x.max()) for x in read)
     place = [(2.0 * x - low - high) / ((high - low) or 1.0) for x in read]
     found: dict[View, list[Floats]] = {}
