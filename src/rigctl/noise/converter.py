@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 _FEWEST = 4
 #: a difference may miss the grid by this share of a step: files are rounded
 _OFF_GRID = 0.12
+#: and this share of them must not
+_ON_GRID = 0.95
 #: harmonics of the error of a converter that are summed
 _HARMONICS = np.arange(1, 21)
 
@@ -18,8 +20,8 @@ _HARMONICS = np.arange(1, 21)
 def find_step(series: Sequence[NDArray[np.float64]]) -> float:
     """The converter's step of one channel; 0 when its values lie on no grid.
 
-    The differences between neighbouring values that occur must all be whole multiples of one step, and values
-    must come back: a tenth of the samples or more repeat.
+    The differences between neighbouring values that occur must be whole multiples of one step, but for a few
+    (a placeholder that a logger writes), and values must come back: a tenth of the samples or more repeat.
 
     Parameters
     ----------
@@ -38,13 +40,15 @@ def find_step(series: Sequence[NDArray[np.float64]]) -> float:
     gaps = np.concatenate(between) if between else np.empty(0)
     if gaps.size < _FEWEST or distinct > 0.9 * samples:
         return 0.0
-    step = float(gaps.min())
-    for _ in range(3):
-        step = float(np.mean(gaps[gaps < 1.5 * step]))
-    multiples = np.round(gaps / step)
-    if not np.all(np.abs(gaps - multiples * step) < _OFF_GRID * step * np.sqrt(multiples)):
-        return 0.0
-    return float(gaps.sum() / multiples.sum())
+    for start in np.quantile(gaps, [0.0, 0.1, 0.25]).tolist():
+        step = float(start)
+        for _ in range(3):
+            step = float(np.mean(gaps[np.abs(gaps - step) < 0.5 * step]))
+        multiples = np.maximum(1.0, np.round(gaps / step))
+        on_grid = np.abs(gaps - multiples * step) < _OFF_GRID * step * np.sqrt(multiples)
+        if np.mean(on_grid) >= _ON_GRID:
+            return float(gaps[on_grid].sum() / multiples[on_grid].sum())
+    return 0.0
 
 
 def stretch_bias(step: float, before: float) -> float:

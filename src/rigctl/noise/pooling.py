@@ -68,8 +68,8 @@ def pool(
     used = _quietest(groups, cells)
     quiet, replicates = _chosen(groups, used), list[WindowGroup]()
     seen: set[bytes] = set()
-    fit = start or fit_noise(quiet, white=False)
-    white = start is not None
+    fit = start or fit_noise(quiet, white=0.0)
+    white, searched = fit.white, False
     for _ in range(_ROUNDS):
         if fit.sigma == 0.0:
             return None
@@ -84,10 +84,13 @@ def pool(
         replicates = _chosen(differences, used_differences, far_differences)
         fit = fit_noise([*quiet, *replicates], white=white)
         state = used.tobytes() + used_differences.tobytes()
-        if state in seen and white:
-            break
-        # white noise on top costs ten times the fit, so it is looked for when the rest stands
-        white = white or state in seen
+        if state in seen:
+            # looking for white noise on top costs ten times a fit, so it waits until the rest stands
+            fit = fit_noise([*quiet, *replicates])
+            if searched or fit.white == white:
+                break
+            white, searched = fit.white, True
+            seen.clear()
         seen.add(state)
     return Pooled(
         fit,

@@ -15,7 +15,7 @@ from rigctl.noise.windows import WindowGroup
 HIGHEST_CORRELATION = 0.98
 #: −2·ln of the likelihood ratio above which white noise on top is believed (1 % at one degree of freedom)
 _WHITE_PAYS = 6.63
-_WHITE_GRID = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
+_WHITE_GRID = (0.12, 0.3, 0.5, 0.7, 0.88, 0.96)
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class NoiseFit:
     degrees: int
 
 
-def fit_noise(groups: Sequence[WindowGroup], *, white: bool = True) -> NoiseFit:
+def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> NoiseFit:
     """Fit an AR(1) process with white noise on top to windows by restricted maximum likelihood.
 
     With e the samples of a window, X its trend and ``R_ij = (1 − w)·ρ^|t_i − t_j| + w·[i = j]``, over all
@@ -43,7 +43,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: bool = True) -> NoiseFit:
         Q = Σ (eᵀR⁻¹e − eᵀR⁻¹X·(XᵀR⁻¹X)⁻¹·XᵀR⁻¹e).
 
     Detrending makes the plain autocorrelation too small; this likelihood knows that the trend was taken out.
-    w = 0 unless it is asked for and raises 2·ln L by more than 6.63.
+    w is `white` where that is given; otherwise w = 0 unless w > 0 raises 2·ln L by more than 6.63.
 
     Source: Patterson & Thompson, Biometrika 58 (1971) 545; Harville, J. Am. Stat. Assoc. 72 (1977) 320.
     """
@@ -54,9 +54,9 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: bool = True) -> NoiseFit:
         determinant, quadratic = _sums(parts, rho, white)
         return determinant + degrees * float(np.log(quadratic / degrees))
 
-    rho, least = _best_correlation(lambda at: cost(at, 0.0))
-    share = 0.0
-    if white and rho > 0.02:
+    share = white or 0.0
+    rho, least = _best_correlation(lambda at: cost(at, share), within=1e-3 if white is None else 0.01)
+    if white is None and rho > 0.02:
         rho, share = _with_white(cost, rho, least)
     _, quadratic = _sums(parts, rho, share)
     return NoiseFit(float(np.sqrt(quadratic / degrees)), rho, share, degrees)
@@ -92,13 +92,13 @@ def _sums(
     return determinant, quadratic
 
 
-def _best_correlation(cost: Callable[[float], float]) -> tuple[float, float]:
+def _best_correlation(cost: Callable[[float], float], *, within: float = 1e-3) -> tuple[float, float]:
     """The least cost over 0 ≤ ρ ≤ highest, looked for in atanh ρ, and 0 itself if nothing beats it."""
     from scipy.optimize import minimize_scalar
 
     top = float(np.arctanh(HIGHEST_CORRELATION))
     found = minimize_scalar(
-        lambda at: cost(float(np.tanh(at))), bounds=(0.0, top), method="bounded", options={"xatol": 1e-3}
+        lambda at: cost(float(np.tanh(at))), bounds=(0.0, top), method="bounded", options={"xatol": within}
     )
     at_zero = cost(0.0)
     if at_zero <= float(found.fun):
@@ -107,19 +107,23 @@ def _best_correlation(cost: Callable[[float], float]) -> tuple[float, float]:
 
 
 def _with_white(cost: Callable[[float, float], float], rho: float, least: float) -> tuple[float, float]:
+    """Correlation and white share where white noise on top pays; the correlation alone where it does not."""
     from scipy.optimize import minimize_scalar
 
     def profile(white: float) -> float:
-        return _best_correlation(lambda at: cost(at, white))[1]
+        return _best_correlation(lambda at: cost(at, white), within=0.03)[1]
 
-    start = min(_WHITE_GRID, key=profile)
+    grid = [(profile(white), white) for white in _WHITE_GRID]
+    best, start = min(grid)
+    if best > least - 0.3 * _WHITE_PAYS:  # what lies between the grid's points cannot make up for the rest
+        return rho, 0.0
     found = minimize_scalar(
         profile,
-        bounds=(max(0.0, start - 0.15), min(0.99, start + 0.15)),
+        bounds=(max(0.0, start - 0.2), min(0.99, start + 0.2)),
         method="bounded",
         options={"xatol": 0.01},
     )
-    if float(found.fun) > least - _WHITE_PAYS:
+    if min(best, float(found.fun)) > least - _WHITE_PAYS:
         return rho, 0.0
-    white = float(found.x)
+    white = float(found.x) if float(found.fun) < best else start
     return _best_correlation(lambda at: cost(at, white))[0], white

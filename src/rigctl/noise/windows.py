@@ -23,7 +23,7 @@ TREND_ORDER = 2
 #: a window of which less than this share is left after spikes and gaps is not used
 _LEFT = 0.6
 #: windows with gaps have a likelihood of their own each; more patterns than this add time, not knowledge
-_PATTERNS = 120
+_PATTERNS = 60
 
 #: where in the records a window lies: phase, and how many windows before the phase's end
 Cell = tuple[int, int]
