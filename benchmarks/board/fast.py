@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +32,7 @@ def measure(seconds: float) -> tuple[list[tuple[str, str, str]], dict[str, Any]]
     rows = [
         (f"samples lost in {seconds / 60:g} min at 100 Hz", f"{whole['lost']}", "0"),
         ("lines torn", f"{whole['torn']}", "0"),
+        ("arrival jitter of board and line alone, ms, 99 %", f"{whole['arrival_ms']['jitter_p99']:.2f}", "2"),
         ("times real time", f"{whole['times_real_time']:.1f}", ""),
     ]
     for baud, found in lines.items():
@@ -63,11 +65,13 @@ def samples(seconds: float) -> dict[str, Any]:
     bench.start(RATE)
     began, wall = bench.clock.now(), time.perf_counter()
     times: list[float] = []
+    delays: list[float] = []
     notices = []
     while bench.clock.now() < began + seconds:
         sample = bench.next_sample(1.0)
         if sample is not None:
             times.append(sample.time)
+            delays.append((bench.clock.now() - sample.time) * 1e3)
         notices += bench.take_notices()
     wall = time.perf_counter() - wall
     bench.close()
@@ -77,9 +81,16 @@ def samples(seconds: float) -> dict[str, Any]:
         "received": len(times),
         "lost": sum(int(str(notice.fields["samples"])) for notice in notices if notice.kind == "gap"),
         "torn": sum(int(str(notice.fields.get("lines", 0))) for notice in notices),
+        "arrival_ms": {"median": statistics.median(delays), "jitter_p99": _jitter(delays)},
         "largest_distance_s": max(b - a for a, b in pairwise(times)),
         "times_real_time": seconds / wall,
     }
+
+
+def _jitter(delays: list[float]) -> float:
+    """What 99 % of the distances from the median are within."""
+    middle = statistics.median(delays)
+    return sorted(abs(delay - middle) for delay in delays)[int(0.99 * (len(delays) - 1))]
 
 
 def capacity(baud: int, seconds: float = 10.0) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import statistics
 import subprocess
 import sys
@@ -26,6 +27,8 @@ TITLE = "host and board in real time, two processes on a pseudo-terminal"
 RATE = 100.0  # Hz
 QUERIES = ("*IDN?", "SYST:TIME?", "MEAS:ALL?", "VALV?")
 ASKED = 300
+_PAUSES = random.Random(1)
+_MINUTE = round(60 * RATE)  # samples
 RIG = shipped("rigs", "hl32-bench-uno.yaml")
 
 _HEATS = """
@@ -98,7 +101,7 @@ def _asked(port: Any, query: str) -> float:
     while port.readline()[:1] in (b"@", b"!"):
         pass
     took = time.perf_counter() - began
-    time.sleep(0.0031)  # not in step with the stream
+    time.sleep(_PAUSES.uniform(0.0, 0.01))  # not in step with the stream
     return took * 1e3
 
 
@@ -110,13 +113,15 @@ def arrivals(seconds: float) -> dict[str, Any]:
         bench.start(RATE)
         now = bench.clock.now
         began = now()
-        delays, times, notices = [], [], []
+        delays, times, notices, loads = [], [], [], []
         while now() < began + seconds:
             sample = bench.next_sample(1.0)
             if sample is not None:
                 delays.append((now() - sample.time) * 1e3)
                 times.append(sample.time)
             notices += bench.take_notices()
+            if len(times) // _MINUTE > len(loads):
+                loads.append(os.getloadavg()[0])
         uncertainty = bench.command("valve", 0.0).uncertainty
         bench.close()
     middle = statistics.median(delays)
@@ -129,8 +134,18 @@ def arrivals(seconds: float) -> dict[str, Any]:
         "largest_distance_s": max(b - a for a, b in pairwise(times)),
         "delay_ms": _figures(delays),
         "jitter_ms": _figures([abs(delay - middle) for delay in delays]),
+        "by_minute": _by_minute([abs(delay - middle) for delay in delays], loads),
         "clock_uncertainty_ms": uncertainty * 1e3,
     }
+
+
+def _by_minute(jitter: Sequence[float], loads: Sequence[float]) -> list[dict[str, float]]:
+    """What 99 % of each minute's arrivals are within, beside how busy the computer was."""
+    minutes = [jitter[k * _MINUTE : (k + 1) * _MINUTE] for k in range(len(loads))]
+    return [
+        {"jitter_ms_p99": _figures(minute)["p99"], "load_average": load}
+        for minute, load in zip(minutes, loads, strict=True)
+    ]
 
 
 def after_kill(times: int) -> list[float]:

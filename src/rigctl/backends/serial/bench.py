@@ -11,6 +11,7 @@ from rigctl.backends.errors import BackendLost, BenchTripped
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.board import Board, trip_causes
 from rigctl.backends.serial.greeting import Greeting, greet
+from rigctl.backends.serial.heartbeat import Heartbeat
 from rigctl.backends.serial.intake import Intake
 from rigctl.backends.serial.line import Line, Refused
 from rigctl.backends.serial.port import Connect, PortLost
@@ -24,9 +25,6 @@ from rigctl.rig import Rig
 T = TypeVar("T")
 
 HOST_SILENT = "host silent"  #: the trip that a host's coming ends
-PING_INTERVAL = 0.5  #: s; the board gives up on a silent host after 1.5 s
-_UNANSWERED = 3  # pings in a row, and the board is lost
-_PATIENCE = 0.4  # s by which a ping is brought forward when the stream has stopped
 _REPORT = 0.5  # s for the board to report a switch
 
 
@@ -80,8 +78,7 @@ class SerialBench:
         self._board: Board | None = None
         self._opened = False
         self._rate = 0.0
-        self._next_ping = 0.0
-        self._unanswered = 0
+        self._heartbeat: Heartbeat | None = None
         self._trip_told = False
         self._ends: dict[str, float] = {}  # pulses that are timed here
         self._intake = Intake(self._translation, clock)
@@ -217,7 +214,7 @@ class SerialBench:
         self._intake.tripped, self._trip_told = "", False
         known_commands = dict.fromkeys(self._rig.actuators, 0.0) | self._intake.commanded
         self._intake.commanded = known_commands | self._resting()
-        self._next_ping = self.clock.now() + PING_INTERVAL
+        self._heartbeat = Heartbeat(board, self.clock)
         self._settle_trips(board)
         self._start_stream(board)
         self._board = board
@@ -257,42 +254,19 @@ class SerialBench:
         for actuator in [name for name, end in self._ends.items() if end <= now]:
             del self._ends[actuator]
             self._intake.receipts.append(self.command(actuator, float(self._rig.safe_state[actuator])))
-        board = self._board
-        if board is None:
+        board, heartbeat = self._board, self._heartbeat
+        if board is None or heartbeat is None:
             self._try_again(until)
             return
         silence = max(0.1, 3.0 / (self._rate or self._rig.monitor_rate))
         try:
-            silent = now - self._intake.heard > silence and now >= self._next_ping - _PATIENCE
-            if now >= self._next_ping or silent:
-                self._ping(board, now)
-            board.line.poll(min(until, self._next_ping, *self._ends.values()))
+            heartbeat.beat(silent=now - self._intake.heard > silence)
+            board.line.poll(min(until, heartbeat.due, *self._ends.values()))
+            heartbeat.listen()
         except PortLost as error:
             self._lose(error)
             return
         self._intake.take(board)
-
-    def _ping(self, board: Board, now: float) -> None:
-        """Say that the host lives, and learn what time the board has; one question at a time, so that a
-        sample is never held up for long.
-
-        Raises
-        ------
-        PortLost
-            several pings in a row were not answered, or the board's time says that it was restarted.
-        """
-        self._next_ping = now + PING_INTERVAL
-        try:
-            known = board.learn_clock(1, tries=1)
-        except PortLost:
-            self._unanswered += 1
-            self._next_ping = self.clock.now()
-            if self._unanswered >= _UNANSWERED:
-                raise
-            return
-        self._unanswered = 0
-        if not known:
-            raise PortLost("the board was restarted")
 
     def _carried_out(self, action: Callable[[Board], T]) -> T:
         """Do something with the board, after it has come back where it is lost."""

@@ -39,10 +39,10 @@ class Board:
         """The latched causes."""
         return int(self.ask("SYST:TRIP?").partition(",")[0])
 
-    def learn_clock(self, times: int, tries: int = 3) -> bool:
+    def learn_clock(self, times: int) -> bool:
         """Ask for its time; False when it cannot be the time of the board that answered before."""
         for _ in range(times):
-            sent, answer, received = self.line.exchange("SYST:TIME?", tries=tries)
+            sent, answer, received = self.line.exchange("SYST:TIME?")
             if not self.clock_map.add(sent, int(answer), received):
                 return False
         return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from itertools import count
 
 from rigctl.backends.serial.messages import LineReader, Reading, Reply, Switched, with_checksum
@@ -19,6 +20,13 @@ class Refused(Exception):
     def __init__(self, command: str, number: int, text: str) -> None:
         super().__init__(f"the board refuses '{command}': {text} ({number})")
         self.number = number
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    tag: int
+    sent: float  # s
+    length: int  # bytes
 
 
 class Line:
@@ -38,6 +46,8 @@ class Line:
         self._reader = LineReader()
         self._tags = count(1)
         self._reply: Reply | None = None
+        self._open: _Question | None = None  # asked, and nobody waits for the answer
+        self._answer: tuple[float, str, float] | None = None
         self.readings: deque[Reading] = deque()
         self.switched: deque[Switched] = deque()
         self.readings_at_reply = 0  #: how many of `readings` came before the last answer
@@ -59,10 +69,23 @@ class Line:
                 self.readings.append(message)
             elif isinstance(message, Switched):
                 self.switched.append(message)
+            elif self._open is not None and message.tag == self._open.tag:
+                self._answer = self._times(self._open, message)
+                self._open = None
             else:
                 self._reply = message
                 self.readings_at_reply = len(self.readings)
         return True
+
+    def begin(self, command: str) -> None:
+        """Ask without waiting; `take_answer` has the answer once it has been polled in."""
+        self._open = self._put(command)
+        self._answer = None
+
+    def take_answer(self) -> tuple[float, str, float] | None:
+        """The answer to what `begin` asked, as `exchange` gives it; once, and None while there is none."""
+        answer, self._answer = self._answer, None
+        return answer
 
     def forget(self) -> None:
         """Drop what the board has sent of its own accord so far."""
@@ -85,23 +108,29 @@ class Line:
         """When the command had been received at the earliest, the answer, and when it was given at the
         latest: the characters' time on the line is taken off."""
         for _ in range(tries):
-            tag = next(self._tags)
-            data = with_checksum(f"#{tag} {command}")
             self._reply = None
-            sent = self._clock.now()
-            self.port.write(data)
-            reply = self._await(tag, sent + timeout)
+            question = self._put(command)
+            reply = self._await(question.tag, question.sent + timeout)
             if reply is None:
                 continue
-            received = self._clock.now()
-            text = reply.text
-            if text.startswith("!"):
-                number, _, words = text[1:].partition(",")
+            if reply.text.startswith("!"):
+                number, _, words = reply.text[1:].partition(",")
                 raise Refused(command, int(number), words.strip('"'))
-            characters = len(f"#{tag} {text}*0000\n")
-            earliest = sent + len(data) * self._character
-            return earliest, text, max(received - characters * self._character, earliest)
+            return self._times(question, reply)
         raise PortLost(f"{self.port.name}: the board does not answer '{command}'")
+
+    def _put(self, command: str) -> _Question:
+        tag = next(self._tags)
+        data = with_checksum(f"#{tag} {command}")
+        sent = self._clock.now()
+        self.port.write(data)
+        return _Question(tag, sent, len(data))
+
+    def _times(self, question: _Question, reply: Reply) -> tuple[float, str, float]:
+        received = self._clock.now()
+        characters = len(f"#{reply.tag} {reply.text}*0000\n")
+        earliest = question.sent + question.length * self._character
+        return earliest, reply.text, max(received - characters * self._character, earliest)
 
     def _await(self, tag: int, deadline: float) -> Reply | None:
         while True:
