@@ -119,6 +119,7 @@ def test_without_a_record_column_it_is_one_record(importer: Importer) -> None:
         "# made by a logger\n\n# on a Monday\ntime [s],position [mm]\n0.0, 1.5\n\n0.1, +2.5\n",
         'time [s],"position [mm]"\n"0.0","1.5"\n0.1,2.5',
         "time [ms],position [cm]\n0,.15\n1e2,0.25\n",
+        "time [sec],position [mm],oil_temperature [deg C]\n0,1.5,20\n0.1,2.5,20\n",
         "time [s],position [mm],supply_pressure [bar]\n0,1.5,NA\n.1,2.5,\n",
     ],
 )

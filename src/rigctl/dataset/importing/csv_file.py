@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final, cast
 
 from rigctl.dataset.importing.csv_rows import Cells, cell_place, read_rows
+from rigctl.dataset.importing.headings import split_heading
 from rigctl.dataset.importing.table import MISSING, Heading, Labels, Part
 from rigctl.errors import Location, RigctlError
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-_HEADING: Final = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 #: bytes of the file that are in memory at a time
 _PIECE: Final = 1 << 23
 #: bytes of the first rows, which show how numbers are written
@@ -183,11 +183,3 @@ def _read_headings(path: Path, line: int, heading: str, cells: Cells) -> tuple[H
             )
         headings.append(Heading(name, unit, where))
     return tuple(headings)
-
-
-def split_heading(text: str) -> tuple[str, str | None]:
-    """The name and the unit of ``name [unit]``; no unit where there are no brackets, no name for nonsense."""
-    match = _HEADING.fullmatch(text.strip())
-    if match is None:
-        return "", None
-    return match["name"], None if match["unit"] is None else match["unit"].strip()

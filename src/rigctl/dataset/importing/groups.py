@@ -33,17 +33,6 @@ if TYPE_CHECKING:
 
 #: a file of more bytes than this is read piece by piece, each time anew
 LARGE: Final = 1 << 28
-#: how other programs write units that have another name here
-_UNITS: Final[Mapping[str, str]] = {
-    "deg C": "degC",
-    "Deg C": "degC",
-    "degrees C": "degC",
-    "Celsius": "degC",
-    "sec": "s",
-    "seconds": "s",
-    "-": "1",
-    "none": "1",
-}
 
 
 @dataclass(frozen=True)
@@ -228,12 +217,6 @@ def _headings(path: Path, groups: Sequence[Group], noun: str) -> tuple[Heading, 
                     where=Location(path),
                 )
     return tuple(Heading(name, unit, Location(path)) for name, (unit, _) in units.items())
-
-
-def unit_of(written: object) -> str | None:
-    """The unit that a file gives a channel, as it is called here; None where it gives none."""
-    text = str(written).strip() if written is not None else ""
-    return _UNITS.get(text, text) or None
 
 
 def common_length(path: Path, where: str, lengths: Mapping[str, int], names: Mapping[str, str]) -> int:

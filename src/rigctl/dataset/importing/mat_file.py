@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rigctl.dataset.importing.csv_file import split_heading
 from rigctl.dataset.importing.groups import (
     Column,
     Group,
@@ -22,8 +21,8 @@ from rigctl.dataset.importing.groups import (
     is_text,
     open_groups,
     telling,
-    unit_of,
 )
+from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -180,9 +179,7 @@ def _group(
     columns = []
     for name, array in vectors.items():
         plain, unit = split_heading(name)
-        columns.append(
-            Column(plain or name, unit_of(units.get(name)) or unit_of(unit), _reader(path, name, array))
-        )
+        columns.append(Column(plain or name, unit_of(units.get(name)) or unit, _reader(path, name, array)))
     yield Group(label, rows, tuple(columns))
 
 

@@ -7,7 +7,6 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rigctl.dataset.importing.csv_file import split_heading
 from rigctl.dataset.importing.groups import (
     LARGE,
     Column,
@@ -18,8 +17,8 @@ from rigctl.dataset.importing.groups import (
     open_groups,
     overheard,
     telling,
-    unit_of,
 )
+from rigctl.dataset.importing.headings import split_heading, unit_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,7 +79,7 @@ def _name(group: Any, index: int, taken: set[str]) -> str:
 def _column(file: Any, group: int, place: int) -> Column:
     first = file.get(group=group, index=place, record_count=1, ignore_invalidation_bits=True)
     name, unit = split_heading(str(first.name))
-    return Column(name or str(first.name), unit_of(first.unit) or unit_of(unit), _reader(file, group, place))
+    return Column(name or str(first.name), unit_of(first.unit) or unit, _reader(file, group, place))
 
 
 def _reader(file: Any, group: int, place: int) -> Callable[[int, int], NDArray[Any]]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigctl.dataset.importing.csv_file import labels_of_dictionary, split_heading
+from rigctl.dataset.importing.csv_file import labels_of_dictionary
+from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
 from rigctl.errors import Location, RigctlError
 
@@ -75,7 +76,7 @@ def open_parquet_file(path: Path, names: Mapping[str, str]) -> ParquetFile:
         name, unit = split_heading(field.name)
         stored = (field.metadata or {}).get(b"unit")
         if unit is None and stored is not None:
-            unit = stored.decode("utf-8", "replace")
+            unit = unit_of(stored.decode("utf-8", "replace"))
         headings.append(Heading(name or field.name, unit, Location(path)))
     return ParquetFile(path, tuple(headings), tuple(schema.names))
 

@@ -11,7 +11,6 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rigctl.dataset.importing.csv_file import split_heading
 from rigctl.dataset.importing.groups import (
     LARGE,
     Column,
@@ -22,8 +21,8 @@ from rigctl.dataset.importing.groups import (
     open_groups,
     overheard,
     telling,
-    unit_of,
 )
+from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -85,7 +84,7 @@ def _heading(channel: Any) -> tuple[str, str | None]:
     """Name and unit; the unit may stand in brackets in the name."""
     name, unit = split_heading(channel.name)
     stored = next((channel.properties[key] for key in _UNITS if channel.properties.get(key)), None)
-    return name or channel.name, unit_of(stored) or unit_of(unit)
+    return name or channel.name, unit_of(stored) or unit
 
 
 def _reader(channel: Any) -> Callable[[int, int], NDArray[Any]]:
