@@ -1,0 +1,109 @@
+"""A hidden effect, from the run to the model that has it, by the commands alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.init import create_project
+from rigctl.cli.main import app
+from rigctl.errors import RigctlError
+
+MODEL = "models/hl32-textbook.yaml"
+#: of the shipped campaign that another program made with a leaking valve: 20, 50 and 80 degC
+RECORDS = {f"{number:03d}" for number in (*range(1, 5), *range(13, 17), *range(25, 29))}
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with twelve records of the campaign."""
+    folder = tmp_path_factory.mktemp("diagnose")
+    create_project(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        lines = Path("data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
+        kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
+        Path("few.csv").write_text("".join([lines[0], *kept]), "utf-8")
+        told("import", "few.csv", "--rig", "rigs/hl32-bench.yaml")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(bench)
+
+
+def told(*arguments: str) -> str:
+    done = CliRunner().invoke(app, list(arguments))
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def answer(*arguments: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(told(*arguments, "--json"))
+    return document
+
+
+def copied(name: str) -> str:
+    """The textbook model under another name, so that tests do not share versions."""
+    path = Path("models", f"{name}.yaml")
+    path.write_text(Path(MODEL).read_text("utf-8"), "utf-8", newline="\n")
+    return str(path)
+
+
+def test_what_is_hidden_is_found_added_and_the_error_falls() -> None:
+    model = copied("found")
+    done = answer("diagnose", "latest", "--model", model, "--apply", "--hold-out", "oil == 50 degC")
+    assert done["verdict"] in ("missing_effect", "ambiguous")
+    assert "valve_leakage" in {name for names in done["classes"] for name in names}
+    (step,) = done["steps"]
+    assert (step["effects"], step["version"]) == (["valve_leakage"], 2)
+    assert step["after"]["heldout_rmse"]["position"] < step["before"]["heldout_rmse"]["position"]
+    assert step["after"]["rmse"]["position"] < 1.1 * step["after"]["noise"]["position"]
+    assert (done["ended"], done["after"]["verdict"]) == ("adequate", "adequate")
+
+    values = {one["name"]: one for one in answer("model", "show", model)["parameters"]}
+    found = values["valve_leakage.conductance"]
+    assert 0.0 < found["std"] < 0.1 * found["value"]
+    assert found["from"].startswith("fitted")
+    history = answer("model", "history", model)
+    assert [version["kind"] for version in history["versions"]] == ["start", "add"]
+    assert [error["version"] for error in history["errors"]] == [1, 2]
+    assert "noise" in told("model", "history", model)
+
+
+def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
+    shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1")
+    for words in (
+        "valve_leakage",
+        "probability",
+        "ΔmBIC",
+        "+ for valve_leakage",
+        "100.0 %",
+        "say nothing of",
+    ):
+        assert words in shown
+    assert not Path("models/.history/hl32-textbook").exists()  # without --apply nothing is written
+
+
+def test_an_effect_is_added_and_taken_out_with_the_error_before_and_after() -> None:
+    model = copied("by-hand")
+    added = answer("model", "add", model, "valve_leakage:conductance=1e-15 m^3", "--fit", "latest")
+    assert (added["version"], added["effect"], added["before"]["heldout_rmse"]) == (2, "valve_leakage", {})
+    assert added["after"]["chi2_reduced"] < added["before"]["chi2_reduced"]
+    gone = answer("model", "remove", model, "valve_leakage", "--fit", "latest")
+    assert gone["version"] == 3
+    assert gone["before"]["chi2_reduced"] == pytest.approx(added["after"]["chi2_reduced"], rel=1e-3)
+    assert gone["after"]["chi2_reduced"] == pytest.approx(added["before"]["chi2_reduced"], rel=1e-3)
+
+
+def test_without_runs_there_is_nothing_to_fit_to() -> None:
+    with pytest.raises(RigctlError, match="Name a RUN, or say --no-fit"):
+        CliRunner().invoke(app, ["model", "add", MODEL, "valve_leakage"], catch_exceptions=False)
+    model = copied("unfitted")
+    assert answer("model", "add", model, "valve_leakage", "--no-fit")["after"] is None
+    assert "conductance" in Path(model).read_text("utf-8")
