@@ -9,6 +9,7 @@ from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, parse, type_of_unit
 from rigctl.expressions.nodes import Comparison, Constant, Name, walk
 from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.units import show
 
 #: what people call an operating variable of a dimension, whatever the data call it
 _CALLED = {
@@ -65,7 +66,7 @@ def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], non
     exact = list(_equalities(checked, types))
     found = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
     if not found:
-        raise RigctlError(none, value=text, expected=_points(measurements, named) or None)
+        raise RigctlError(none, value=text, expected=_points(measurements, named, units) or None)
     return found
 
 
@@ -122,11 +123,11 @@ def _snapped(
     return result
 
 
-def _points(measurements: Measurements, named: list[dict[str, float]]) -> str:
-    names = [*measurements.variables, "record"]
-    ends = [
-        f"{name} from {min(v[name] for v in named):g} to {max(v[name] for v in named):g} (SI)"
-        for name in names
-        if all(name in v for v in named)
-    ]
+def _points(measurements: Measurements, named: list[dict[str, float]], units: Mapping[str, str]) -> str:
+    ends = []
+    for name in [*measurements.variables, "record"]:
+        if all(name in values for values in named):
+            low, high = min(v[name] for v in named), max(v[name] for v in named)
+            unit = units.get(name, "1")
+            ends.append(f"{name} from {show(low, unit, digits=4)} to {show(high, unit, digits=4)}")
     return ", ".join(ends)
