@@ -89,8 +89,9 @@ RECORD_LEVEL = RecordLevel(
     starts=(
         Start("oil_temperature", "measured"),
         Start("supply_pressure", "set", input="pressure_setpoint"),
+        Start("pressure_a", "set", input="pressure_setpoint", share=0.0, spread=0.2),
         Start("pressure_b", "set", input="pressure_setpoint", share=0.9, spread=0.2),
-        Start("position", "rest", rest=2e-3, at_rest=_on_the_stop),
+        Start("position", "rest", rest=1e-3, at_rest=_on_the_stop),
     ),
     shared_switch="switching",
 )

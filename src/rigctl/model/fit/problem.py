@@ -213,10 +213,7 @@ def make_problem(
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
     records = measurements.records
-    starts = tuple(
-        np.array([found[name] for name in system.state_names])
-        for found in (start_values(level, record, measurements, usual, model.values) for record in records)
-    )
+    starts = [start_values(level, record, measurements, usual, model.values) for record in records]
     return Problem(
         model=model,
         measurements=measurements,
@@ -225,8 +222,11 @@ def make_problem(
         compiled=compile_system(system, progress=progress),
         level=level,
         shared=(*shared_unknowns(model), *switch_unknown(level, measurements)),
-        local=tuple(local_unknowns(level, record, measurements) for record in records),
+        local=tuple(
+            local_unknowns(level, record, measurements, found)
+            for record, found in zip(records, starts, strict=True)
+        ),
         whiteners=tuple(whiten(noise, record.times, good) for record, good in zip(records, ok, strict=True)),
         base=np.array(system.nominal, dtype=float),
-        starts=starts,
+        starts=tuple(np.array([found[name] for name in system.state_names]) for found in starts),
     )

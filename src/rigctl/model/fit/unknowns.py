@@ -81,19 +81,19 @@ def switch_unknown(level: RecordLevel, measurements: Measurements) -> list[Unkno
 
 
 def local_unknowns(
-    level: RecordLevel, record: MeasuredRecord, measurements: Measurements
+    level: RecordLevel, record: MeasuredRecord, measurements: Measurements, found: Mapping[str, float]
 ) -> tuple[LocalUnknown, ...]:
-    """The unknowns of one record, with what is known of each before."""
-    found = []
+    """The unknowns of one record, with what is known of each before; `found` is where its states start."""
+    unknowns = []
     for quantity in level.quantities:
         one = _quantity(quantity, record, measurements)
         if one is not None:
-            found.append(LocalUnknown(quantity.name, one))
+            unknowns.append(LocalUnknown(quantity.name, one))
     for start in level.starts:
-        one = _start(start, record, measurements)
+        one = _start(start, record, measurements, found)
         if one is not None:
-            found.append(LocalUnknown(start.state, one, initial=True))
-    return tuple(found)
+            unknowns.append(LocalUnknown(start.state, one, initial=True))
+    return tuple(unknowns)
 
 
 def _quantity(quantity: Quantity, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
@@ -120,7 +120,9 @@ def _half_width(switch: tuple[float, float], record: MeasuredRecord, measurement
     return 0.0
 
 
-def _start(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
+def _start(
+    start: Start, record: MeasuredRecord, measurements: Measurements, found: Mapping[str, float]
+) -> Unknown | None:
     if start.how == "measured":
         if start.state not in measurements.outputs:
             return None
@@ -128,19 +130,15 @@ def _start(start: Start, record: MeasuredRecord, measurements: Measurements) -> 
         if not math.isfinite(reading):
             return None
         return Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
+    if start.how == "rest":
+        mean = found[start.state]
+        return Unknown(start.state, mean, scale=start.rest, prior=Prior(mean, start.rest))
     if start.how == "set" and start.spread > 0.0:
         given = float(record.inputs[0, measurements.inputs.index(start.input)])
-        std = start.spread * given
+        std, mean = start.spread * given, start.share * given
         if std <= 0.0:
             return None
-        return Unknown(
-            start.state,
-            start.share * given,
-            0.0,
-            1.2 * given,
-            scale=std,
-            prior=Prior(start.share * given, std),
-        )
+        return Unknown(start.state, mean, -0.5e5, 1.2 * given, scale=std, prior=Prior(mean, std))
     return None
 
 
