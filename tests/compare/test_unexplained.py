@@ -1,0 +1,61 @@
+"""How large a change of the readings is to a fitted model, and what it looks like."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigctl.compare.compare import fit_model
+from rigctl.compare.linearise import linearise
+from rigctl.compare.projected import project
+from rigctl.compare.unexplained import Unexplained, unexplained
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.noise import noise_of
+from rigctl.validation.in_memory import measure
+from rigctl.validation.scenario import Scenario
+from rigctl.validation.work import bench_model
+
+SMALL = Scenario("nothing", repeated=1, temperatures=(20.0, 60.0), pressures=(20.0, 50.0))
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Unexplained, Problem, object]:
+    model, rig = bench_model(False)
+    measurements = measure(SMALL.plain, model, rig)
+    fitted = fit_model(model, measurements, noise_of(measurements))
+    whole = fitted.problem.rebuilt(fitted.model, library=True)
+    linearisation = linearise(fitted, whole)
+    return unexplained(linearisation, whole), whole, linearisation
+
+
+def slopes(whole: Problem, linearisation, name: str) -> list[np.ndarray]:
+    fit = linearisation.fit
+    base = whole.base.copy()
+    names = whole.compiled.system.parameter_names
+    for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
+        base[names.index(unknown.name)] = value
+    found = whole.with_shared((), base).simulate(np.empty(0), fit.local, [name]).require()
+    return [np.take(array, whole.channels, axis=1)[:, :, 0] for array in found.sensitivities]
+
+
+def test_what_the_fit_can_do_has_no_size(made) -> None:
+    seen, whole, linearisation = made
+    change = slopes(whole, linearisation, "flow_area")
+    assert seen.size([1e-8 * each for each in change]) < 1e-6
+
+
+def test_a_signature_has_its_own_length_and_looks_like_itself(made) -> None:
+    seen, whole, linearisation = made
+    change = slopes(whole, linearisation, "piston_leakage.conductance")
+    place = next(k for k, one in enumerate(linearisation.candidates) if one.name == "piston_leakage")
+    length = project(linearisation).lengths[linearisation.starts[place]]
+    assert seen.size([4e-15 * each for each in change]) == pytest.approx(4e-15 * length, rel=1e-6)
+    cosines = seen.cosines([4e-15 * each for each in change])
+    assert cosines["piston_leakage"] == pytest.approx(1.0, abs=1e-6)
+    assert all(0.0 <= cosine <= 1.0 for cosine in cosines.values())
+
+
+def test_a_leak_that_runs_backwards_is_no_leak(made) -> None:
+    seen, whole, linearisation = made
+    change = slopes(whole, linearisation, "piston_leakage.conductance")
+    assert seen.cosines([-4e-15 * each for each in change])["piston_leakage"] == 0.0

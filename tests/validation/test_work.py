@@ -1,0 +1,44 @@
+"""Single trials of the benchmark, from the bench to the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from rigctl.validation.outcome import Outcome
+from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.work import carry_out
+
+SMALL = Scenario("nothing", repeated=2, temperatures=(20.0, 50.0, 80.0), pressures=(20.0, 50.0))
+
+
+def test_a_large_effect_is_found_and_its_size_is_as_wanted() -> None:
+    outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("valve_leakage", 40.0),), shape="same"))
+    assert outcome.sizes == (pytest.approx(40.0, rel=0.021),)
+    assert outcome.right
+    assert outcome.first == "valve_leakage"
+    assert outcome.rival_cosine is not None and 0.0 < outcome.rival_cosine < 1.0
+    assert outcome.separation == pytest.approx(40.0 * ((1.0 - outcome.rival_cosine) / 2.0) ** 0.5, rel=0.03)
+    assert [interval.parameter for interval in outcome.intervals] == ["conductance"]
+    assert Outcome.read(outcome.document()) == outcome
+
+
+def test_what_was_taken_from_the_library_is_not_named() -> None:
+    hidden = (Wanted("valve_leakage", 40.0),)
+    outcome = carry_out(replace(SMALL, kind="removed", hidden=hidden, shape="same"))
+    assert outcome.verdict != "adequate"
+    assert "valve_leakage" not in (outcome.first, *outcome.effects)
+    assert not any("valve_leakage" in group for group in outcome.classes)
+
+
+def test_noise_may_be_told_instead_of_learned() -> None:
+    outcome = carry_out(replace(SMALL, noise_known=True))
+    assert outcome.verdict == "adequate"
+    assert not outcome.effects
+
+
+def test_an_effect_that_cannot_be_as_large_is_not_counted() -> None:
+    outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("thermocouple_offset", 30.0),)))
+    assert not outcome.counts
+    assert "thermocouple_offset" in outcome.untested
