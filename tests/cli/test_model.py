@@ -136,6 +136,10 @@ def test_remove_writes_the_next_version() -> None:
         "version": 3,
         "parent": 2,
         "effect": "piston_leakage",
+        "runs": [],
+        "hold_out": None,
+        "before": None,
+        "after": None,
     }
     assert load_model(Path(MODEL)).effects == {}
     assert "version 4, without spool_lag" in said("remove", MODEL, "spool_lag")
