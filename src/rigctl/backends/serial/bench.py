@@ -14,7 +14,7 @@ from rigctl.backends.serial.greeting import Greeting, greet
 from rigctl.backends.serial.heartbeat import Heartbeat
 from rigctl.backends.serial.intake import Intake
 from rigctl.backends.serial.line import Line, Refused
-from rigctl.backends.serial.port import Connect, PortLost
+from rigctl.backends.serial.port import Connect, NoAnswer, PortLost
 from rigctl.backends.serial.reconnection import Reconnection
 from rigctl.backends.serial.translation import Translation
 from rigctl.backends.serial.wiring import Wiring
@@ -285,12 +285,15 @@ class SerialBench:
     def _lose(self, error: PortLost) -> None:
         """Contact is lost; what the board does by itself now is to switch off."""
         board, self._board = self._board, None
-        damaged = ""
+        damaged, kept = "", None
         if board is not None:
             self._intake.take(board)
             damaged = self._intake.damage_since_heard(board)
-            board.line.port.close()
-        self._reconnection.begin(f"{error}{damaged}")
+            if isinstance(error, NoAnswer):  # opening it again would restart an Uno, or let another host in
+                kept = board.line.port
+            else:
+                board.line.port.close()
+        self._reconnection.begin(f"{error}{damaged}", kept)
         self._intake.notice("fault", f"contact with the board is lost: {error}{damaged}")
 
     def _try_again(self, until: float) -> None:
@@ -346,7 +349,7 @@ class SerialBench:
                 if event.kind != kind:  # of the same kind: the way there
                     self._intake.take_switched(board, event)
             if self.clock.now() >= deadline:
-                raise PortLost(f"the board does not report '{text}'")
+                raise NoAnswer(f"the board does not report '{text}'")
             board.line.poll(deadline)
 
 

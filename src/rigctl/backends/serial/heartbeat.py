@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rigctl.backends.serial.board import Board
-from rigctl.backends.serial.port import PortLost
+from rigctl.backends.serial.port import NoAnswer
 from rigctl.clock import Clock
 
 INTERVAL = 0.5  #: s; the board gives up on a silent host after 1.5 s
@@ -35,7 +35,7 @@ class Heartbeat:
         Raises
         ------
         PortLost
-            several questions in a row were not answered, or the port is gone.
+            several questions in a row were not answered (`NoAnswer`), or the port is gone.
         """
         now = self._clock.now()
         open_question = not math.isnan(self._asked)
@@ -44,7 +44,7 @@ class Heartbeat:
         if open_question:
             self._unanswered += 1
             if self._unanswered >= _UNANSWERED:
-                raise PortLost(f"{self._board.line.port.name}: the board does not answer '{_QUERY}'")
+                raise NoAnswer(f"{self._board.line.port.name}: the board does not answer '{_QUERY}'")
         self._asked = now
         self.due = now + _ANSWER
         self._board.line.begin(_QUERY)
@@ -54,7 +54,7 @@ class Heartbeat:
 
         Raises
         ------
-        PortLost
+        NoAnswer
             the board's time says that it was restarted.
         """
         answer = self._board.line.take_answer()
@@ -65,4 +65,4 @@ class Heartbeat:
         self._unanswered = 0
         sent, text, received = answer
         if not self._board.clock_map.add(sent, int(text), received):
-            raise PortLost("the board was restarted")
+            raise NoAnswer("the board was restarted")

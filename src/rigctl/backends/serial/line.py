@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import count
 
 from rigctl.backends.serial.messages import LineReader, Reading, Reply, Switched, with_checksum
-from rigctl.backends.serial.port import Port, PortLost
+from rigctl.backends.serial.port import NoAnswer, Port
 from rigctl.clock import Clock
 
 _TRIES = 3
@@ -100,7 +100,7 @@ class Line:
         Refused
             it answers with an error.
         PortLost
-            it does not answer.
+            it does not answer (`NoAnswer`), or the port is gone.
         """
         return self.exchange(command, timeout)[1]
 
@@ -117,7 +117,7 @@ class Line:
                 number, _, words = reply.text[1:].partition(",")
                 raise Refused(command, int(number), words.strip('"'))
             return self._times(question, reply)
-        raise PortLost(f"{self.port.name}: the board does not answer '{command}'")
+        raise NoAnswer(f"{self.port.name}: the board does not answer '{command}'")
 
     def _put(self, command: str) -> _Question:
         tag = next(self._tags)

@@ -10,6 +10,10 @@ class PortLost(Exception):
     """The port is gone, or nobody answers on it; it may come back."""
 
 
+class NoAnswer(PortLost):
+    """The port is there, and nobody has answered on it, or somebody who has begun anew."""
+
+
 class Port(Protocol):
     """Bytes both ways. Times are s on the bench's clock."""
 

@@ -58,12 +58,17 @@ class Reconnection(Generic[Met]):
         self.since = math.nan
         self.why = ""
 
-    def begin(self, why: str) -> None:
-        """The board has just been lost."""
+    def begin(self, why: str, still_open: Port | None = None) -> None:
+        """The board has just been lost; on a port that is `still_open` it is looked for first."""
         self.since = self._next_try = self._clock.now()
         self._pause = _FIRST_RETRY
         self.why = why
         self._greeting = None
+        if still_open is not None:
+            try:
+                self._greeting = self._greet(still_open)
+            except PortLost:
+                still_open.close()
 
     def attempt(self, until: float) -> Met | None:
         """What can be done by about bench time `until`: the board when it answers, None when not yet.
