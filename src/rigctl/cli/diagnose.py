@@ -87,21 +87,12 @@ def _write_page(
     runs: list[Run], output: Path, compared: Comparison, found: Diagnosis | Improvement, path: Path
 ) -> None:
     """The comparison, the diagnosis, and how the error fell."""
-    from dataclasses import replace
-
     from rigctl.cli.analysis_page import write_page
     from rigctl.diagnose.loop import Improvement
-    from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
+    from rigctl.report.analysis import comparison_sections, diagnosis_sections, improvement_sections
 
     if isinstance(found, Improvement):
-        after = found.steps[-1].comparison if found.steps else None
-        named = [] if after is None else [replace(after, name=f"{after.name}, improved")]
-        shown = replace(compared, models=(*compared.models, *named))
-        sections = [
-            *comparison_sections(shown),
-            *history_sections(path),
-            *diagnosis_sections(found.first, after),
-        ]
+        sections = improvement_sections(compared, found, path)
     else:
         sections = [*comparison_sections(compared), *diagnosis_sections(found)]
     write_page(runs, output, sections)

@@ -115,8 +115,11 @@ class Search:
         projected = project(look)
         own = next(k for k, one in enumerate(look.candidates) if one is member or _same(one, member))
         close: dict[str, tuple[float, Candidate, float]] = {}
+        silent = set(self.before.screening.untestable)
         for place, candidate in enumerate(look.candidates):
             if candidate.name == member.name or not projected.usable[look.columns_of(place)].any():
+                continue
+            if candidate.name in silent:  # these data do not show it on the model as it is
                 continue
             cos = cosine(projected, own, place)
             d = separation(size, cos)

@@ -30,7 +30,7 @@ class Trial:
     candidates: the effects with their shapes; none for the model as it is.
     fit: of the model with the effects, their parameters among its shared unknowns.
     chi2: whitened squares with the priors' share.
-    parameters: of the effects, those at a bound not counted.
+    parameters: of the effects: one that ends at its bound was free to end elsewhere, and is paid for.
     """
 
     candidates: tuple[Candidate, ...]
@@ -83,9 +83,8 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], starts: dict[str, floa
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     assert found.solution is not None  # noqa: S101 - there is something to fit
-    held = set(found.solution.at_bound)
-    free = sum(column not in held for candidate in chosen for column in candidate.columns)
-    return Trial(tuple(chosen), found, 2.0 * found.solution.cost, free)
+    columns = sum(len(candidate.columns) for candidate in chosen)
+    return Trial(tuple(chosen), found, 2.0 * found.solution.cost, columns)
 
 
 def _values(candidate: Candidate, starts: dict[str, float]) -> dict[str, float]:
