@@ -51,8 +51,8 @@ class Start:
     ----------
     state: of the family.
     how: "measured" starts at what the channel of the same name first reads, and is free; "set" is a share
-        of an input at the start, with a prior; "rest" is known to within `rest`, around what the channel reads
-        where that is farther from 0, else around its value `at_rest`.
+        of an input at the start, with a prior; "rest" is known to within `rest`, around what the channel
+        reads where that is farther from 0, else around its value `at_rest`.
     input, share, spread: for "set": the state starts at share·input, with a standard deviation spread·input.
     rest: for "rest", SI.
     at_rest: for "rest", the state's value there, of the other states and the model's parameters, SI; 0 when

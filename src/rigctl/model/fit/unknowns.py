@@ -124,12 +124,12 @@ def _start(
     start: Start, record: MeasuredRecord, measurements: Measurements, found: Mapping[str, float]
 ) -> Unknown | None:
     if start.how == "measured":
-        if start.state not in measurements.outputs:
-            return None
-        reading = first_reading(record, measurements.outputs.index(start.state))
-        if not math.isfinite(reading):
-            return None
-        return Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
+        reading = _first(start.state, record, measurements)
+        return (
+            Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
+            if math.isfinite(reading)
+            else None
+        )
     if start.how == "rest":
         mean = found[start.state]
         return Unknown(start.state, mean, scale=start.rest, prior=Prior(mean, start.rest))
@@ -140,6 +140,13 @@ def _start(
             return None
         return Unknown(start.state, mean, -0.5e5, 1.2 * given, scale=std, prior=Prior(mean, std))
     return None
+
+
+def _first(state: str, record: MeasuredRecord, measurements: Measurements) -> float:
+    """What the channel of a state first reads; NaN where there is none."""
+    if state not in measurements.outputs:
+        return math.nan
+    return first_reading(record, measurements.outputs.index(state))
 
 
 def start_values(
@@ -154,9 +161,7 @@ def start_values(
     for start in level.starts:
         if start.state not in found:
             continue
-        reading = math.nan
-        if start.state in measurements.outputs:
-            reading = first_reading(record, measurements.outputs.index(start.state))
+        reading = _first(start.state, record, measurements)
         if start.how == "set":
             found[start.state] = start.share * float(record.inputs[0, measurements.inputs.index(start.input)])
         elif start.how == "rest":
@@ -166,9 +171,6 @@ def start_values(
         elif np.isfinite(reading):
             found[start.state] = reading
     if "oil_temperature" in found and "oil_temperature" in record.condition:
-        reading = math.nan
-        if "oil_temperature" in measurements.outputs:
-            reading = first_reading(record, measurements.outputs.index("oil_temperature"))
-        if not np.isfinite(reading):
+        if not np.isfinite(_first("oil_temperature", record, measurements)):
             found["oil_temperature"] = record.condition["oil_temperature"]
     return found
