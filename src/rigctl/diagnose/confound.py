@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.compare.projected import Projected
+from rigctl.model.fit.errors import whitened_residual
+from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +39,28 @@ def cosine(projected: Projected, one: int, other: int) -> float:
 def separation(size: float, cos: float) -> float:
     """``d = λ·sqrt((1 − cos)/2)``: the right one of two wins with probability Φ(d)."""
     return size * math.sqrt(max(0.0, 0.5 * (1.0 - cos)))
+
+
+def consistent_gain(best: FitResult, rival: FitResult) -> float:
+    """How consistently one fit beats another over the records: ``Σ Δ_k / (√n·sd(Δ_k))``, Δ_k of their χ².
+
+    Where neither model is right, a difference of χ² may come from a few records, and the noise's own
+    distribution no longer tells its chance; the spread between records does. Infinite for a single record.
+
+    Source: Q. H. Vuong, Likelihood ratio tests for model selection and non-nested hypotheses,
+    Econometrica 57 (1989) 307.
+    """
+    differences = np.array(
+        [
+            float(np.square(whitened_residual(rival.problem, rival.outputs[k], k)).sum())
+            - float(np.square(whitened_residual(best.problem, best.outputs[k], k)).sum())
+            for k in best.fitted
+        ]
+    )
+    if differences.size < 2:
+        return math.inf
+    spread = float(np.std(differences, ddof=1)) * math.sqrt(differences.size)
+    return float(differences.sum()) / spread if spread > 0.0 else math.inf
 
 
 def _directions(projected: Projected, place: int) -> Floats:

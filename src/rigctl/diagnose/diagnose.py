@@ -12,7 +12,7 @@ from rigctl.compare.fitting import require_free_parameters
 from rigctl.compare.linearise import linearise
 from rigctl.compare.result import ModelComparison
 from rigctl.dataset.run import Run
-from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain
 from rigctl.diagnose.folds import HeldOut, held_out_gain
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.search import Search, Tell
@@ -124,7 +124,12 @@ def _rivals(search: Search, best: Trial) -> list[tuple[str, str, float, float, f
         for trial, cos, d in search.rivals(best, member):
             other = next(name for name in trial.effects if name not in best.effects)
             difference = search.mbic(trial) - search.mbic(best)
-            found.append((member.name, other, cos, d, difference))
+            if not search.at(best).adequacy.adequate:
+                # neither is right, and the noise no longer tells the chance of a difference
+                told = min(d, consistent_gain(best.fit, trial.fit))
+            else:
+                told = d
+            found.append((member.name, other, cos, told, difference))
     return found
 
 

@@ -45,7 +45,7 @@ def channel_errors(
 ) -> dict[str, ChannelError]:
     """By channel, over the records at `places`; a channel without a reading there is left out."""
     found = {}
-    white = {place: _whitened(problem, outputs[place], place) for place in places}
+    white = {place: whitened_residual(problem, outputs[place], place) for place in places}
     for column, name in enumerate(problem.measurements.outputs):
         pieces, readings, squares = [], [], []
         for place in places:
@@ -60,7 +60,8 @@ def channel_errors(
     return found
 
 
-def _whitened(problem: Problem, outputs: Floats, place: int) -> Floats:
+def whitened_residual(problem: Problem, outputs: Floats, place: int) -> Floats:
+    """(rows) W(f − y) of the record at `place`."""
     ok = problem.ok[place]
     values = np.where(ok, problem.records[place].values, 0.0)
     return problem.whiteners[place](np.where(ok, outputs - values, 0.0))

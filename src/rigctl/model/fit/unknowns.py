@@ -170,7 +170,7 @@ def start_values(
             found[start.state] = reading if away else at_rest
         elif np.isfinite(reading):
             found[start.state] = reading
-    if "oil_temperature" in found and "oil_temperature" in record.condition:
-        if not np.isfinite(_first("oil_temperature", record, measurements)):
-            found["oil_temperature"] = record.condition["oil_temperature"]
+    unread = not np.isfinite(_first("oil_temperature", record, measurements))
+    if unread and "oil_temperature" in found and "oil_temperature" in record.condition:
+        found["oil_temperature"] = record.condition["oil_temperature"]
     return found
