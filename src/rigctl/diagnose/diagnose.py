@@ -14,6 +14,7 @@ from rigctl.compare.result import ModelComparison
 from rigctl.dataset.run import Run
 from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain
 from rigctl.diagnose.folds import HeldOut, held_out_gain
+from rigctl.diagnose.power import power_text
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.trial import Trial
@@ -88,7 +89,7 @@ def diagnose_comparison(
     ]
     told = [(member, rival, cos, d) for member, rival, cos, d, _ in rivals]
     drift = _drift(before, best)
-    evidence: list[str] = []
+    evidence: list[str] = power_text(before.projected) if before.adequate else []
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], close)
     after = search.at(best) if best.candidates else None
