@@ -19,5 +19,5 @@ class Tolerance:
 #: for fitting and diagnosis
 DEFAULT = Tolerance(relative=1e-5, absolute=1e-2)
 
-#: for checks and references: some ten times as exact, for about twice the time
+#: for checks and references: some hundred times as exact, for two to three times the time
 TIGHT = Tolerance(relative=1e-7, absolute=1e-4)
