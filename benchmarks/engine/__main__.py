@@ -1,9 +1,10 @@
 """Simulating, differentiating and fitting 28 records, beside what people use instead.
 
-    python -m benchmarks.engine [--runs 20] [--slow] [--venvs DIR] [--install]
+    python -m benchmarks.engine [--runs 20] [--slow] [--venvs DIR] [--install] [--only NAME]
 
 SciPy and CasADi take part where they are installed here. diffrax lives in a virtual environment of its own
-under DIR; `--install` makes it. `--slow` also times 28 columns of those that take a minute for them.
+under DIR; `--install` makes it. `--slow` also times 28 columns of those that take a minute for them; `--only`
+measures one peer or part again and keeps the rest.
 Every peer is measured in a process of its own. The shortest of several runs counts: it is what the work
 takes by itself, whatever else the machine does meanwhile. Beside it stands the processor time of all threads.
 """
@@ -16,20 +17,27 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.engine import building, cylinder, fit, oracle, scaling, stepping, superset
+from benchmarks.engine import building, fit, oracle, scaling, stepping, superset
 from benchmarks.engine.common import EIGHT, OURS, PEERS, Floats
+from benchmarks.engine.tables import tables
 from benchmarks.record import keep, table
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+PARTS = {
+    "solvers": oracle,
+    "fit": fit,
+    "stepper": stepping,
+    "superset": superset,
+    "scaling": scaling,
+    "building": building,
+}
 SEPARATE = {"diffrax": ("diffrax", "jax", "numpy")}
-TASKS = (("simulate", "simulate"), ("columns_8", "+ 8 columns"), ("columns_28", "+ 28 columns"))
 
 
 def main() -> None:
@@ -38,34 +46,30 @@ def main() -> None:
     arguments.add_argument("--slow", action="store_true")
     arguments.add_argument("--venvs", type=Path)
     arguments.add_argument("--install", action="store_true")
+    arguments.add_argument("--only", action="append", choices=(*PEERS, *PARTS))
     options = arguments.parse_args()
-    reference = oracle.ourselves()
-    results: dict[str, Any] = {"campaign": {}}
-    for name in PEERS:
+    kept = json.loads((HERE / "results.json").read_text(encoding="utf-8")) if options.only else {}
+    wanted = options.only or (*PEERS, *PARTS)
+    results: dict[str, Any] = kept.get("results", {"campaign": {}})
+    known: dict[str, str] = kept.get("versions", {})
+    peers = [name for name in PEERS if name in wanted]
+    reference = oracle.ourselves() if peers else None
+    for name in peers:
         python = interpreter(name, options.venvs, install=options.install)
         if python is None:
             print(f"{name} is not installed: left out")
             continue
         print(f"measuring {name}", flush=True)
         found, outputs, columns = measured(python, name, options.runs, slow=options.slow or name == OURS)
+        known |= found.pop("versions")
         results["campaign"][name] = found | errors(outputs, columns, reference)
-    for title, part in (
-        ("independent solvers", oracle),
-        ("fit", fit),
-        ("stepper", stepping),
-        ("superset", superset),
-        ("scaling", scaling),
-        ("building", building),
-    ):
-        print(f"measuring {title}", flush=True)
-        results[title] = part.results()
-    show(results)
-    versions = {
-        name: version
-        for found in results["campaign"].values()
-        for name, version in found.pop("versions").items()
-    }
-    print(f"\nkept in {keep(HERE, results, elsewhere=versions)}")
+    for name, part in PARTS.items():
+        if name in wanted:
+            print(f"measuring {name}", flush=True)
+            results[name] = part.results()
+    for title, rows in tables(results):
+        table(title, rows)
+    print(f"\nkept in {keep(HERE, results, elsewhere=known)}")
 
 
 def interpreter(name: str, venvs: Path | None, *, install: bool) -> Path | None:
@@ -121,42 +125,6 @@ def errors(outputs: Floats, columns: Floats, reference: tuple[Floats, Floats]) -
         "output_error": float((np.abs(outputs - exact).max(axis=(0, 1)) / peak).max()),
         "column_error": float((wrong / whole).max()),
     }
-
-
-def show(results: Mapping[str, Any]) -> None:
-    """All tables, ours first."""
-    campaign = results["campaign"]
-    rows = [("", *(title for _, title in TASKS), "outputs off by", "columns off by", "memory")]
-    for name, found in campaign.items():
-        timed = [shown(found[task], campaign[OURS][task]) for task, _ in TASKS]
-        off = [f"{found[error]:.1e}" for error in ("output_error", "column_error")]
-        rows.append((PEERS[name].title, *timed, *off, f"{found['peak_memory_mb']:.0f} MB"))
-    count = len(cylinder.CONDITIONS)
-    table(f"{count} records of 7 s at 100 Hz, 7 stiff states: warm seconds (ratio to rigctl)", rows)
-    rows = [("processor seconds, all threads", *(title for _, title in TASKS))]
-    rows += [
-        (PEERS[name].title, *(seconds(found[task], "cpu") for task, _ in TASKS))
-        for name, found in campaign.items()
-    ]
-    table("the same, without what the machine did meanwhile", rows)
-    for part, module in (
-        ("independent solvers", oracle),
-        ("fit", fit),
-        ("stepper", stepping),
-        ("superset", superset),
-        ("scaling", scaling),
-        ("building", building),
-    ):
-        module.show(results[part])
-
-
-def shown(found: Mapping[str, float] | None, ours: Mapping[str, float]) -> str:
-    """Seconds, and how many times as long as ours."""
-    return "-" if found is None else f"{found['wall']:.3f} ({found['wall'] / ours['wall']:.1f}x)"
-
-
-def seconds(found: Mapping[str, float] | None, kind: str) -> str:
-    return "-" if found is None else f"{found[kind]:.3f}"
 
 
 if __name__ == "__main__":

@@ -13,17 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
 
-from benchmarks.record import table
-
-STAGES = {
-    "imports": "imports, numba's own among them",
-    "integrator": "the integrator, once per installation",
-    "superset": "the whole library, cold",
-    "own_effect": "a user's effect on top of it, cold",
-    "cached": "the whole library, from the cache",
-}
+STAGES = ("imports", "integrator", "superset", "own_effect", "cached")
 
 
 def results(runs: int = 2) -> dict[str, dict[str, float]]:
@@ -94,15 +85,6 @@ def one_start() -> dict[str, dict[str, float]]:
     compile_system(build_system(superset.FAMILY, chosen, bench, own=[effect]))
     stage("own_effect", *start)
     return found
-
-
-def show(found: Mapping[str, Mapping[str, float]]) -> None:
-    rows = [("", "wall s", "processor s")]
-    rows += [
-        (title, f"{found[stage]['wall']:.2f}", f"{found[stage]['cpu']:.2f}")
-        for stage, title in STAGES.items()
-    ]
-    table("the start of a model", rows)
 
 
 if __name__ == "__main__":

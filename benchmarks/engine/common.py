@@ -24,19 +24,18 @@ OURS = "rigctl"
 
 @dataclass(frozen=True)
 class Entry:
-    """Where a peer is, the package that it needs, and what tables call it."""
+    """The package that a peer needs, and where it is."""
 
     package: str
     module: str
     kind: str
-    title: str
 
 
 PEERS: Mapping[str, Entry] = {
-    OURS: Entry("numba", "rigctl_peer", "RigctlPeer", "rigctl (ESDIRK3(2), exact tangents)"),
-    "scipy": Entry("scipy", "scipy_peer", "ScipyPeer", "SciPy LSODA + finite differences"),
-    "casadi": Entry("casadi", "casadi_peer", "CasadiPeer", "CasADi CVODES"),
-    "diffrax": Entry("diffrax", "diffrax_peer", "DiffraxPeer", "diffrax Kvaerno3"),
+    OURS: Entry("numba", "rigctl_peer", "RigctlPeer"),
+    "scipy": Entry("scipy", "scipy_peer", "ScipyPeer"),
+    "casadi": Entry("casadi", "casadi_peer", "CasadiPeer"),
+    "diffrax": Entry("diffrax", "diffrax_peer", "DiffraxPeer"),
 }
 
 

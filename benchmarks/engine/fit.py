@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -42,13 +42,6 @@ def results(seeds: Sequence[int] = (0, 1, 2)) -> dict[str, Any]:
         "cost": [result.cost for *_, result in runs],
         "converged": all(result.converged for *_, result in runs),
     }
-
-
-def show(found: Mapping[str, Any]) -> None:
-    print(
-        f"\n8 parameters fitted from 30 % off (rigctl): {found['wall']:.2f} s, "
-        f"at worst {found['slowest']:.2f} s ({found['cpu']:.2f} s of processor), {found['evaluations']} calls"
-    )
 
 
 def unknowns(factor: Floats) -> list[Unknown]:

@@ -7,7 +7,6 @@ CasADi's derivatives, at 1e-8.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +14,6 @@ import numpy as np
 
 from benchmarks.engine import cylinder
 from benchmarks.engine.common import Floats, equations, shown
-from benchmarks.record import table
 from rigctl.engine.compile import compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
@@ -132,15 +130,3 @@ def cvodes(
         if name in ("supply", "pressure_cap"):
             seen[:, row, COLUMNS.index("pressure_offset")] = 1.0
     return seen
-
-
-def show(found: Mapping[str, Any]) -> None:
-    rows = [("tolerance", "outputs off Radau 1e-9 by", "columns off CVODES 1e-8 by: median", "largest")]
-    for name in ("default", "tight"):
-        one = found[name]
-        columns = [
-            f"{one[key]:.1e}" if key in one else "-"
-            for key in ("column_error_median", "column_error_largest")
-        ]
-        rows.append((name, f"{one['output_error']:.1e} of peak", *columns))
-    table("rigctl beside independent solvers, two records, 28 columns", rows)

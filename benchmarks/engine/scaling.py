@@ -10,12 +10,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmarks.engine import superset
 from benchmarks.engine.timing import best, peak_memory_mb
-from benchmarks.record import table
 from rigctl.engine.compile import compile_system
 from rigctl.engine.simulate import simulate
 
@@ -55,23 +53,6 @@ def measured(kind: str) -> list[dict[str, float]]:
             }
         )
     return found
-
-
-def show(found: Mapping[str, Sequence[Mapping[str, float]]]) -> None:
-    for kind, title in (("records", f"records, {FEW} columns each"), ("columns", "columns of 28 records")):
-        rows = [(kind, "wall s", "processor s", "ms per record", "peak memory", "of it the columns")]
-        rows += [
-            (
-                str(one[kind]),
-                f"{one['wall']:.3f}",
-                f"{one['cpu']:.3f}",
-                f"{1e3 * one['cpu'] / one['records']:.2f}",
-                f"{one['peak_memory_mb']:.0f} MB",
-                f"{one['columns_mb']:.0f} MB",
-            )
-            for one in found[kind]
-        ]
-        table(title, rows)
 
 
 if __name__ == "__main__":

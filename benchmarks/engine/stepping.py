@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
-
 from benchmarks.engine.rigctl_peer import RigctlPeer
+from benchmarks.engine.timing import best
 from rigctl.engine.stepper import Stepper
 
 CALLS = 65_000
 
 
-def results() -> dict[str, float]:
+def results(runs: int = 3) -> dict[str, float]:
+    """Wall and processor seconds of all calls."""
     peer = RigctlPeer()
     record = peer.records[3]
-    stepper = Stepper(peer.compiled, record.initial, record.parameters, [0.0, *record.inputs[0][1:]])
-    start = time.perf_counter()
-    for k in range(1, CALLS + 1):
-        stepper.advance(k / 10.0)
-        stepper.outputs()
-    return {"calls": CALLS, "seconds": time.perf_counter() - start}
 
+    def watch() -> None:
+        stepper = Stepper(peer.compiled, record.initial, record.parameters, [0.0, *record.inputs[0][1:]])
+        for k in range(1, CALLS + 1):
+            stepper.advance(k / 10.0)
+            stepper.outputs()
 
-def show(found: Mapping[str, float]) -> None:
-    print(f"\n{found['calls']} calls of a stepper (rigctl): {found['seconds']:.2f} s")
+    return {"calls": CALLS, **best(watch, runs)}

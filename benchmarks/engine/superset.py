@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from benchmarks.engine.common import Floats
 from benchmarks.engine.timing import best
-from benchmarks.record import table
 from rigctl.engine.compile import CompiledSystem, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
@@ -99,17 +97,3 @@ def errors(
 def lengths(columns: Floats) -> Floats:
     """(outputs, columns): L2 over records and samples."""
     return np.sqrt(np.square(columns).sum(axis=(0, 1)))
-
-
-def show(found: Mapping[str, Any]) -> None:
-    rows = [("", "wall s", "processor s")]
-    for title, task in (("simulate", "simulate"), (f"+ all {found['columns']} columns", "all_columns")):
-        rows.append((title, f"{found[task]['wall']:.3f}", f"{found[task]['cpu']:.3f}"))
-    table(
-        f"28 records of the whole library at null ({found['states']} states, {found['outputs']} outputs)",
-        rows,
-    )
-    rows = [("tolerance", "outputs off by: largest", "rms", "columns off by: median", "largest")]
-    keys = ("output_error", "output_error_rms", "column_error_median", "column_error_largest")
-    rows += [(name, *(f"{found[name][key]:.1e}" for key in keys)) for name in ("default", "tight")]
-    table("there, against a tolerance of 1e-9", rows)
