@@ -1,9 +1,10 @@
-"""The first thing a new user types, from an empty folder to a page."""
+"""The first thing a new user types, from an empty folder to a model that agrees, and a page."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -16,13 +17,18 @@ PUBLISHED = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}
 GROWTH = {20.0: 1.0, 60.0: 1.014, 80.0: 1.022}
 
 
-def test_demo_ends_with_a_page_of_the_published_campaign(
+def demo(*arguments: str) -> dict[str, Any]:
+    done = CliRunner().invoke(app, ["demo", *arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
+def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["demo", "first", "--json"])
-    assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
+    told = demo("first", "--plain")
     page = Path(told["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
     assert len(page) < 6e6
@@ -37,13 +43,30 @@ def test_demo_ends_with_a_page_of_the_published_campaign(
             assert record["stroke"] == pytest.approx(expected, abs=1.0)
 
 
+def test_the_demo_finds_what_the_bench_hides_and_adds_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = demo("whole")
+    assert {"project", "run", "model", "verdict", "effects", "hidden", "ended", "page"} <= set(told)
+    assert told["verdict"] in ("missing_effect", "ambiguous")
+    if told["verdict"] == "missing_effect":
+        assert told["effects"] == [told["hidden"]]
+    assert told["ended"] == "adequate"
+    assert Path(told["model"]).stem == told["run"]
+
+    history = CliRunner().invoke(app, ["model", "history", told["model"], "--json"])
+    assert [version["kind"] for version in json.loads(history.stdout)["versions"]] == ["start", "add"]
+    page = Path(told["page"]).read_text(encoding="utf-8")
+    assert page.count("<html") == 1
+    assert told["hidden"] in page
+
+
 def test_demo_again_makes_another_run_and_overwrites_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    first, second = (
-        json.loads(CliRunner().invoke(app, ["demo", "d", "--json", "--seed", "5"]).stdout) for _ in range(2)
-    )
+    first, second = (demo("d", "--plain", "--seed", "5") for _ in range(2))
     assert first["run"] != second["run"]
     samples = [Path("d/runs", told["run"], "samples.parquet").read_bytes() for told in (first, second)]
     assert samples[0] == samples[1], "one seed gives one set of samples, byte for byte"
