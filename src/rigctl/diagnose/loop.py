@@ -195,8 +195,7 @@ def _single(found: Diagnosis, place: int) -> Trial | None:
     if len(found.best.candidates) == 1:
         return found.best
     known = [trial for trial in found.trials if trial.candidates == (member,)]
-    starts = {column: found.best.value(column)[0] for column in member.columns}
-    return known[0] if known else refit(found.before.fit, (member,), starts)
+    return known[0] if known else refit(found.before.fit, (member,))
 
 
 def _reason(found: Diagnosis, trial: Trial, difference: float) -> str:

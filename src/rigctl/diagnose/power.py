@@ -29,7 +29,7 @@ def power_text(projected: Projected) -> list[str]:
         return []
     if len(names) > whole / 2:
         return [
-            f"these data are too weak for a verdict: {len(names)} of {whole} effects of the library would not "
-            "show in them at their typical size; record at more temperatures, pressures and with repeats"
+            f"these data are too weak for a verdict: {len(names)} of {whole} effects of the library would "
+            "not show in them at their typical size; record at more temperatures, pressures and with repeats"
         ]
     return [f"would not show in these data at their typical size: {', '.join(names)}"]

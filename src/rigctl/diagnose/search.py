@@ -11,7 +11,7 @@ from rigctl.compare.candidates import Candidate, candidates
 from rigctl.compare.linearise import Linearisation, linearise
 from rigctl.compare.projected import Projected, project
 from rigctl.compare.result import ModelComparison
-from rigctl.compare.scores import Score, Screening, screen
+from rigctl.compare.scores import Screening, screen
 from rigctl.diagnose.confound import LEAST_SEPARATION, cosine, separation
 from rigctl.diagnose.pairs import pair_gains
 from rigctl.diagnose.trial import Trial, plain, refit
@@ -107,7 +107,7 @@ class Search:
 
     def _find_rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
         rest = tuple(one for one in trial.candidates if one is not member)
-        without = self.none if not rest else self._try(rest, {})
+        without = self.none if not rest else self._try(rest, trial)
         if without is None:
             return []
         size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
@@ -130,7 +130,7 @@ class Search:
         near.sort(key=lambda one: -one[0])
         found = []
         for cos, candidate, d in near[:_MOST_RIVALS]:
-            rival = self._try((*rest, candidate), {})
+            rival = self._try((*rest, candidate), without)
             if rival is not None:
                 found.append((rival, cos, d))
         return found
@@ -150,7 +150,7 @@ class Search:
             score = next(one for one in scores if one.effect == effect)
             if score.gain > 0.0:
                 self.tell(f"Refitting with {effect}")
-                self._try((lin.candidates[score.candidate],), _starts(lin, score))
+                self._try((lin.candidates[score.candidate],), self.none)
 
     def _pairs(self, best: Trial) -> Trial:
         """The best pairs of the linear problem, where they promise more than the best single effect."""
@@ -164,7 +164,7 @@ class Search:
             if pair.gain > promised + _WORTH:
                 chosen = tuple(lin.candidates[place] for place in pair.places)
                 self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
-                self._try(chosen, _shifted(chosen, pair.sizes))
+                self._try(chosen, self.none)
         return self._least([best, *self.trials.values()])
 
     def _forward(self, best: Trial) -> Trial | None:
@@ -175,15 +175,14 @@ class Search:
             if score.gain > _WORTH:
                 candidate = here.linearisation.candidates[score.candidate]
                 self.tell(f"Refitting with {', '.join([*best.effects, candidate.name])}")
-                starts = _starts(here.linearisation, score) | _values(best)
-                tried.append(self._try((*best.candidates, candidate), starts))
+                tried.append(self._try((*best.candidates, candidate), best))
         return self._least([one for one in tried if one is not None]) if any(tried) else None
 
     def _backward(self, best: Trial) -> Trial:
         """Without the members that do not pay for themselves."""
         while len(best.candidates) > 1:
             shorter = [
-                self._try(tuple(one for one in best.candidates if one is not member), _values(best))
+                self._try(tuple(one for one in best.candidates if one is not member), best)
                 for member in best.candidates
             ]
             found = self._least([best, *(one for one in shorter if one is not None)])
@@ -204,10 +203,11 @@ class Search:
             best = self._backward(found)
         return best
 
-    def _try(self, chosen: Sequence[Candidate], starts: dict[str, float]) -> Trial | None:
+    def _try(self, chosen: Sequence[Candidate], begin: Trial) -> Trial | None:
+        """The set fitted, beginning at another one's fit; each set once."""
         key = _key(chosen)
         if key not in self.trials:
-            found = refit(self.before.fit, chosen, starts)
+            found = refit(self.before.fit, chosen, begin.fit)
             if found is None:
                 return None
             self.trials[key] = found
@@ -263,25 +263,6 @@ def linearise_at(
         values=trial.fit.values[keep],
     )
     return linearise(fixed, whole, [replace(drop, shapes={}), *others])
-
-
-def _starts(lin: Linearisation, score: Score) -> dict[str, float]:
-    candidate = lin.candidates[score.candidate]
-    return _shifted((candidate,), dict(zip(candidate.columns, score.sizes.tolist(), strict=True)))
-
-
-def _shifted(chosen: Sequence[Candidate], sizes: dict[str, float]) -> dict[str, float]:
-    """Sizes from null as values."""
-    found = {}
-    for candidate in chosen:
-        for column in candidate.columns:
-            parameter = candidate.effect.parameter(column.partition(".")[2])
-            found[column] = parameter.at_null + sizes.get(column, 0.0)
-    return found
-
-
-def _values(trial: Trial) -> dict[str, float]:
-    return {column: trial.value(column)[0] for one in trial.candidates for column in one.columns}
 
 
 def _same(one: Candidate, other: Candidate) -> bool:

@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 #: a trial is fitted until the next step would lower its cost by less than this share
 _COST = 1e-5
+#: so far inside its bounds an effect's parameter begins, as a share of their distance
+_ROOM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -65,21 +67,26 @@ def plain(fitted: FitResult) -> Trial:
     return Trial((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
 
 
-def refit(fitted: FitResult, chosen: Sequence[Candidate], starts: dict[str, float]) -> Trial | None:
-    """Fit the model's parameters and those of `chosen`, from `starts`; None when that cannot be done.
+def refit(fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | None = None) -> Trial | None:
+    """Fit the model's parameters and those of `chosen`; None when that cannot be done.
+
+    Effects that `begin` does not have begin at their null, where the misfit is what it was: begun at the
+    size that the linear problem gives, an effect that the fitted parameters nearly imitate would start far
+    off, and the fit would end in the valley between them.
 
     Parameters
     ----------
-    fitted: the model's own fit, from which everything begins.
-    starts: of the effects' parameters, SI; what is left out starts at its typical size.
+    fitted: of the model with none of the effects.
+    begin: where the unknowns begin: the fit of another set; `fitted` when left out.
     """
     try:
         model = fitted.model
         for candidate in chosen:
-            model = model.with_effect(candidate.effect, _values(candidate, starts))
+            model = model.with_effect(candidate.effect, _values(candidate))
         problem = fitted.problem.rebuilt(model)
-        problem = problem.with_shared(_started(problem, fitted))
-        found = fit(problem, fitted.held_out, local=fitted.local, cost=_COST)
+        known = fitted if begin is None else begin
+        problem = problem.with_shared(_started(problem, known))
+        found = fit(problem, fitted.held_out, local=known.local, cost=_COST)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     assert found.solution is not None  # noqa: S101 - there is something to fit
@@ -87,14 +94,14 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], starts: dict[str, floa
     return Trial(tuple(chosen), found, 2.0 * found.solution.cost, columns)
 
 
-def _values(candidate: Candidate, starts: dict[str, float]) -> dict[str, float]:
-    """The effect's parameters to begin with: never at a bound, from which a fit must find in first."""
+def _values(candidate: Candidate) -> dict[str, float]:
+    """The effect's parameters to begin with: at their null, but never at a bound, from which a fit must find
+    in first."""
     values = {}
     for column in candidate.columns:
         declared = candidate.effect.parameter(column.partition(".")[2])
-        room = 1e-6 * (declared.high - declared.low)
-        start = starts.get(column, declared.start)
-        values[declared.name] = min(max(start, declared.low + room), declared.high - room)
+        room = _ROOM * (declared.high - declared.low)
+        values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
     return values | {name.partition(".")[2]: value for name, value in candidate.shapes.items()}
 
 

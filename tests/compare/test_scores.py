@@ -1,0 +1,52 @@
+"""The score tests' arithmetic against independent calculations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import nnls
+from scipy.stats import chi2
+
+from rigctl.compare.adequacy import chi2_tail
+from rigctl.compare.scores import cone, tail
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 3), st.integers(0, 2**31))
+def test_the_best_of_a_cone_is_the_non_negative_least_squares_fit(count: int, seed: int) -> None:
+    """max 2θᵀz − θᵀCθ over θ ≥ 0 is the fall of |r|² by the non-negative fit of r on the columns."""
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((8, count))
+    columns /= np.linalg.norm(columns, axis=0)
+    residual = rng.standard_normal(8)
+    theta, left = nnls(columns, residual)
+    gain, sizes = cone((columns.T @ residual)[None, :], columns.T @ columns, [1] * count)
+    assert gain[0] == pytest.approx(float(residual @ residual) - left**2, abs=1e-9)
+    assert sizes[0] == pytest.approx(theta, abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 3), st.integers(0, 2**31))
+def test_without_signs_the_gain_is_the_free_one(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((8, count))
+    residual = rng.standard_normal(8)
+    fitted = columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    gain, _ = cone((columns.T @ residual)[None, :], columns.T @ columns, [0] * count)
+    assert gain[0] == pytest.approx(float(fitted @ fitted), rel=1e-8)
+
+
+def test_a_one_sided_effect_gains_nothing_in_the_wrong_direction() -> None:
+    gain, sizes = cone(np.array([[-3.0], [3.0]]), np.eye(1), [1])
+    assert gain.tolist() == [0.0, pytest.approx(9.0)]
+    assert sizes[0, 0] == 0.0
+
+
+def test_tails_are_those_of_chi_squared() -> None:
+    for gain in (0.5, 4.0, 20.0, 60.0):
+        assert tail(np.array([gain]), [0])[0] == pytest.approx(chi2.sf(gain, 1), rel=1e-9)
+        assert tail(np.array([gain]), [1])[0] == pytest.approx(0.5 * chi2.sf(gain, 1), rel=1e-9)
+        assert tail(np.array([gain]), [0, 1])[0] == pytest.approx(chi2.sf(gain, 2), rel=1e-9)
+        assert chi2_tail(gain, 7) == pytest.approx(chi2.sf(gain, 7), rel=1e-9)

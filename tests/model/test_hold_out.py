@@ -1,0 +1,104 @@
+"""Records chosen by a condition, and what tells records apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.model.measured.groups import group_numbers
+from rigctl.model.measured.hold_out import chosen, held_out
+from rigctl.model.measured.phases import phases_of
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.physics.families import find_family
+
+UNITS = {"oil_temperature": "degC", "relief_valve": "bar"}
+CONDITIONS = [(t, p) for t in (20.0, 40.0, 60.02) for p in (20.0, 50.0)]
+
+
+def measurements() -> Measurements:
+    records = [record(k, t + 273.15, p * 1e5) for k, (t, p) in enumerate(CONDITIONS)]
+    return Measurements(("position",), ("mm",), ("valve",), tuple(records), None, ("run",))
+
+
+def record(index: int, oil: float, supply: float) -> MeasuredRecord:
+    times = np.arange(20) * 0.01
+    return MeasuredRecord(
+        run="run",
+        index=index,
+        label=f"run/{index + 1}",
+        times=times,
+        switch_times=np.array([0.0, 0.1]),
+        switch_half=np.zeros(2),
+        inputs=np.array([[0.0], [1.0]]),
+        values=np.linspace(0.0, 1.0, 20)[:, None],
+        condition={"oil_temperature": oil, "relief_valve": supply},
+        group=0,
+        phase=(times > 0.1).astype(np.intp),
+        phases=("wait", "extend"),
+    )
+
+
+def test_a_temperature_is_meant_to_within_a_kelvin() -> None:
+    assert held_out(measurements(), "oil_temperature == 60 degC", UNITS) == (4, 5)
+
+
+@pytest.mark.parametrize("name", ["oil", "temperature", "oil_temperature"])
+def test_a_variable_is_known_by_the_usual_names_of_its_dimension(name: str) -> None:
+    assert held_out(measurements(), f"{name} > 50 degC and supply == 20 bar", UNITS) == (4,)
+
+
+def test_records_are_counted_from_one() -> None:
+    assert held_out(measurements(), "record == 1 or record == 6", UNITS) == (0, 5)
+
+
+def test_nothing_is_held_out_and_everything_chosen_without_a_condition() -> None:
+    assert held_out(measurements(), None, UNITS) == ()
+    assert chosen(measurements(), None, UNITS) == tuple(range(6))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("oil_temperature == 90 degC", "no record is held out"),
+        ("oil_temperature > 0 degC", "every record out"),
+        ("oil_temperature + 1 K", "condition"),
+        ("oil_temprature > 50 degC", "oil_temperature"),
+        ("oil_temperature > 50 bar", ""),
+    ],
+)
+def test_a_choice_that_makes_no_sense_is_refused_clearly(text: str, said: str) -> None:
+    with pytest.raises(RigctlError) as caught:
+        held_out(measurements(), text, UNITS)
+    assert said in str(caught.value)
+
+
+def test_replicates_share_condition_commands_and_start() -> None:
+    records = list(measurements().records)
+    assert group_numbers([*records, records[2]]) == [0, 1, 2, 3, 4, 5, 2]
+
+
+def test_phases_are_named_by_what_the_valve_does() -> None:
+    family = find_family("hydraulic_cylinder")
+    names = [item.name for item in family.inputs]
+    row = np.zeros(len(names))
+    rows = []
+    for valve in (0.0, 1.0, 0.0, -1.0):
+        row = row.copy()
+        row[names.index("valve")] = valve
+        rows.append(row)
+    times = np.linspace(0.0, 4.0, 41)
+    phase, found = phases_of(times, np.array([0.0, 1.0, 2.0, 3.0]), np.array(rows), family, [""] * len(names))
+    assert found == ("wait", "extend", "hold", "retract")
+    assert phase[0] == 0
+    assert phase[10] == 0, "a sample at a switch shows what was before it"
+    assert phase[11] == 1
+    assert phase[-1] == 3
+
+
+def test_a_record_in_which_nothing_is_switched_has_three_parts() -> None:
+    family = find_family("heater_board")
+    times = np.arange(90.0)
+    phase, found = phases_of(times, np.zeros(1), np.ones((1, 3)), family, ["%", "%", "K"])
+    assert found == ("early", "middle", "late")
+    assert np.bincount(phase).tolist() == [10, 20, 60]
