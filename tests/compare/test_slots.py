@@ -13,6 +13,7 @@ from rigctl.compare.disturbance_columns import disturbance_columns
 from rigctl.compare.slots import SlotEvidence, slot_evidence
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
+from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.model import load_model
 from rigctl.model.fit.fit import FitResult, fit
@@ -41,7 +42,8 @@ WANTED = 5.0
 
 def fitted(model: Model, measurements: Measurements, sigma: dict[str, float], spacing: float) -> FitResult:
     noise = NoiseModel(tuple(ChannelNoise(name, sigma[name]) for name in measurements.outputs), spacing)
-    return fit(make_problem(model, measurements, noise, [record.here for record in measurements.records]))
+    with one_thread():
+        return fit(make_problem(model, measurements, noise, [record.here for record in measurements.records]))
 
 
 def of_campaign(effect: str | None, share: float, chambers: bool, seed: int = 1) -> FitResult:

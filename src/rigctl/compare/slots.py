@@ -20,6 +20,7 @@ from rigctl.compare.evidence import Component, Evidence, evidence
 from rigctl.compare.regions import make_regions
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress
+from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.physics.family import Slot
@@ -59,6 +60,7 @@ class SlotEvidence:
     alike: tuple[str, ...] = ()
 
 
+@one_thread()
 def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[SlotEvidence, ...]:
     """The slots at which a disturbance shows in the measured readings, the most wanted first.
 
