@@ -75,10 +75,17 @@ def _oracle(found: Results) -> list[tuple[str, ...]]:
 
 def _other(results: Results) -> list[tuple[str, ...]]:
     fit, stepper = results["fit"], results["stepper"]
+    scipy = fit["scipy"]
     calls = f"{min(fit['evaluations'])} to {max(fit['evaluations'])} calls"
     return [
         ("", "wall s", "processor s"),
         (f"8 parameters fitted from 30 % off, {calls}", f"{fit['wall']:.2f}", f"{fit['cpu']:.2f}"),
+        (
+            f"the same by SciPy's TRF with rigctl's columns, {scipy['evaluations']} calls; "
+            f"its optimum is {scipy['largest_difference']:.3f} standard deviations away",
+            f"{scipy['wall']:.2f}",
+            f"{scipy['cpu']:.2f}",
+        ),
         (f"{stepper['calls']} calls of a stepper", f"{stepper['wall']:.2f}", f"{stepper['cpu']:.2f}"),
     ]
 
