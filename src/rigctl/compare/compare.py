@@ -167,7 +167,9 @@ def _statement(name: str, adequate: bool, p: float, where: Sequence[object], dir
 
 def _spikes(noise: DataNoise) -> list[str]:
     return [
-        f"{channel.masked} spikes of {channel.name} were masked: they count in no fit and no test"
+        f"1 spike of {channel.name} was masked: it counts in no fit and no test"
+        if channel.masked == 1
+        else f"{channel.masked} spikes of {channel.name} were masked: they count in no fit and no test"
         for channel in noise.model.channels
         if channel.masked
     ]

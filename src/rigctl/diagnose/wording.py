@@ -70,9 +70,11 @@ def evidence_for(
 ) -> list[str]:
     """A sentence for each thing that speaks for an effect or against it."""
     name = candidate.name
+    p = ranked.score_p_value
+    chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     found = [
         f"for {name}: its signature stands out of the noise by {ranked.size:.1f} sigma "
-        f"(p = {ranked.score_p_value:.2g} over the whole library)"
+        f"({chance} over the whole library)"
     ]
     if ranked.delta_bic < 0.0:
         found.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it")
