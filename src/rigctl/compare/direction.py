@@ -89,7 +89,7 @@ def _level(fit: FitResult, k: int, column: int) -> tuple[float, float, str, floa
         return math.nan, math.nan, channel, 1.0
     measured, predicted = (
         float(record.values[rows, column].mean()),
-        float(fit.outputs[k][rows, column].mean()),
+        float(fit.expected_outputs[k][rows, column].mean()),
     )
     name = channel
     if phase is not None:
@@ -97,7 +97,7 @@ def _level(fit: FitResult, k: int, column: int) -> tuple[float, float, str, floa
         before = (record.phase == 0) & ok
         if phase > 0 and before.any():
             measured -= float(record.values[before, column].mean())
-            predicted -= float(fit.outputs[k][before, column].mean())
+            predicted -= float(fit.expected_outputs[k][before, column].mean())
     return measured, predicted, name, float(rows.sum())
 
 

@@ -82,6 +82,19 @@ class FitResult:
         return {u.name: float(s) for u, s in zip(self.solution.unknowns, self.solution.std, strict=True)}
 
     @cached_property
+    def expected_outputs(self) -> tuple[Floats, ...]:
+        """(n, outputs) of each record with its own unknowns where they are expected: the model's own word.
+
+        `outputs` are with the unknowns as they were fitted: those may have moved to make up for a model that
+        is wrong.
+        """
+        expected = [np.array([unknown.start for unknown in own]) for own in self.problem.local_unknowns()]
+        found = self.problem.simulate(self.values, expected)
+        if not found.ok:
+            return self.outputs
+        return tuple(np.take(array, self.problem.channels, axis=1) for array in found.outputs)
+
+    @cached_property
     def errors(self) -> dict[str, ChannelError]:
         """By channel, on the fitted records."""
         return channel_errors(self.problem, self.outputs, self.fitted)
