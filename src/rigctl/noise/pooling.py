@@ -65,21 +65,21 @@ def pool(
     total = sum(group.total_degrees for group in groups)
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
         return None
-    used = _quietest(groups, cells)
-    quiet, replicates = _chosen(groups, used), list[WindowGroup]()
+    used, used_differences = _quietest(groups, differences, cells)
+    quiet, replicates = _chosen(groups, used), _chosen(differences, used_differences)
     seen: set[bytes] = set()
-    fit = start or fit_noise(quiet, white=0.0)
+    fit = start or fit_noise([*quiet, *replicates], white=0.0)
     white, searched = fit.white, False
     for _ in range(_ROUNDS):
         if fit.sigma == 0.0:
             return None
         far = [_far(group, fit) for group in groups]
-        agreeing = _agreeing(groups, far, fit, cells, tolerance, means=True)
-        if not agreeing.any():
-            break
-        used = agreeing
         far_differences = [_far(group, fit) for group in differences]
-        used_differences = _agreeing(differences, far_differences, fit, cells, tolerance, means=False) & ~used
+        agreeing = _agreeing(groups, far, fit, cells, tolerance, means=True)
+        agreeing_too = _agreeing(differences, far_differences, fit, cells, tolerance, means=False) & ~agreeing
+        if not (agreeing.any() or agreeing_too.any()):
+            break
+        used, used_differences = agreeing, agreeing_too
         quiet = _chosen(groups, used, far)
         replicates = _chosen(differences, used_differences, far_differences)
         fit = fit_noise([*quiet, *replicates], white=white)
@@ -100,24 +100,38 @@ def pool(
     )
 
 
-def _quietest(groups: Sequence[WindowGroup], cells: int) -> NDArray[np.bool_]:
-    """The quarter of the cells whose median variance is smallest, more if that is too little data."""
+def _quietest(
+    groups: Sequence[WindowGroup], differences: Sequence[WindowGroup], cells: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The quarter of the cells with the smallest median variance, of the records or of their differences.
+
+    More if that is too little data. Differences come in where they are quieter by half: where records move.
+    """
+    variance, degrees = _typical(groups, cells)
+    between, between_degrees = _typical(differences, cells)
+    instead = between < 0.5 * variance
+    typical = np.where(instead, between, variance)
+    # a cell that does not vary at all (a signal below one converter step) says nothing about the others
+    order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
+    order = order or [i for i in range(cells) if typical[i] < np.inf]
+    used, enough = np.zeros(cells, bool), 0.0
+    for rank, cell in enumerate(order):
+        if rank >= max(1.0, _START * len(order)) and enough >= FEWEST:
+            break
+        used[cell] = True
+        enough += (between_degrees if instead[cell] else degrees)[cell]
+    return used & ~instead, used & instead
+
+
+def _typical(groups: Sequence[WindowGroup], cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(cells) median variance about the trend, SI², infinite without windows; and degrees of freedom."""
     variance: list[list[float]] = [[] for _ in range(cells)]
     degrees = np.zeros(cells)
     for group in groups:
         for cell, value in zip(group.cells.tolist(), _variance(group).tolist(), strict=True):
             variance[cell].append(value)
             degrees[cell] += group.degrees
-    typical = np.array([np.median(each) if each else np.inf for each in variance])
-    # a cell that does not vary at all (a signal below one converter step) says nothing about the others
-    order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
-    order = order or [i for i in range(cells) if typical[i] < np.inf]
-    used = np.zeros(cells, bool)
-    for rank, cell in enumerate(order):
-        if rank >= max(1.0, _START * len(order)) and degrees[used].sum() >= FEWEST:
-            break
-        used[cell] = True
-    return used
+    return np.array([np.median(each) if each else np.inf for each in variance]), degrees
 
 
 def _variance(group: WindowGroup) -> NDArray[np.float64]:

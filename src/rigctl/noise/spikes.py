@@ -17,6 +17,13 @@ THRESHOLD = 4.5
 SWITCH_GUARD = 10
 #: the running median spans this many samples to either side: more than half of it outlasts the longest spike
 _HALF = LONGEST_SPIKE + 1
+#: the scale around a sample is taken from this many samples to either side, and weighs so much
+_NEAR = 6
+_NEAR_WEIGHT = 0.4
+#: a spike is off the lines through its neighbours by this share of the threshold at least
+_OFF_LINE = 0.4
+#: samples worked on at a time
+_CHUNK = 65536
 #: a deviation of fewer converter steps than this is the converter's
 _CONVERTER_STEPS = 2.7
 #: standard deviation of a normal distribution cut off at ±3
@@ -29,11 +36,11 @@ def find_spikes(
     """Which samples are spikes.
 
     A sample is a spike when (1) it stands further than `THRESHOLD` robust standard deviations from the
-    running median of its nine neighbours, which follows steps and ramps exactly (Hampel's filter), on the
-    scale of the record or of its flattest quarter, whichever is larger; (2) at most `LONGEST_SPIKE`
-    neighbours do so together; (3) the signal goes on afterwards where it was before: lines through the
-    samples on either side meet within half its height. A step, a ramp and a converter's toggling are
-    therefore no spikes.
+    running median of its nine neighbours, taken as they are and along their slope (Hampel's filter, which
+    follows steps and ramps), on the scale of the record or of its surroundings if larger; (2) at most
+    `LONGEST_SPIKE` neighbours do so together; (3) it is off the lines through the samples on either side, and
+    these meet within half its height. A step, a ramp, ringing and a converter's toggling are therefore no
+    spikes.
 
     A real peak of one sample right after a switch (a chamber's pressure when the valve opens) cannot be told
     from a spike in one record: hand in `phase`, and the first `SWITCH_GUARD` samples after every switch are
@@ -105,26 +112,48 @@ def _after_switches(phase: NDArray[np.intp]) -> NDArray[np.bool_]:
 def _spikes(x: NDArray[np.float64]) -> NDArray[np.bool_]:
     from scipy.ndimage import median_filter
 
-    padded = np.concatenate([_before(x)[::-1], x, _before(x[::-1])])
-    level = np.asarray(median_filter(padded, size=2 * _HALF + 1))[_HALF : _HALF + x.size]
-    away = x - level
-    span = float(np.ptp(level))
-    floor = max(1e-4 * span, _CONVERTER_STEPS / THRESHOLD * _smallest_change(x))
-    scale = max(_clipped_scale(away), _clipped_scale(away[_flattest(level)]), floor)
-    far = np.abs(away) > THRESHOLD * scale
+    along, away, level = _away(x)
+    floor = max(1e-4 * float(np.ptp(level)), _CONVERTER_STEPS / THRESHOLD * _smallest_change(x))
+    near = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _NEAR + 1, mode="mirror"))
+    scale = np.maximum(
+        max(_clipped_scale(away), _clipped_scale(away[_flattest(level)]), floor), _NEAR_WEIGHT * near
+    )
+    far = np.minimum(np.abs(along), np.abs(away)) > THRESHOLD * scale
     spikes = np.zeros(x.size, bool)
     for first, last in _runs(far):
-        if last - first <= LONGEST_SPIKE and _comes_back(x, far, first, last, scale):
+        if last - first <= LONGEST_SPIKE and _leaves_and_returns(x, far, first, last, float(scale[first])):
             spikes[first:last] = True
     return spikes
 
 
+def _away(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Each sample less the median of its nine neighbours moved along their slope, less that left; and that.
+
+    The slope is the median of the eight differences: it follows a ramp, but not a step nor a spike. Moved
+    along it, the median on a ramp is not dragged by a spike close by. As it is, the median takes every bend
+    of a rising or falling signal for what it is.
+    """
+    padded = np.concatenate([_before(x)[::-1], x, _before(x[::-1])])
+    level, still = np.empty(x.size), np.empty(x.size)
+    width = 2 * _HALF + 1
+    for begin in range(0, x.size, _CHUNK):
+        part = padded[begin : begin + _CHUNK + width - 1]
+        around = np.lib.stride_tricks.sliding_window_view(part, width)
+        slope = np.median(np.diff(around, axis=1), axis=1)
+        along = around - slope[:, None] * np.arange(-_HALF, _HALF + 1.0)
+        level[begin : begin + _CHUNK] = np.median(along, axis=1)
+        still[begin : begin + _CHUNK] = np.median(around, axis=1)
+    return x - level, x - still, still
+
+
 def _before(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """What would have stood before x, nearest first: a robust line through its samples but the first."""
-    near, further = float(np.median(x[1:5])), float(np.median(x[5:9]))
-    slope = (further - near) / 4.0
-    at = np.arange(-1.0, -1.0 - _HALF, -1.0)
-    return near + slope * (at - 2.5)
+    part = x[1 : 2 + 3 * _HALF]
+    at = np.arange(1.0, part.size + 1.0)
+    half = part.size // 2
+    slope = float(np.median((part[-half:] - part[:half]) / (part.size - half)))
+    level = float(np.median(part - slope * at))
+    return level + slope * np.arange(-1.0, -1.0 - _HALF, -1.0)
 
 
 def _smallest_change(x: NDArray[np.float64]) -> float:
@@ -162,17 +191,27 @@ def _runs(far: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _comes_back(x: NDArray[np.float64], far: NDArray[np.bool_], first: int, last: int, scale: float) -> bool:
-    """Whether the signal after a departure continues the one before it; at an end of the record: always."""
+def _leaves_and_returns(
+    x: NDArray[np.float64], far: NDArray[np.bool_], first: int, last: int, scale: float
+) -> bool:
+    """Whether a departure is off the lines through the samples on either side, and these lines meet.
+
+    The crest of an oscillation lies where the lines before and after it lead. At an end of the record there
+    is one side only, and none to judge by.
+    """
     before = np.flatnonzero(~far[max(0, first - 8) : first])[-4:] + max(0, first - 8)
     after = np.flatnonzero(~far[last : last + 8])[:4] + last
     if before.size < 3 or after.size < 3:
         return first == 0 or last == x.size
     middle = (first + last - 1) / 2.0
+    centre = float(np.median(x[first:last]))
+    off = np.array([centre - _at(side, x[side], middle) for side in (before, after)])
     level = abs(float(np.median(x[before]) - np.median(x[after])))
-    line = abs(_at(before, x[before], middle) - _at(after, x[after], middle))
-    height = abs(float(np.median(x[first:last])) - _at(before, x[before], middle))
-    return min(level, line) < max(height / 2.0, THRESHOLD * scale)
+    height = float(np.max(np.abs(off)))
+    returns = min(level, float(abs(off[0] - off[1]))) < max(height / 2.0, THRESHOLD * scale)
+    return (
+        returns and bool(off[0] * off[1] > 0.0) and float(np.min(np.abs(off))) > _OFF_LINE * THRESHOLD * scale
+    )
 
 
 def _at(samples: NDArray[np.intp], x: NDArray[np.float64], where: float) -> float:

@@ -104,6 +104,8 @@ def cut_windows(
 
 def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[int, int, int, int]]:
     """(phase, how many before its end, first sample, one past the last) of every window of a record."""
+    if phase.size == 0:
+        return []
     edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), phase.size]
     pieces = []
     for begin, end in pairwise(edges):
