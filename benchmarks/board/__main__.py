@@ -3,7 +3,8 @@
 The firmware runs on the emulated microcontroller. What depends on it and on the line alone is measured in
 the board's own time, faster than real: that is `results.json`. What depends on the host as well, round trips
 of queries and the arrival of samples, needs real time: ``python -m benchmarks.board --real-time`` runs a host
-and an emulated board as two processes on a pseudo-terminal for ten minutes, into `real_time.json`.
+and an emulated board as two processes on a pseudo-terminal for ten minutes, into `real_time.json`, and
+``--one-process`` leaves the terminal driver out, into `one_process.json`.
 
 The emulator sends a parity bit that the real board does not: a character takes 11 bits, not 10.
 """
@@ -13,8 +14,9 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from types import ModuleType
 
-from benchmarks.board import fast, real_time
+from benchmarks.board import fast, one_process, real_time
 from benchmarks.record import keep, table
 
 FOLDER = Path(__file__).parent
@@ -23,12 +25,17 @@ FOLDER = Path(__file__).parent
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.board")
     parser.add_argument("--real-time", action="store_true", help="two processes, ten minutes")
+    parser.add_argument("--one-process", action="store_true", help="arrivals alone")
     parser.add_argument("--minutes", type=float, default=10.0, help="of board time (10)")
     given = parser.parse_args()
-    measured = real_time if given.real_time else fast
+    name: str = "results"
+    measured: ModuleType = fast
+    if given.real_time:
+        name, measured = "real_time", real_time
+    elif given.one_process:
+        name, measured = "one_process", one_process
     rows, results = measured.measure(given.minutes * 60.0)
     table(measured.TITLE, [("", "reached", "asked"), *rows])
-    name = "real_time" if given.real_time else "results"
     print(f"\nkept in {keep(FOLDER, results, 'pyserial', 'numpy', name=name)}")
 
 

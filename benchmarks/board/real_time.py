@@ -47,7 +47,7 @@ while True:
 
 def measure(seconds: float) -> tuple[list[tuple[str, str, str]], dict[str, Any]]:
     """Rows to show and figures to keep."""
-    scheduling = _go_first()
+    scheduling = go_first()
     trips = {baud: round_trips(baud) for baud in (115200, 500000)}
     killed = after_kill(5)
     whole = arrivals(seconds)
@@ -71,7 +71,7 @@ def measure(seconds: float) -> tuple[list[tuple[str, str, str]], dict[str, Any]]
     return rows, kept
 
 
-def _go_first() -> str:
+def go_first() -> str:
     """Let other work on the computer wait, where that is allowed: a bench's computer has none."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
@@ -91,7 +91,7 @@ def round_trips(baud: int) -> dict[str, dict[str, float]]:
             time.sleep(0.1)
             for query in QUERIES:
                 label = f"{query} with the stream" if stream != "STRM 0" else query
-                found[label] = _figures([_asked(port, query) for _ in range(ASKED)])
+                found[label] = figures([_asked(port, query) for _ in range(ASKED)])
     return found
 
 
@@ -132,8 +132,8 @@ def arrivals(seconds: float) -> dict[str, Any]:
         "lost": sum(int(str(n.fields["samples"])) for n in notices if n.kind == "gap"),
         "torn": sum(int(str(n.fields.get("lines", 0))) for n in notices),
         "largest_distance_s": max(b - a for a, b in pairwise(times)),
-        "delay_ms": _figures(delays),
-        "jitter_ms": _figures([abs(delay - middle) for delay in delays]),
+        "delay_ms": figures(delays),
+        "jitter_ms": figures([abs(delay - middle) for delay in delays]),
         "by_minute": _by_minute([abs(delay - middle) for delay in delays], loads),
         "clock_uncertainty_ms": uncertainty * 1e3,
     }
@@ -143,7 +143,7 @@ def _by_minute(jitter: Sequence[float], loads: Sequence[float]) -> list[dict[str
     """What 99 % of each minute's arrivals are within, beside how busy the computer was."""
     minutes = [jitter[k * _MINUTE : (k + 1) * _MINUTE] for k in range(len(loads))]
     return [
-        {"jitter_ms_p99": _figures(minute)["p99"], "load_average": load}
+        {"jitter_ms_p99": figures(minute)["p99"], "load_average": load}
         for minute, load in zip(minutes, loads, strict=True)
     ]
 
@@ -207,7 +207,7 @@ def _until(condition: Callable[[], bool]) -> None:
         time.sleep(0.002)
 
 
-def _figures(values: Sequence[float]) -> dict[str, float]:
+def figures(values: Sequence[float]) -> dict[str, float]:
     ordered = sorted(values)
     return {
         "median": statistics.median(ordered),
