@@ -51,7 +51,9 @@ def _starts(records: Sequence[MeasuredRecord]) -> list[list[float]]:
 
 
 def first_reading(record: MeasuredRecord, output: int, count: int = 5) -> float:
-    """The median of an output's first readings, of the first phase; NaN where there are none."""
+    """The median of an output's first readings, of the first phase; NaN where none is from the start."""
+    if record.switch_times.size > 1 and record.times[0] > record.switch_times[1]:
+        return float("nan")
     values = record.values[record.phase == 0, output]
     present = values[np.isfinite(values)][:count]
     return float(np.median(present)) if present.size else float("nan")
