@@ -1,7 +1,8 @@
 """How large a hidden effect must be to have a wanted size in the data.
 
-The size λ of an effect is ‖(I − P_J)·W·(y_with − y_without)‖ of noise-free outputs, in sigmas. W and J belong
-to the model under test, so that λ is computed by a callable; it grows nearly in proportion to the amplitude.
+The size λ of an effect is ‖(I − P_J)·W·(y_with − y_without)‖ of noise-free outputs, in sigmas: what a fit of
+the model under test leaves of it. W and J belong to that model, so that λ is computed by a callable; it grows
+nearly in proportion to the amplitude.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from rigctl.diagnose.diagnose import diagnose_comparison
 from rigctl.diagnose.result import Diagnosis
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
+from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.load import load_model
 from rigctl.model.measured.noise import DataNoise, noise_of
 from rigctl.model.measured.record import Measurements
@@ -27,14 +28,14 @@ from rigctl.noise import ChannelNoise, NoiseModel
 from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
 from rigctl.validation.amplitude import Amplitude, Amplitudes, Clean
-from rigctl.validation.bench.campaign import Campaign, clean_outputs
+from rigctl.validation.bench.campaign import clean_outputs
 from rigctl.validation.bench.record import RATE
 from rigctl.validation.bench.sensing import Noise
 from rigctl.validation.hidden_effect import hide
 from rigctl.validation.hidden_effects import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.outcome import Interval, Outcome
-from rigctl.validation.scenario import Scenario
+from rigctl.validation.scenario import Scenario, Wanted
 
 Floats = NDArray[np.float64]
 
@@ -58,12 +59,7 @@ def carry_out(scenario: Scenario) -> Outcome:
     """
     began = time.process_time()
     reference = _reference(_plain_of(scenario))
-    amplitudes = [
-        reference.amplitudes.find(
-            find_hidden(wanted.effect), wanted.size, scenario.plain, shape=scenario.shape, sign=wanted.sign
-        )
-        for wanted in scenario.hidden
-    ]
+    amplitudes = [reference.find(scenario, wanted) for wanted in scenario.hidden]
     made = Outcome(
         scenario,
         sizes=tuple(each.size for each in amplitudes),
@@ -89,10 +85,29 @@ def carry_out(scenario: Scenario) -> Outcome:
 
 @dataclass(frozen=True)
 class Reference:
-    """What sizes are measured with: the textbook model fitted to a campaign that hides nothing."""
+    """What sizes are measured with: the textbook model fitted to a campaign without noise that hides nothing.
 
+    Attributes
+    ----------
+    fitted: there, its whiteners those of the noise in question.
+    seen: its linearisation, in which sizes are nearly right where the fitted parameters move little.
+    """
+
+    fitted: FitResult = field(repr=False)
     seen: Unexplained = field(repr=False)
-    amplitudes: Amplitudes = field(repr=False)
+    by_slopes: Amplitudes = field(repr=False)
+    by_fit: Amplitudes = field(repr=False)
+
+    def find(self, scenario: Scenario, wanted: Wanted) -> Amplitude:
+        """The amplitude that leaves the size wanted after a fit; begun where the linearisation says."""
+        hidden = find_hidden(wanted.effect)
+        near = self.by_slopes.find(
+            hidden, wanted.size, scenario.plain, shape=scenario.shape, sign=wanted.sign
+        )
+        if not near.reached:
+            return near
+        begun = replace(hidden, typical=abs(near.value))
+        return self.by_fit.find(begun, wanted.size, scenario.plain, shape=scenario.shape, sign=wanted.sign)
 
 
 def _plain_of(scenario: Scenario) -> Scenario:
@@ -104,14 +119,40 @@ def _plain_of(scenario: Scenario) -> Scenario:
 def _reference(plain: Scenario) -> Reference:
     model, rig = bench_model(plain.chamber_pressures)
     measurements = measure(plain.plain, model, rig)
-    fitted = fit_model(model, measurements, _noise(plain, measurements))
+    noisy = fit_model(model, measurements, _noise(plain, measurements))
+    clean = clean_outputs(replace(plain.plain, seed=0))
+    fitted = refitted(noisy, clean)
     whole = fitted.problem.rebuilt(fitted.model, library=True)
     seen = unexplained(linearise(fitted, whole), whole)
 
-    def size(with_it: Clean, without: Clean) -> float:
+    def by_slopes(with_it: Clean, without: Clean) -> float:
         return seen.size(_changes(with_it, without, measurements.outputs))
 
-    return Reference(seen, Amplitudes(size))
+    def by_fit(with_it: Clean, _: Clean) -> float:
+        return math.sqrt(max(0.0, _squares(refitted(fitted, with_it)) - _squares(fitted)))
+
+    return Reference(fitted, seen, Amplitudes(by_slopes), Amplitudes(by_fit))
+
+
+def refitted(fitted: FitResult, clean: Clean) -> FitResult:
+    """The same model fitted to other readings of the same records, begun where it was."""
+    problem = fitted.problem
+    outputs = problem.measurements.outputs
+    records = tuple(
+        replace(record, values=np.column_stack([channels[name] for name in outputs]))
+        for record, (_, channels) in zip(problem.records, clean, strict=True)
+    )
+    shared = [
+        replace(unknown, start=min(max(float(value), unknown.lower), unknown.upper))
+        for unknown, value in zip(problem.shared, fitted.values, strict=True)
+    ]
+    other = replace(problem, measurements=replace(problem.measurements, records=records))
+    return fit(other.with_shared(shared), local=fitted.local)
+
+
+def _squares(fitted: FitResult) -> float:
+    assert fitted.solution is not None  # noqa: S101 - the textbook model has parameters to fit
+    return 2.0 * fitted.solution.cost
 
 
 def _changes(with_it: Clean, without: Clean, outputs: Sequence[str]) -> list[Floats]:
@@ -158,19 +199,16 @@ def _rival(
     steady = replace(scenario.plain, seed=0)
     alike, apart = None, None
     for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
-        with_it = hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape)
-        cosines = _cosines(reference, with_it, steady)
+        with_it = clean_outputs(hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape))
+        left = refitted(reference.fitted, with_it)
+        readings = [record.values for record in left.problem.records]
+        cosines = reference.seen.cosines([a - b for a, b in zip(readings, left.outputs, strict=True)])
         cosines.pop(wanted.effect, None)
         cosine = max(cosines.values(), default=0.0)
         d = separation(amplitude.size, cosine)
         alike = cosine if alike is None else max(alike, cosine)
         apart = d if apart is None else min(apart, d)
     return alike, apart
-
-
-def _cosines(reference: Reference, with_it: Campaign, without: Campaign) -> dict[str, float]:
-    outputs = reference.seen.problem.measurements.outputs
-    return reference.seen.cosines(_changes(clean_outputs(with_it), clean_outputs(without), outputs))
 
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:
