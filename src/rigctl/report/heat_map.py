@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from rigctl.report.section import render
 
 #: blue below, orange above: told apart by most colour-blind readers
 _BELOW, _ABOVE = (47, 127, 193), (217, 122, 38)
+#: of a title in one inch of a picture
+_LETTERS = 12
 
 
 @dataclass(frozen=True)
@@ -84,9 +87,10 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
 
     path = folder / f"{shown.id}.{form}"
     colours = [tuple(c / 255 for c in _BELOW), (1.0, 1.0, 1.0), tuple(c / 255 for c in _ABOVE)]
-    figure = Figure(
-        figsize=(1.6 + 0.9 * len(shown.columns), 1.4 + 0.42 * len(shown.rows)), layout="constrained"
-    )
+    width = 1.6 + 0.9 * len(shown.columns)
+    title = textwrap.wrap(shown.caption, max(20, int(_LETTERS * width)))
+    height = 1.2 + 0.2 * len(title) + 0.42 * len(shown.rows)
+    figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots()
     values = np.array(shown.values, dtype=float)
     image = axes.imshow(
@@ -106,7 +110,7 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
                 weight = "bold" if shown.strong[i][j] else "normal"
                 axes.text(j, i, f"{value:+.1f}", ha="center", va="center", fontsize=8, fontweight=weight)
     figure.colorbar(image, ax=axes, label="sigma")
-    figure.suptitle(shown.caption, fontsize=10)
+    figure.suptitle("\n".join(title), fontsize=10)
     content = io.BytesIO()
     figure.savefig(content, format=form, dpi=144, metadata={"Date": None} if form == "svg" else {})
     write_bytes(path, content.getvalue())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigctl.compare.localise import variable_units
 from rigctl.compare.result import ModelComparison
@@ -14,11 +15,13 @@ from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit
 
+Floats = NDArray[np.float64]
+
 _LIMIT = 4.0
 
 
 def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -> tuple[HeatMap, ...]:
-    """For each channel, the mean error of every condition: the first variable down, the second across."""
+    """Of each channel, the signed RMS error of each condition: the first variable down, the second across."""
     problem = model.fit.problem
     variables = problem.measurements.variables[:2]
     if not variables:
@@ -31,24 +34,16 @@ def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -
     columns = sorted({_rounded(point[1]) for point in points})
     found = []
     for c, channel in enumerate(problem.measurements.outputs):
-        cells: dict[tuple[float, float], list[float]] = {}
-        counts: dict[tuple[float, float], int] = {}
+        cells: dict[tuple[float, float], list[Floats]] = {}
         for k, point in enumerate(points):
             error = normalised_error(model, k)[:, c]
             good = error[np.isfinite(error)]
             if good.size:
                 place = (_rounded(point[0]), _rounded(point[1]))
-                cells.setdefault(place, []).append(float(np.sqrt(np.mean(good**2)) * np.sign(good.mean())))
-                counts[place] = counts.get(place, 0) + good.size
-        values = tuple(tuple(_mean(cells.get((r, col))) for col in columns) for r in rows)
-        strong = tuple(
-            tuple(
-                (r, col) in cells
-                and abs(_mean(cells[(r, col)])) > 1.0 + 4.0 / math.sqrt(2.0 * counts[(r, col)])
-                for col in columns
-            )
-            for r in rows
-        )
+                cells.setdefault(place, []).append(good)
+        pooled = [[np.concatenate(cells.get((r, col), [np.empty(0)])) for col in columns] for r in rows]
+        values = tuple(tuple(map(_signed_rms, row)) for row in pooled)
+        strong = tuple(tuple(map(_stands_out, row)) for row in pooled)
         found.append(
             HeatMap(
                 id=f"{key}-{channel}",
@@ -68,8 +63,14 @@ def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -
     return tuple(found)
 
 
-def _mean(values: list[float] | None) -> float:
-    return float(np.mean(values)) if values else math.nan
+def _signed_rms(errors: Floats) -> float:
+    """Root mean square over all records of a condition, with the sign of their mean; NaN without any."""
+    return float(np.sqrt(np.mean(errors**2)) * np.sign(errors.mean())) if errors.size else math.nan
+
+
+def _stands_out(errors: Floats) -> bool:
+    """By more than four standard deviations of what noise alone makes."""
+    return bool(errors.size) and abs(_signed_rms(errors)) > 1.0 + 4.0 / math.sqrt(2.0 * errors.size)
 
 
 def _rounded(value: float) -> float:
