@@ -1,0 +1,77 @@
+"""`rigctl validate`: its tables, and going on with what is there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from rigctl.cli.main import app
+from rigctl.errors import RigctlError
+from rigctl.validation.outcome import Outcome
+from rigctl.validation.scenario import Scenario, Wanted
+
+SCENARIOS = (
+    Scenario("nothing", seed=1),
+    Scenario("one", (Wanted("valve_leakage", 10.0),), seed=2),
+    Scenario("one", (Wanted("pressure_gain", 10.0),), seed=3),
+    Scenario("one", (Wanted("radiation_loss", 10.0),), seed=4),
+)
+DONE: list[str] = []
+
+
+def work(scenario: Scenario) -> Outcome:
+    DONE.append(scenario.name)
+    if not scenario.hidden:
+        return Outcome(scenario, verdict="adequate")
+    if scenario.truth == ("radiation_loss",):
+        return Outcome(scenario, untested="no amplitude of radiation_loss has the size wanted")
+    named = scenario.truth if scenario.truth == ("valve_leakage",) else ("pump_slip",)
+    return Outcome(
+        scenario, verdict="missing_effect", effects=named, first=named[0], rival_cosine=0.5, separation=5.0
+    )
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("rigctl.validation.tiers.scenarios", lambda tier: SCENARIOS)
+    monkeypatch.setattr("rigctl.validation.work.carry_out", work)
+    monkeypatch.chdir(tmp_path)
+    DONE.clear()
+
+
+def told(*arguments: str) -> str:
+    result = CliRunner().invoke(app, ["validate", "--workers", "1", *arguments], catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_rates_stand_beside_their_targets_and_what_was_mistaken_is_named() -> None:
+    printed = told()
+    assert "accepted and wrong" in printed
+    assert "at most 1.0 %: missed" in printed
+    assert "pump_slip 1" in printed
+    assert "1 trials could not be made" in printed
+    page = Path("validation/quick.md").read_text(encoding="utf-8")
+    assert page.startswith("`rigctl validate --tier quick`: 3 trials")
+    assert "| pressure_gain | 0 of 1 | pump_slip 1 |" in page
+
+
+def test_the_document_has_every_rate() -> None:
+    found = json.loads(told("--json", "--out", "kept"))
+    assert found["scenarios"] == 4
+    assert found["confusion"]["valve_leakage"] == {"valve_leakage": 1}
+    rates = {(rate["name"], rate["of"]): rate for rate in found["rates"]}
+    assert rates["false alarm, nothing hidden", "noise estimated"]["met"] is True
+    assert Path(found["results"]).is_file()
+
+
+def test_it_goes_on_where_it_was_and_never_mixes_by_accident() -> None:
+    told("--first", "2")
+    assert len(DONE) == 2
+    with pytest.raises(RigctlError, match="there already"):
+        told()
+    told("--resume")
+    assert sorted(DONE) == sorted(scenario.name for scenario in SCENARIOS)
