@@ -125,6 +125,8 @@ def _rivals(search: Search, best: Trial) -> list[tuple[str, str, float, float, f
         for trial, cos, d in search.rivals(best, member):
             other = next(name for name in trial.effects if name not in best.effects)
             difference = search.mbic(trial) - search.mbic(best)
+            # the same separation by the refits: it also knows sizes that physics does not allow
+            d = max(d, 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0)))  # noqa: PLW2901
             if not search.at(best).adequacy.adequate:
                 # neither is right, and the noise no longer tells the chance of a difference
                 told = min(d, consistent_gain(best.fit, trial.fit))
