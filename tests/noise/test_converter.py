@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigctl.noise.converter import find_step, level_variance, noise_before, stretch_bias
+from rigctl.noise.converter import find_step, noise_before, stretch_bias, window_share
 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.2, 0.5, 3.0])
@@ -60,6 +60,11 @@ def test_the_bias_without_noise_is_that_of_rounding_and_vanishes_for_wide_noise(
 def test_the_variance_at_a_level_is_that_of_a_simulated_converter(level: float, sigma: float) -> None:
     converted = np.round(level + sigma * np.random.default_rng(5).standard_normal(200_000))
     expected = converted.var() / (sigma**2 + 1.0 / 12.0)
-    assert level_variance(np.array([7.0 * 2 + level * 2]), 2.0, 2.0 * sigma)[0] == pytest.approx(
+    assert window_share(np.array([[14.0 + 2.0 * level]]), 2.0, 2.0 * sigma)[0] == pytest.approx(
         expected, abs=0.015
     )
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 0.35, 2.0])
+def test_a_signal_that_crosses_steps_carries_the_whole_variance(sigma: float) -> None:
+    assert window_share(np.linspace(0.0, 5.0, 500)[None, :], 1.0, sigma)[0] == pytest.approx(1.0, abs=0.02)

@@ -107,6 +107,36 @@ def test_replicates_stand_in_where_every_record_moves_too_much(
     assert "replicates" in channel.statement
 
 
+def test_stretches_that_all_move_are_said_to_be_a_guess(plain_record: Callable[..., NoiseRecord]) -> None:
+    values = 50.0 * np.sin(2 * np.pi * 2.0 * np.arange(400) * 0.01)
+    channel = estimate_noise([plain_record(values)], ["x"]).channels[0]
+    assert channel.guessed
+    assert "move as slowly as a signal" in channel.statement
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1, 0.2])
+@pytest.mark.parametrize("moving", [True, False])
+def test_noise_that_a_converter_swallows_is_no_less_than_the_converter(
+    plain_record: Callable[..., NoiseRecord], sigma: float, moving: bool
+) -> None:
+    rng = np.random.default_rng(12)
+    slope = 30.0 * moving * np.linspace(0, 1, 300)
+    records = [
+        plain_record(np.round(rng.uniform(0, 9) + slope + sigma * rng.standard_normal(300)), i)
+        for i in range(20)
+    ]
+    channel = estimate_noise(records, ["x"], known={"x": 0.1}).channels[0]
+    total = np.sqrt(sigma**2 + 1.0 / 12.0)
+    if moving:
+        assert channel.step == pytest.approx(1.0)
+        # a slow signal makes a sawtooth of what the converter leaves, which no noise model is right for
+        assert 0.9 * total < channel.sigma < 1.2 * total
+    elif channel.step:
+        assert 0.95 * np.sqrt(1.0 / 12.0) < channel.sigma < 1.5 * total
+    else:
+        assert channel.sigma > 0.0
+
+
 def test_phases_too_short_for_a_correlation_leave_the_differences() -> None:
     rng = np.random.default_rng(6)
     times = np.arange(240) * 0.01

@@ -86,18 +86,23 @@ def noise_before(step: float, sigma: float) -> float:
     return 0.5 * (low + high)
 
 
-def level_variance(levels: NDArray[np.float64], step: float, before: float) -> NDArray[np.float64]:
-    """Variance after conversion at given levels, as a share of ``σ₀² + Δ²/12``.
+def window_share(levels: NDArray[np.float64], step: float, before: float) -> NDArray[np.float64]:
+    """Variance after conversion inside windows, as a share of ``σ₀² + Δ²/12``, to which it averages.
 
-    Noise narrower than a step comes out narrower in the middle of a step and wider at its edge; over a moving
-    signal it averages to one. In steps, the converter gives n with the probability
-    ``P_n = Φ((n + ½ − x)/s) − Φ((n − ½ − x)/s)``; the variance is that of n.
+    Noise narrower than a step comes out narrower in the middle of a step and wider at its edge, and a signal
+    that moves inside a step carries the bias of every level into the window. In steps, the converter gives n
+    at level x with the probability ``P_n(x) = Φ((n + ½ − x)/s) − Φ((n − ½ − x)/s)``; the share is the mean
+    over the window of the variance of n, and the variance over the window of ``E[n] − x``.
 
     Parameters
     ----------
-    levels: SI, counted from a value the converter gives.
+    levels: (windows, samples) SI, counted from a value the converter gives.
     step: Δ, SI.
     before: σ₀, SI.
+
+    Returns
+    -------
+    (windows) 1 over a signal that crosses whole steps; less or more where it rests.
     """
     from scipy.special import ndtr
 
@@ -107,6 +112,8 @@ def level_variance(levels: NDArray[np.float64], step: float, before: float) -> N
     codes = np.arange(-reach, reach + 1)
     chance = ndtr((codes + 0.5 - off[:, None]) / width) - ndtr((codes - 0.5 - off[:, None]) / width)
     mean = chance @ codes
-    variance = (chance @ codes**2 - mean**2) / (width**2 + 1.0 / 12.0)
+    variance = chance @ codes**2 - mean**2
     at = levels / step
-    return np.interp(at - np.round(at), off, variance)
+    at = at - np.round(at)
+    spread = np.interp(at, off, variance).mean(axis=1) + np.interp(at, off, mean - off).var(axis=1)
+    return np.asarray(spread / (width**2 + 1.0 / 12.0))

@@ -17,6 +17,8 @@ from rigctl.noise.statements import channel_statement, model_statement
 
 #: a sigma below this share of the values' size is rounding, not noise
 _ROUNDING = 1e-12
+#: what is as slow as this in the quietest stretches may be a signal
+_SLOW = 0.975
 #: assumed where nothing at all is known: this share of the values' size
 _ASSUMED = 0.01
 
@@ -94,7 +96,7 @@ def _channel_noise(
             fit.correlation,
             step,
             source,
-            guessed=False,
+            guessed=source == "quiet" and fit.correlation > _SLOW and fit.white < 0.5,
             masked=masked,
             white=fit.white,
             bias=bias,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.noise.converter import level_variance, noise_before
+from rigctl.noise.converter import noise_before, window_share
 from rigctl.noise.pooling import Pooled, pool
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.windows import Cell, WindowGroup, contrasts, cut_windows
@@ -39,7 +39,7 @@ def learn_noise(data: ChannelData) -> Pooled | None:
 
     First over short windows; then, where several in a row show noise alone, over long ones, which see more of
     slow noise. Where a converter's steps are coarse, the variance of each window is referred to that over all
-    levels (`level_variance`): a rod that rests in the middle of a step looks quieter than it is, and the
+    levels (`window_share`): a rod that rests in the middle of a step looks quieter than it is, and the
     sigma returned is ``√(σ₀² + Δ²/12)``.
     """
     groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing)
@@ -78,6 +78,7 @@ def _pool(
     groups: Sequence[WindowGroup], cells: int, step: float, before: float, start: Pooled
 ) -> Pooled | None:
     referred = [_referred(group, step, before) for group in groups] if step else list(groups)
+    referred = [group for group in referred if group.rows.size]
     return pool(
         referred, contrasts(referred), cells, start=start.fit, tolerance=_COARSE_TOLERANCE if step else 1.0
     )
@@ -85,7 +86,7 @@ def _pool(
 
 def _referred(group: WindowGroup, step: float, before: float) -> WindowGroup:
     """The windows with the variance they would have over all levels, less those whose noise was swallowed."""
-    share = level_variance(group.levels, step, before).mean(axis=1)
+    share = window_share(group.levels, step, before)
     told = group.only(share > _SWALLOWED)
     return replace(told, rows=told.rows / np.sqrt(share[share > _SWALLOWED])[:, None])
 

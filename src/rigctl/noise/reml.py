@@ -43,12 +43,16 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
         Q = Σ (eᵀR⁻¹e − eᵀR⁻¹X·(XᵀR⁻¹X)⁻¹·XᵀR⁻¹e).
 
     Detrending makes the plain autocorrelation too small; this likelihood knows that the trend was taken out.
-    w is `white` where that is given; otherwise w = 0 unless w > 0 raises 2·ln L by more than 6.63.
+    w is `white` where that is given; otherwise w = 0 unless w > 0 raises 2·ln L by more than 6.63. Windows
+    that do not vary at all give sigma 0.
 
     Source: Patterson & Thompson, Biometrika 58 (1971) 545; Harville, J. Am. Stat. Assoc. 72 (1977) 320.
     """
     parts = [(group, _compressed(group.rows)) for group in groups if group.rows.size]
     degrees = sum(group.total_degrees for group, _ in parts)
+
+    if _sums(parts, 0.0, 0.0)[1] <= 0.0:
+        return NoiseFit(0.0, 0.0, 0.0, degrees)
 
     def cost(rho: float, white: float) -> float:
         determinant, quadratic = _sums(parts, rho, white)

@@ -21,6 +21,8 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
     if noise.correlation >= 0.05:
         rest = f", {noise.white:.0%} of the variance white" if noise.white else ""
         parts.append(f"neighbouring samples correlated by {noise.correlation:.2f}{rest}")
+    if noise.guessed and noise.source == "quiet":
+        parts.append("a guess: even the quietest stretches move as slowly as a signal does")
     if noise.step > 0.5 * noise.sigma:
         parts.append(f"converter steps of {noise.step / noise.sigma:.1f} sigma")
     if noise.masked:
@@ -45,9 +47,8 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
     guessed = [channel for channel in channels if channel.guessed]
     if guessed:
         which = ", ".join(channel.name for channel in guessed)
-        parts.append(
-            f"only guessed for {which}: {' and '.join(dict.fromkeys(_FROM[c.source] for c in guessed))}"
-        )
+        why = " and ".join(dict.fromkeys(_FROM[channel.source] for channel in guessed))
+        parts.append(f"only guessed for {which}, from {why}")
     masked = sum(channel.masked for channel in channels)
     if masked:
         parts.append(f"{masked} {'spike' if masked == 1 else 'spikes'} masked")
