@@ -185,7 +185,7 @@ def stroke_plot(models: Sequence[ModelComparison]) -> Plot | None:
 def _stroke(model: ModelComparison, k: int, column: int, *, measured: bool) -> float:
     """Position while the valve is closed after the extension, less that at the start."""
     record, ok = model.fit.problem.records[k], model.fit.problem.ok[k][:, column]
-    values = record.values[:, column] if measured else model.fit.outputs[k][:, column]
+    values = record.values[:, column] if measured else model.fit.expected_outputs[k][:, column]
     hold = record.phases.index("hold") if "hold" in record.phases else len(record.phases) - 1
     after, before = (record.phase == hold) & ok, (record.phase == 0) & ok
     if not after.any():
