@@ -15,7 +15,7 @@ from rigctl.validation.work import carry_out
 pytestmark = pytest.mark.timeout(900)  # a minute of computing, more where the computer is shared
 
 NOTHING: tuple[NoiseVariant, ...] = ("white", "coloured")
-EFFECTS = ("piston_leakage", "valve_open_delay")
+EFFECTS = ("piston_leakage", "valve_leakage")
 
 
 def sample() -> Iterator[Scenario]:

@@ -58,8 +58,7 @@ def carry_out(scenario: Scenario) -> Outcome:
         the bench cannot be simulated with what is hidden in it.
     """
     began = time.process_time()
-    reference = _reference(_plain_of(scenario))
-    amplitudes = [reference.find(scenario, wanted) for wanted in scenario.hidden]
+    amplitudes = [_reference(_plain_of(scenario)).find(scenario, wanted) for wanted in scenario.hidden]
     made = Outcome(
         scenario,
         sizes=tuple(each.size for each in amplitudes),
@@ -69,7 +68,7 @@ def carry_out(scenario: Scenario) -> Outcome:
     if short:
         return replace(made, untested=f"no amplitude of {', '.join(short)} has the size wanted")
     diagnosis = _diagnose(scenario, made.amplitudes)
-    cosine, apart = _rival(scenario, amplitudes, reference)
+    cosine, apart = _rival(scenario, amplitudes)
     return replace(
         made,
         verdict=diagnosis.verdict.value,
@@ -192,13 +191,12 @@ def _diagnose(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
     return diagnose_comparison(compared, measurements.runs)
 
 
-def _rival(
-    scenario: Scenario, amplitudes: Sequence[Amplitude], reference: Reference
-) -> tuple[float | None, float | None]:
+def _rival(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float | None, float | None]:
     """(largest cosine, smallest separation) between what a hidden effect does and any other one."""
     steady = replace(scenario.plain, seed=0)
     alike, apart = None, None
     for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
+        reference = _reference(_plain_of(scenario))
         with_it = clean_outputs(hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape))
         left = refitted(reference.fitted, with_it)
         readings = [record.values for record in left.problem.records]
