@@ -11,11 +11,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 
 
 def pages() -> Iterator[tuple[Path, str]]:
     """Every generated page with its text."""
+    sys.path.insert(0, str(ROOT))  # the benchmarks are no installed package
+    from benchmarks.engine.page import with_figures
     from rigctl.effects.page import effects_page
     from rigctl.physics.families import FAMILIES
     from rigctl.procedure.steps_page import steps_page
@@ -26,6 +29,8 @@ def pages() -> Iterator[tuple[Path, str]]:
     yield DOCS / "reference" / "procedure-steps.md", steps_page()
     yield DOCS / "reference" / "rig-file.md", rig_page()
     yield DOCS / "reference" / "run-states.md", run_states_page()
+    engine = DOCS / "explanation" / "engine.md"
+    yield engine, with_figures(engine)
     for family in FAMILIES.values():
         yield DOCS / "reference" / "effects" / f"{family.name}.md", effects_page(family)
 
