@@ -31,5 +31,5 @@ def figures() -> str:
     for title, rows in tables(kept["results"]):
         lines = ["| " + " | ".join(row) + " |" for row in rows]
         lines.insert(1, "|" + "---|" * len(rows[0]))
-        parts.append(f"### {title[0].upper()}{title[1:]}\n\n" + "\n".join(lines) + "\n")
+        parts.append(f"### {title}\n\n" + "\n".join(lines) + "\n")
     return "\n".join(parts) + "\n"
