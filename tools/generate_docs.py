@@ -19,6 +19,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     """Every generated page with its text."""
     sys.path.insert(0, str(ROOT))  # the benchmarks are no installed package
     from benchmarks.engine.page import with_figures
+
     from rigctl.effects.page import effects_page
     from rigctl.physics.families import FAMILIES
     from rigctl.procedure.steps_page import steps_page
