@@ -94,7 +94,8 @@ def _inverse(matrix: Floats) -> Floats:
 
 def _local_std(factors: Factors, shared: Floats, mask: Vector, size: Vector) -> tuple[Floats, ...]:
     """Standard deviations of the records' own parameters: own noise, and what the shared ones pass on."""
-    finite = np.where(np.isfinite(shared), shared, 0.0)
+    known = np.isfinite(np.diag(shared))  # what the data do not determine passes nothing on
+    finite = np.where(np.outer(known, known), shared, 0.0)
     result = []
     for record, own_mask, own_size in zip(factors.records, mask.local, size.local, strict=True):
         std = np.zeros(own_mask.size)
@@ -103,6 +104,6 @@ def _local_std(factors: Factors, shared: Floats, mask: Vector, size: Vector) -> 
             top = np.linalg.pinv(record.top)
             passed = top @ record.coupling
             variance = np.square(top).sum(axis=1) + np.einsum("ij,jk,ik->i", passed, finite, passed)
-            std[own] = np.sqrt(variance) / own_size[own]
+            std[own] = np.sqrt(np.maximum(variance, 0.0)) / own_size[own]
         result.append(std)
     return tuple(result)
