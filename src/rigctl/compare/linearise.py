@@ -78,7 +78,8 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
     """
     chosen = tuple(candidates(fit.problem.model) if tried is None else tried)
     held = set(fit.solution.at_bound) if fit.solution is not None else set()
-    free = [unknown for unknown in fit.problem.shared if unknown.name not in held]
+    fitted = fit.problem.shared if fit.solution is not None else ()  # a model taken as it is moves nothing
+    free = [unknown for unknown in fitted if unknown.name not in held]
     places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]
