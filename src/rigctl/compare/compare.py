@@ -9,7 +9,7 @@ from rigctl.compare.candidates import candidates
 from rigctl.compare.cells import cell_map
 from rigctl.compare.direction import sentence, trends
 from rigctl.compare.linearise import linearise
-from rigctl.compare.localise import localise, variable_units, worst_stretches
+from rigctl.compare.localise import Place, localise, variable_units, worst_stretches
 from rigctl.compare.projected import project
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.compare.scores import screen
@@ -119,10 +119,7 @@ def judge(
     excluded: effects of the library that are not to be looked at.
     locate: False leaves the places of the error, its directions and the equations out: the tests alone.
     """
-    problem = fitted.problem
-    whole = make_problem(
-        fitted.model, problem.measurements, problem.noise, problem.ok, library=True, progress=tell
-    )
+    whole = fitted.problem.rebuilt(fitted.model, library=True, progress=tell)
     linearisation = linearise(fitted, whole, candidates(fitted.model, excluded))
     projected = project(linearisation)
     screening = screen(projected)
@@ -148,16 +145,14 @@ def judge(
     )
 
 
-def _statement(name: str, adequate: bool, p: float, where: Sequence[object], direction: str) -> str:
-    from rigctl.compare.localise import Place
-
+def _statement(name: str, adequate: bool, p: float, where: Sequence[Place], direction: str) -> str:
     if adequate:
         return (
             f"{name} agrees with the measurements within their noise (p = {p:.2g}): "
             "these data show nothing that it lacks"
         )
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
-    cells = [place for place in where if isinstance(place, Place) and place.by == "cell"]
+    cells = [place for place in where if place.by == "cell"]
     text = f"{name} does not agree with the measurements ({chance})"
     if cells:
         worst = cells[0]

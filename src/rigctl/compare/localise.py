@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.compare.adequacy import chi2_tail
 from rigctl.compare.cells import CellMap
 from rigctl.compare.linearise import Linearisation
 from rigctl.model.fit.fit import FitResult
@@ -163,15 +164,9 @@ def _states(fit: FitResult) -> list[Place]:
             if inside.any():
                 squares = float(np.sum(error[inside] ** 2))
                 label = f"{name} {show(float(low), unit, digits=3)} to {show(float(high), unit, digits=3)}"
-                chance = _chi2_tail(squares, int(inside.sum()))
+                chance = chi2_tail(squares, int(inside.sum()))
                 found.append(Place("state", label, squares / whole, _rms(error[inside]), chance))
     return found
-
-
-def _chi2_tail(statistic: float, freedom: int) -> float:
-    from rigctl.compare.adequacy import chi2_tail
-
-    return chi2_tail(statistic, freedom)
 
 
 def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
@@ -187,6 +182,6 @@ def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
                 if part.size:
                     squares = float(np.sum(part**2))
                     label = f"{channel} in {phase} of {record.label}"
-                    chance = _chi2_tail(squares, part.size)
+                    chance = chi2_tail(squares, part.size)
                     found.append(Place("stretch", label, squares / total, _rms(part), chance))
     return tuple(sorted(found, key=lambda place: -place.rmse)[:count])

@@ -97,11 +97,6 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
     )
 
 
-def region_rows(linearisation: Linearisation, places: Sequence[int]) -> list[Floats]:
-    """The regions' columns of each record, as they stand in its rows."""
-    return [linearisation.records[k].regions for k in places]
-
-
 def _stack(records: Sequence[RecordTriangle], name: str, more: int) -> Floats:
     parts = [getattr(one, name) for one in records]
     return np.vstack([*parts, np.zeros((more, parts[0].shape[1]))])

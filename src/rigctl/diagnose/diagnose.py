@@ -9,7 +9,6 @@ from dataclasses import replace
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
 from rigctl.compare.fitting import require_free_parameters
-from rigctl.compare.linearise import linearise
 from rigctl.compare.result import ModelComparison
 from rigctl.dataset.run import Run
 from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain
@@ -269,7 +268,7 @@ def _nrmse(trial: Trial) -> float:
 
 def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
     """The leave-out check of one member of the best set, at its fit."""
-    lin = linearise(best.fit, search.whole, ())
+    lin = search.at(best).linearisation
     values = [
         best.value(column)[0] - candidate.effect.parameter(column.partition(".")[2]).at_null
         for column in candidate.columns

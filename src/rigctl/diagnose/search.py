@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from rigctl.compare.adequacy import Adequacy, adequacy
@@ -248,8 +248,6 @@ def linearise_at(
     ]
     if drop is None:
         return linearise(trial.fit, whole, others)
-    from dataclasses import replace
-
     held = set(drop.columns)
     problem = trial.fit.problem
     keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in held]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 
@@ -194,8 +194,6 @@ def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unkn
     unknowns = problem.local_unknowns()
     if local is None:
         return unknowns
-    from dataclasses import replace
-
     return [
         [replace(u, start=float(np.clip(v, u.lower, u.upper))) for u, v in zip(own, values, strict=True)]
         for own, values in zip(unknowns, local, strict=True)
