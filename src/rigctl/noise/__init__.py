@@ -3,6 +3,7 @@
 from rigctl.noise.estimate import estimate_noise, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.record import NoiseRecord
+from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
 from rigctl.noise.whitening import Whitener, whiten
@@ -11,6 +12,7 @@ __all__ = [
     "ChannelNoise",
     "NoiseModel",
     "NoiseRecord",
+    "RowNoise",
     "Scatter",
     "Source",
     "Whitener",
@@ -18,6 +20,8 @@ __all__ = [
     "estimate_scatter",
     "find_spikes",
     "find_spikes_in_records",
+    "row_noise",
+    "same_reading",
     "usual_spacing",
     "whiten",
 ]

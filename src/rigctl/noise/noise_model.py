@@ -36,6 +36,8 @@ class ChannelNoise:
         signal there is no such part.
     degrees: of freedom behind sigma: a whitened sum of squares over n rows, divided by n, is distributed like
         F(n, degrees), not χ²(n)/n; 0 when guessed.
+    share: where it is not 0, the standard deviation of a value is this share of its size, and sigma is that
+        of a typical one.
     """
 
     name: str
@@ -49,6 +51,7 @@ class ChannelNoise:
     white: float = 0.0
     bias: float = 0.0
     degrees: int = 0
+    share: float = 0.0
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0 and np.isfinite(self.sigma)):
@@ -61,6 +64,11 @@ class ChannelNoise:
     def stated(self, statement: str) -> ChannelNoise:
         """The same noise with another statement."""
         return replace(self, statement=statement)
+
+    def sigma_at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standard deviation (SI) of each value; that of a typical one where a value is 0 or missing."""
+        own = self.share * np.abs(values)
+        return np.where(own > 0.0, own, self.sigma)
 
     def covariance(self, times: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
         """Covariance matrix (n, n) of the samples at `times` (s); SI². `bias` is not part of it."""
@@ -97,6 +105,11 @@ class NoiseModel:
     def sigma(self) -> NDArray[np.float64]:
         """(channels) SI, standard deviation of one sample of each channel."""
         return np.array([channel.sigma for channel in self.channels])
+
+    def sigma_at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, channels) SI, standard deviation of each value (n, channels)."""
+        columns = [channel.sigma_at(values[:, i]) for i, channel in enumerate(self.channels)]
+        return np.stack(columns, axis=1) if columns else np.empty(values.shape)
 
     @property
     def guessed(self) -> tuple[str, ...]:

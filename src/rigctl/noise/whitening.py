@@ -16,11 +16,12 @@ class _ChannelWhitener:
     """One channel of one record: the samples it keeps, and the innovations of its noise."""
 
     samples: NDArray[np.intp]
-    sigma: float
+    sigma: NDArray[np.float64]
     innovations: Innovations
 
     def __call__(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.innovations(errors[self.samples] / self.sigma)
+        sigma = self.sigma[(slice(None),) + (None,) * (errors.ndim - 1)]
+        return self.innovations(errors[self.samples] / sigma)
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,12 @@ class Whitener:
         return np.concatenate([each(errors[:, i]) for i, each in enumerate(self._channels)], axis=0)
 
 
-def whiten(noise: NoiseModel, times: NDArray[np.float64], ok: NDArray[np.bool_]) -> Whitener:
+def whiten(
+    noise: NoiseModel,
+    times: NDArray[np.float64],
+    ok: NDArray[np.bool_],
+    values: NDArray[np.float64] | None = None,
+) -> Whitener:
     """The whitener of one record.
 
     For a channel without white noise each row is the autoregression's innovation, across gaps too:
@@ -67,6 +73,7 @@ def whiten(noise: NoiseModel, times: NDArray[np.float64], ok: NDArray[np.bool_])
     noise: of all channels.
     times: (n) s, increasing.
     ok: (n, channels) the samples to keep: finite, and no spike.
+    values: (n, channels) SI, what was read; wanted only by noise that is a share of the value.
 
     Returns
     -------
@@ -83,17 +90,18 @@ def whiten(noise: NoiseModel, times: NDArray[np.float64], ok: NDArray[np.bool_])
         raise ValueError(f"expected a mask of {(times.size, len(noise.channels))}, got {ok.shape}")
     if times.size > 1 and not np.all(np.diff(times) > 0.0):
         raise ValueError("times must increase inside a record")
+    if values is None:
+        values = np.zeros(ok.shape)
     each = []
     for i, channel in enumerate(noise.channels):
         samples = np.flatnonzero(ok[:, i])
         places = times[samples] / noise.spacing
-        each.append(
-            _ChannelWhitener(samples, channel.sigma, innovations(places, channel.correlation, channel.white))
-        )
+        sigma = channel.sigma_at(values[samples, i])
+        each.append(_ChannelWhitener(samples, sigma, innovations(places, channel.correlation, channel.white)))
     rows = np.concatenate(
         [np.column_stack([one.samples, np.full(one.samples.size, i)]) for i, one in enumerate(each)]
     )
     log_determinant = sum(
-        one.innovations.log_determinant + 2.0 * one.samples.size * float(np.log(one.sigma)) for one in each
+        one.innovations.log_determinant + 2.0 * float(np.sum(np.log(one.sigma))) for one in each
     )
     return Whitener(rows.astype(np.intp), log_determinant, tuple(each))
