@@ -39,7 +39,7 @@ def test_a_share_of_the_value_is_read_back_with_its_degrees_of_freedom() -> None
         assert found is not None
         squares.append(found.sigma**2)
     assert np.sqrt(np.mean(squares)) == pytest.approx(0.007, rel=0.03)
-    assert 2.0 * np.mean(squares) ** 2 / np.var(squares) == pytest.approx(4.4, rel=0.15)
+    assert 2.0 * np.mean(squares) ** 2 / np.var(squares) == pytest.approx(4.7, rel=0.15)
 
 
 def test_values_of_one_size_have_one_sigma_and_steps_need_not_be_equal() -> None:
