@@ -11,10 +11,10 @@ from rigctl.compare.compare import compare
 from rigctl.compare.fitting import require_free_parameters
 from rigctl.compare.result import ModelComparison
 from rigctl.dataset.run import Run
-from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain
 from rigctl.diagnose.folds import HeldOut, held_out_gain
 from rigctl.diagnose.power import power_text
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.diagnose.rivals import Rival, classes_of, find_rivals
 from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
@@ -71,41 +71,34 @@ def diagnose_comparison(
     """Diagnose a model that has been compared with data."""
     search = Search(before, before.whole, most=most, tell=tell or (lambda _: None))
     best = search.none if before.adequate else search.best()
-    rivals = _rivals(search, best)
+    rivals = find_rivals(search, best)
+    close = [rival for rival in rivals if not rival.told]
     ranking = _ranking(search, best)
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
     ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
     left = 0.0 if before.adequate else _left(search, best)
-    close = [
-        (member, rival, cos, d)
-        for member, rival, cos, d, difference in rivals
-        if difference < LEAST_DIFFERENCE or d < LEAST_SEPARATION
-    ]
     verdict = _verdict(before, best, close, checks, left)
     chosen = [
         (candidate, next(one for one in ranking if one.effect == candidate.name))
         for candidate in best.candidates
     ]
-    told = [(member, rival, cos, d) for member, rival, cos, d, _ in rivals]
     drift = _drift(before, best)
     evidence: list[str] = power_text(before.projected) if before.adequate else []
     for candidate, ranked in chosen:
-        evidence += evidence_for(candidate, ranked, checks[candidate.name], close)
+        evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
     after = search.at(best) if best.candidates else None
     return Diagnosis(
         runs=tuple(runs),
         model=before.name,
         verdict=verdict,
         effects=best.effects if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
-        classes=_classes(best, close) if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
-        indistinguishable=tuple((member, rival) for member, rival, _, _ in close),
+        classes=classes_of(best, rivals) if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
+        indistinguishable=tuple((rival.member, rival.name) for rival in close),
         ranking=tuple(ranking),
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
-        statement=verdict_text(
-            verdict, before, chosen, close if verdict is Verdict.AMBIGUOUS else told, left
-        ),
+        statement=verdict_text(verdict, before, chosen, rivals, left),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
@@ -116,29 +109,10 @@ def diagnose_comparison(
     )
 
 
-def _rivals(search: Search, best: Trial) -> list[tuple[str, str, float, float, float]]:
-    """(member, rival, cosine, separation, mBIC of the rival set less that of the best)."""
-    found = []
-    for member in best.candidates:
-        search.tell(f"What could be taken for {member.name}")
-        for trial, cos, d in search.rivals(best, member):
-            other = next(name for name in trial.effects if name not in best.effects)
-            difference = search.mbic(trial) - search.mbic(best)
-            # the same separation by the refits: it also knows sizes that physics does not allow
-            d = max(d, 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0)))  # noqa: PLW2901
-            if not search.at(best).adequacy.adequate:
-                # neither is right, and the noise no longer tells the chance of a difference
-                told = min(d, consistent_gain(best.fit, trial.fit))
-            else:
-                told = d
-            found.append((member.name, other, cos, told, difference))
-    return found
-
-
 def _verdict(
     before: ModelComparison,
     best: Trial,
-    close: Sequence[tuple[str, str, float, float]],
+    close: Sequence[Rival],
     checks: dict[str, HeldOut | None],
     left: float,
 ) -> Verdict:
@@ -282,14 +256,6 @@ def _with_check(ranked: Ranked, check: HeldOut | None) -> Ranked:
     return (
         ranked if check is None else replace(ranked, heldout_before=check.before, heldout_after=check.after)
     )
-
-
-def _classes(best: Trial, close: Sequence[tuple[str, str, float, float]]) -> tuple[tuple[str, ...], ...]:
-    found = []
-    for name in best.effects:
-        rivals = [rival for member, rival, _, _ in close if member == name]
-        found.append((name, *dict.fromkeys(rivals)))
-    return tuple(found)
 
 
 def _untestable(before: ModelComparison) -> list[tuple[str, str]]:

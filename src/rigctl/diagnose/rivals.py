@@ -1,0 +1,170 @@
+"""What could be taken for an effect that was found, and where the two differ most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from rigctl.compare.localise import variable_units
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain
+from rigctl.diagnose.search import Search
+from rigctl.diagnose.trial import Trial
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.read import condition_text
+from rigctl.units import parse_unit
+
+#: a phase in which an effect does less than this share of all that it does has no likeness
+_SHOWS = 0.01
+
+
+@dataclass(frozen=True)
+class Differs:
+    """Where the readings that two fits predict differ most, in units of the noise.
+
+    Attributes
+    ----------
+    channel, phase: of which reading, and when.
+    condition: of the record that shows it most, in words; "" where nothing tells records apart.
+    largest: the largest difference there, in `unit`.
+    alike: by phase, the cosine between what the two change in that channel, the most alike first.
+    """
+
+    channel: str
+    phase: str
+    condition: str
+    largest: float
+    unit: str
+    alike: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect in the place of one that was found.
+
+    Attributes
+    ----------
+    member, name: the one that was found, and the other.
+    trial: the set with the other one, fitted.
+    cos: of their signatures, after the fitted parameters have done what they can.
+    separation: d; the right one of the two wins with probability Φ(d).
+    difference: mBIC of the rival set less that of the best.
+    differs: where the two differ most; None where they predict the same.
+    """
+
+    member: str
+    name: str
+    trial: Trial = field(repr=False)
+    cos: float
+    separation: float
+    difference: float
+    differs: Differs | None
+
+    @property
+    def told(self) -> bool:
+        """True when these data tell the two apart."""
+        return self.separation >= LEAST_SEPARATION and self.difference >= LEAST_DIFFERENCE
+
+
+def find_rivals(search: Search, best: Trial) -> list[Rival]:
+    """Of every member of the best set, the effects that look like it."""
+    found = []
+    for member in best.candidates:
+        search.tell(f"What could be taken for {member.name}")
+        for trial, cos, d in search.rivals(best, member):
+            other = next(name for name in trial.effects if name not in best.effects)
+            # the same separation by the refits: it also knows sizes that physics does not allow
+            told = max(d, 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0)))
+            if not search.at(best).adequacy.adequate:
+                # neither is right, and the noise no longer tells the chance of a difference
+                told = min(told, consistent_gain(best.fit, trial.fit))
+            difference = search.mbic(trial) - search.mbic(best)
+            differs = where_they_differ(search.none.fit, best.fit, trial.fit)
+            found.append(Rival(member.name, other, trial, cos, told, difference, differs))
+    return found
+
+
+def classes_of(best: Trial, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:
+    """Each member with the rivals that are not told from it."""
+    return tuple(
+        (
+            name,
+            *dict.fromkeys(rival.name for rival in rivals if rival.member == name and not rival.told),
+        )
+        for name in best.effects
+    )
+
+
+def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Differs | None:
+    """The channel and phase with the largest squared difference over the noise, and the record in it.
+
+    None where the two predict the same; `none` is the model without either.
+    """
+    problem = one.problem
+    changes = [_changes(none, one, other, k) for k in one.fitted]
+    squares = {key: sum(own.get(key, _NOTHING)[2] for own in changes) for key in _keys(changes)}
+    if not any(squares.values()):
+        return None
+    best = max(squares, key=lambda key: squares[key])
+    place = max(range(len(changes)), key=lambda place: changes[place].get(best, _NOTHING)[2])
+    k = one.fitted[place]
+    measurements = problem.measurements
+    unit = parse_unit(measurements.units[best[0]])
+    return Differs(
+        channel=measurements.outputs[best[0]],
+        phase=best[1],
+        condition=condition_text(problem.records[k].condition, variable_units(measurements)),
+        largest=_largest(one, other, k, best) / unit.factor,
+        unit="K" if unit.offset else unit.text,
+        alike=_alike(changes, best[0]),
+    )
+
+
+#: by (channel, phase): the squares of what one changes, of what the other does, and of their difference
+Changes: TypeAlias = dict[tuple[int, str], tuple[float, float, float]]
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Changes:
+    """Of one record, in units of the noise."""
+    problem, record = one.problem, one.problem.records[k]
+    ok, sigma = problem.ok[k], problem.noise.sigma
+    first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
+    second = np.where(ok, other.outputs[k] - none.outputs[k], 0.0) / sigma
+    found = {}
+    for place, phase in enumerate(record.phases):
+        inside = record.phase == place
+        for c in range(first.shape[1]):
+            a, b = first[inside, c], second[inside, c]
+            found[c, phase] = (float(a @ a), float(b @ b), float((a - b) @ (a - b)))
+    return found
+
+
+def _keys(changes: Sequence[Changes]) -> list[tuple[int, str]]:
+    return list(dict.fromkeys(key for own in changes for key in own))
+
+
+def _alike(changes: Sequence[Changes], channel: int) -> tuple[tuple[str, float], ...]:
+    """``cos = (|a|² + |b|² − |a − b|²)/(2·|a|·|b|)`` by phase, where the effect shows."""
+    sums = {
+        phase: np.sum([own.get((c, phase), _NOTHING) for own in changes], axis=0)
+        for c, phase in _keys(changes)
+        if c == channel
+    }
+    whole = sum(float(a) for a, _, _ in sums.values())
+    found = [
+        (phase, float((a + b - d) / (2.0 * math.sqrt(a * b))))
+        for phase, (a, b, d) in sums.items()
+        if a > _SHOWS * whole and b > 0.0
+    ]
+    return tuple(sorted(found, key=lambda one: -one[1]))
+
+
+def _largest(one: FitResult, other: FitResult, k: int, key: tuple[int, str]) -> float:
+    record = one.problem.records[k]
+    inside = (record.phase == record.phases.index(key[1])) & one.problem.ok[k][:, key[0]]
+    change = (other.outputs[k] - one.outputs[k])[inside, key[0]]
+    return float(change[np.argmax(np.abs(change))])
