@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigctl.errors import Location, RigctlError, unknown_name
+from rigctl.errors import Location, RigctlError, nearest_name, unknown_name
 from rigctl.files.shipped import shipped
 from rigctl.files.version_suffix import is_there
 
@@ -42,7 +43,12 @@ class Project:
             if is_there(candidate):
                 return candidate
         places = list(dict.fromkeys(str(candidate) for candidate in tried))
-        raise RigctlError("there is no such file", value=str(path), hint=f"Looked for {', '.join(places)}")
+        raise RigctlError(
+            "there is no such file",
+            value=str(path),
+            nearest=_nearest_file(wanted, tried),
+            hint=f"Looked for {', '.join(places)}",
+        )
 
 
 def find_project(start: Path | None = None) -> Project:
@@ -89,6 +95,19 @@ def _read_settings(marker: Path) -> dict[str, Path]:
             raise RigctlError(f"{name}: wrong kind of value", value=str(written), expected=kind, where=where)
         found[name] = _expanded(written)
     return found
+
+
+def _nearest_file(wanted: Path, tried: Sequence[Path]) -> str | None:
+    """A file of nearly that name in a place that was tried, as it would be written."""
+    for place in tried:
+        try:
+            names = [entry.name for entry in place.parent.iterdir()]
+        except (OSError, ValueError):
+            continue
+        near = nearest_name(wanted.name, names)
+        if near is not None:
+            return wanted.with_name(near).as_posix()
+    return None
 
 
 def _expanded(path: str | Path) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigctl.compare.compare import fit_model
+from rigctl.compare.fitting import fit_model
 from rigctl.compare.linearise import linearise
 from rigctl.compare.projected import project
 from rigctl.compare.unexplained import Unexplained, unexplained

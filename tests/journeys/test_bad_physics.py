@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import json
-import random
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
-from rigctl.cli.init import create_project
-from rigctl.cli.main import app
-from rigctl.errors import ExitCode, RigctlError
+from commands import MODEL, call, create_strokes, refusal
+from rigctl.errors import ExitCode
 
-MODEL = "models/hl32-textbook.yaml"
 EFFECT = "effect: mine\nsummary: A test.\nslot: {slot}\nterm: '{term}'\nparameters: {parameters}\n"
 PUSH = "{push: {null_value: 0 N, start: 1e9 N, bounds: [0 N, 1e12 N]}}"
 
@@ -24,37 +18,12 @@ PUSH = "{push: {null_value: 0 N, start: 1e9 N, bounds: [0 N, 1e12 N]}}"
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with four strokes at 20 degC."""
-    folder = tmp_path_factory.mktemp("bad-physics")
-    create_project(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        arguments = ["procedures/campaign.yaml", "-a", "temperatures=20 degC", "--seed", "3"]
-        done = CliRunner().invoke(app, ["simulate", *arguments])
-    assert done.exit_code == 0, done.output
-    return folder
+    return create_strokes(tmp_path_factory.mktemp("bad-physics"), "20 degC", seed=3)
 
 
 @pytest.fixture(autouse=True)
 def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(bench)
-
-
-def call(*arguments: str) -> Result:
-    return CliRunner().invoke(app, list(arguments))
-
-
-def answer(*arguments: str) -> dict[str, Any]:
-    done = call(*arguments, "--json")
-    assert done.exit_code == 0, done.output
-    document: dict[str, Any] = json.loads(done.stdout)
-    return document
-
-
-def refusal(*arguments: str) -> str:
-    """What a command that is refused says."""
-    with pytest.raises(RigctlError) as caught:
-        CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    return str(caught.value)
 
 
 def strokes() -> str:
@@ -112,7 +81,7 @@ def test_a_parameter_without_influence_is_named_and_keeps_its_value() -> None:
 
 def test_a_stiff_blow_up_ends_with_the_state_and_the_time() -> None:
     file = effect_file("friction", "-push*velocity^3/(1 m^3/s^3)")
-    said = refusal("effects", "check", file)
+    said = refusal("effects", "check", file, exit_code=ExitCode.FAILED)
     assert "could not be simulated: the derivative of velocity is not a finite number at t = " in said
     done = call("simulate", "procedures/quick-check.yaml", "--with", file)
     assert done.exit_code == ExitCode.FAILED
@@ -121,26 +90,3 @@ def test_a_stiff_blow_up_ends_with_the_state_and_the_time() -> None:
     )
     run = json.loads((max(Path("runs").iterdir()) / "run.json").read_text(encoding="utf-8"))
     assert run["status"] == "failed"
-
-
-def test_records_with_gaps_and_irregular_sampling_are_compared_as_they_are() -> None:
-    """Samples lost, a hole of 150 ms, readings lost, every time a little off: the model still agrees."""
-    assert call("export", strokes(), "-o", "whole.csv").exit_code == 0
-    heading, *rows = Path("whole.csv").read_text(encoding="utf-8").split("\n")
-    chance = random.Random(1)
-    kept = [heading]
-    for number, row in enumerate(filter(None, rows)):
-        time, record, *values = row.split(",")
-        if int(record) >= 0:
-            if number % 37 == 0 or 900 < number < 915:
-                continue
-            time = repr(float(time) + chance.uniform(0.0, 0.004))
-            values[1] = "" if number % 11 == 0 else values[1]
-        kept.append(",".join([time, record, *values]))
-    Path("gaps.csv").write_text("\n".join([*kept, ""]), encoding="utf-8")
-    done = call("import", "gaps.csv", "--rig", "rigs/hl32-bench.yaml")
-    assert done.exit_code == 0, done.output
-    assert "values are missing" in done.output
-    assert "gaps in time in 1 of 4 records; the longest: 0.1" in done.output
-    document = answer("compare", "latest", "--model", MODEL)
-    assert document["adequate"] is True, document

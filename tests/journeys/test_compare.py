@@ -2,64 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
-from rigctl.cli.init import create_project
-from rigctl.cli.main import app
-from rigctl.errors import ExitCode, RigctlError
-
-MODEL = "models/hl32-textbook.yaml"
+from commands import MODEL, answer, call, create_strokes, refusal
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with a small campaign on a bench that is what the model says."""
-    folder = tmp_path_factory.mktemp("compare")
-    create_project(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        campaign = [
-            "procedures/campaign.yaml",
-            "-a",
-            "temperatures=20 degC, 60 degC",
-            "--seed",
-            "4",
-            "--json",
-        ]
-        done = CliRunner().invoke(app, ["simulate", *campaign])
-    assert done.exit_code == 0, done.output
-    return folder
+    return create_strokes(tmp_path_factory.mktemp("compare"), "20 degC, 60 degC", seed=4)
 
 
 @pytest.fixture(autouse=True)
 def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(bench)
-
-
-def call(*arguments: str) -> Result:
-    return CliRunner().invoke(app, list(arguments))
-
-
-def answer(*arguments: str) -> dict[str, Any]:
-    done = call(*arguments, "--json")
-    assert done.exit_code == 0, done.output
-    document: dict[str, Any] = json.loads(done.stdout)
-    return document
-
-
-def refusal(*arguments: str) -> str:
-    """What a command that is refused says."""
-    with pytest.raises(RigctlError) as caught:
-        CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert caught.value.exit_code == ExitCode.USAGE
-    return str(caught.value)
 
 
 def test_a_model_agrees_once_it_is_fitted() -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from commands import MODEL, answer, told
 from rigctl.cli.init import create_project
 from rigctl.cli.main import app
 from rigctl.errors import RigctlError
 
-MODEL = "models/hl32-textbook.yaml"
 #: of the shipped campaign that another program made with a leaking valve: 20, 50 and 80 degC
 RECORDS = {f"{number:03d}" for number in (*range(1, 5), *range(13, 17), *range(25, 29))}
 
@@ -35,17 +33,6 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(bench)
-
-
-def told(*arguments: str) -> str:
-    done = CliRunner().invoke(app, list(arguments))
-    assert done.exit_code == 0, done.output
-    return done.stdout
-
-
-def answer(*arguments: str) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(told(*arguments, "--json"))
-    return document
 
 
 def copied(name: str) -> str:

@@ -82,7 +82,7 @@ def compare(
     from rigctl.compare.compare import compare as compared
 
     opened, models = open_runs(runs), open_models(model)
-    with telling() as tell:
+    with telling("nothing was saved") as tell:
         found = compared(opened, models, hold_out=hold_out, only=only, refit=fit, tell=tell)
     if output is not None:
         from rigctl.cli.analysis_page import write_page

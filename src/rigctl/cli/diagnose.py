@@ -64,7 +64,8 @@ def diagnose(
     from rigctl.diagnose.loop import improve
 
     path = own_model(model) if apply else model
-    with telling() as tell:
+    kept = "each step that was saved before stays" if apply else "nothing was saved"
+    with telling(kept) as tell:
         compared = _compared(runs, path, hold_out, only, tell)
         if apply:
             done = improve(compared, path, hold_out=hold_out, most=most, tell=tell)

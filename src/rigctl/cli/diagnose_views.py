@@ -37,7 +37,10 @@ def show_diagnosis(found: Diagnosis) -> None:
     _show_verdict(found)
     for note in found.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
-    if found.verdict is not Verdict.ADEQUATE:
+    if found.verdict is Verdict.ADEQUATE:  # how much these data could have shown
+        for line in found.evidence:
+            out.print(f"  {escape(line)}", soft_wrap=True)
+    else:
         if found.ranking:
             out.print(_ranking(found))
         _show_evidence(found.evidence)

@@ -99,11 +99,21 @@ def main() -> None:
         text = problem.strerror or str(problem)
         _refuse(RigctlError(text, where=Location(name), exit_code=ExitCode.FAILED), as_json=wanted)
     except SystemExit as end:
+        if end.code == ExitCode.INTERRUPTED and _by_keyboard(end):
+            _refuse(RigctlError("Stopped", exit_code=ExitCode.INTERRUPTED), as_json=wanted)
         # the call itself was wrong, and stderr has said how
         say = getattr(end.__context__, "format_message", None)
         if wanted and end.code == ExitCode.USAGE and say is not None:
             _print_refusal(RigctlError(say()))
         raise
+
+
+def _by_keyboard(end: BaseException) -> bool:
+    """True where Ctrl-C broke the work off; a command that ends by itself after it has said what it did."""
+    error: BaseException | None = end
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _refuse(error: RigctlError, *, as_json: bool) -> NoReturn:

@@ -15,7 +15,7 @@ from rigctl.cli.model_views import show_errors
 from rigctl.cli.plans import find_file
 from rigctl.cli.tables import console, print_json, table
 from rigctl.cli.telling import telling
-from rigctl.compare.fitting import fit_again, fit_to_runs, require_free_parameters
+from rigctl.compare.fitting import fit_again, fit_to_data, read_runs, require_free_parameters
 from rigctl.effects import Effect
 from rigctl.effects.option import read_effect_option
 from rigctl.effects.user import is_effect_file
@@ -75,9 +75,10 @@ def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
 def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
     wanted.changed(model)  # refused before any work
     runs = open_runs(wanted.runs)
-    with telling() as tell:
+    with telling("nothing was saved") as tell:
         refit = wanted.fit and wanted.kind != "fit"
-        before = fit_to_runs(model, runs, hold_out=wanted.hold_out, refit=refit, tell=tell)
+        data = read_runs(model, runs, hold_out=wanted.hold_out, tell=tell)
+        before = fit_to_data(model, data, refit=refit, tell=tell)
         made = wanted.changed(before.model)
         tell(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
         after = fit_again(before, made, refit=wanted.fit, tell=tell)

@@ -87,7 +87,7 @@ def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Se
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
     opened = open_models(models)
-    with telling() as tell:
+    with telling("nothing was saved") as tell:
         found = compare(runs, opened, tell=tell)
         sections = comparison_sections(found)
         path = opened[-1].path

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 
 from rigctl.compare.adequacy import adequacy
 from rigctl.compare.candidates import candidates
 from rigctl.compare.cells import cell_map
 from rigctl.compare.direction import sentence, trends
+from rigctl.compare.fitting import Data, Tell, fit_to_data, read_runs, tell_nobody
 from rigctl.compare.linearise import linearise
-from rigctl.compare.localise import Place, localise, variable_units, worst_stretches
+from rigctl.compare.localise import Place, localise, worst_stretches
 from rigctl.compare.projected import project
-from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.compare.result import Choice, Comparison, ModelComparison
 from rigctl.compare.scores import screen
 from rigctl.compare.slots import slot_evidence
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
-from rigctl.model.fit.fit import FitResult, fit
-from rigctl.model.fit.problem import make_problem
-from rigctl.model.measured.hold_out import chosen, held_out
-from rigctl.model.measured.noise import DataNoise, noise_of
-from rigctl.model.measured.read import read_measurements
-from rigctl.model.measured.record import Measurements
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.model import Model
-
-#: told what is being done
-Tell = Callable[[str], None]
 
 
 @one_thread()
@@ -58,49 +51,30 @@ def compare(
     """
     if not runs or not models:
         raise RigctlError("a comparison needs a run and a model")
-    said = tell or _nothing
-    said("Reading the records")
+    said = tell or tell_nobody
     found: list[ModelComparison] = []
     notes: list[str] = []
     labels: tuple[str, ...] = ()
-    data: dict[tuple[str, ...], tuple[Measurements, DataNoise]] = {}
+    choice = Choice()
+    read: dict[tuple[str, str], Data] = {}
     for model in models:
-        key = (model.family.name, str(model.rig.name if model.rig else ""))
-        if key not in data:
-            measurements = read_measurements(model, runs)
-            data[key] = measurements, noise_of(measurements)
-        measurements, noise = data[key]
-        units = variable_units(measurements)
-        places = chosen(measurements, only, units)
-        measurements, noise = measurements.only(places), noise.only(places)
-        out = held_out(measurements, hold_out, units)
-        labels = tuple(measurements.records[k].label for k in out)
-        said(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
-        fitted = fit_model(model, measurements, noise, out, refit=refit, tell=said)
+        key = (model.family.name, model.rig.name if model.rig else "")
+        if key not in read:
+            read[key] = read_runs(model, runs, hold_out=hold_out, only=only, tell=said)
+        data = read[key]
+        labels = tuple(data.measurements.records[k].label for k in data.held_out)
+        choice = data.choice
+        fitted = fit_to_data(model, data, refit=refit, tell=said)
         said(f"Looking where {model.name} fails")
         found.append(judge(fitted, model.name, excluded=excluded, tell=said))
-        notes += [*measurements.notes, noise.model.statement, *_spikes(noise), *_silent(fitted)]
+        notes += _notes(fitted)
     return Comparison(
         runs=tuple(run.id for run in runs),
         held_out=labels,
         models=tuple(found),
         notes=tuple(note for note in dict.fromkeys(notes) if note),
+        choice=choice,
     )
-
-
-@one_thread()
-def fit_model(
-    model: Model,
-    measurements: Measurements,
-    noise: DataNoise,
-    held_out: Sequence[int] = (),
-    *,
-    refit: bool = True,
-    tell: Tell | None = None,
-) -> FitResult:
-    """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`."""
-    problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
-    return fit(problem, held_out, refit=refit and bool(problem.shared))
 
 
 @one_thread()
@@ -160,19 +134,15 @@ def _statement(name: str, adequate: bool, p: float, where: Sequence[Place], dire
     return f"{text}. {direction}" if direction else text
 
 
-def _spikes(noise: DataNoise) -> list[str]:
-    return [
+def _notes(fitted: FitResult) -> list[str]:
+    """What is to be known of the data and the fit before a verdict is believed."""
+    problem = fitted.problem
+    spikes = [
         f"1 spike of {channel.name} was masked: it counts in no fit and no test"
         if channel.masked == 1
         else f"{channel.masked} spikes of {channel.name} were masked: they count in no fit and no test"
-        for channel in noise.model.channels
+        for channel in problem.noise.channels
         if channel.masked
     ]
-
-
-def _silent(fitted: FitResult) -> list[str]:
-    return [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
-
-
-def _nothing(_: str) -> None:
-    return None
+    silent = [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
+    return [*problem.measurements.notes, problem.noise.statement, *spikes, *silent]

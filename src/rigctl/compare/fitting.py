@@ -1,56 +1,114 @@
-"""Fit a model to runs, and fit another to the same records."""
+"""From runs to a fitted model: what was measured, which records the fit does not see, and the fit."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
-from rigctl.compare.compare import Tell, fit_model
 from rigctl.compare.localise import variable_units
+from rigctl.compare.result import Choice
 from rigctl.dataset.run import Run
+from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
-from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.hold_out import held_out
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import make_problem
+from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of
 from rigctl.model.measured.read import read_measurements
+from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 
+#: told what is being done
+Tell = Callable[[str], None]
 
-def fit_to_runs(
+
+def tell_nobody(_: str) -> None:
+    """For work that nobody waits for."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a model is fitted to and judged by.
+
+    Attributes
+    ----------
+    measurements, noise: the records and how noisy they are.
+    held_out: the places of the records that no fit sees.
+    choice: what was asked for, and the records that are not among these.
+    """
+
+    measurements: Measurements
+    noise: DataNoise
+    held_out: tuple[int, ...]
+    choice: Choice = field(default_factory=Choice)
+
+
+def read_runs(
     model: Model,
     runs: Sequence[Run],
     *,
     hold_out: str | None = None,
-    refit: bool = True,
-    tell: Tell | None = None,
-) -> FitResult:
-    """Fit a model's free parameters to the usable records of `runs`.
+    only: str | None = None,
+    tell: Tell = tell_nobody,
+) -> Data:
+    """The usable records of `runs` as `model`, and every other of its family and rig, sees them.
 
     Parameters
     ----------
-    hold_out: a condition that chooses the records that the fit does not see, e.g. ``oil == 60 degC``.
-    refit: False takes the parameters as they are.
-    tell: told what is being done.
+    hold_out: a condition that chooses the records that no fit sees, e.g. ``oil == 60 degC``.
+    only: a condition that chooses the records to look at; the noise is learned from all.
 
     Raises
     ------
     RigctlError
-        as `rigctl.compare.compare.compare`.
+        the runs are not of the model's bench, or a condition chooses none or all of the records.
     """
-    if tell is not None:
-        tell("Reading the records")
+    tell("Reading the records")
     measurements = read_measurements(model, runs)
     noise = noise_of(measurements)
-    out = held_out(measurements, hold_out, variable_units(measurements))
-    if tell is not None:
-        tell(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
-    return fit_model(model, measurements, noise, out, refit=refit, tell=tell)
+    units = variable_units(measurements)
+    choice = Choice(hold_out or "", only or "")
+    if only:
+        places = chosen(measurements, only, units)
+        others = sorted(set(range(len(measurements.records))) - set(places))
+        rest = (measurements.only(others), noise.only(others)) if others else None
+        choice = replace(choice, rest=rest)
+        measurements, noise = measurements.only(places), noise.only(places)
+    return Data(measurements, noise, held_out(measurements, hold_out, units, only), choice)
 
 
-def fit_again(before: FitResult, model: Model, *, refit: bool = True, tell: Tell | None = None) -> FitResult:
+def fit_to_data(model: Model, data: Data, *, refit: bool = True, tell: Tell = tell_nobody) -> FitResult:
+    """Fit a model's free parameters; `refit` False takes them as they are.
+
+    Raises
+    ------
+    RigctlError
+        too few values for the parameters, or a model that cannot be simulated.
+    """
+    tell(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
+    return fit_model(model, data.measurements, data.noise, data.held_out, refit=refit, tell=tell)
+
+
+def fit_again(before: FitResult, model: Model, *, refit: bool = True, tell: Tell = tell_nobody) -> FitResult:
     """Fit another model to the data of `before`, with the same noise and the same records held out."""
     problem = before.problem
     data = DataNoise(problem.noise, problem.ok)
     return fit_model(model, problem.measurements, data, before.held_out, refit=refit, tell=tell)
+
+
+@one_thread()
+def fit_model(
+    model: Model,
+    measurements: Measurements,
+    noise: DataNoise,
+    held_out: Sequence[int] = (),
+    *,
+    refit: bool = True,
+    tell: Tell = tell_nobody,
+) -> FitResult:
+    """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`."""
+    problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
+    return fit(problem, held_out, refit=refit and bool(problem.shared))
 
 
 def require_free_parameters(model: Model) -> None:

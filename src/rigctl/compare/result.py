@@ -18,6 +18,8 @@ from rigctl.compare.slots import SlotEvidence
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.noise import DataNoise
+from rigctl.model.measured.record import Measurements
 from rigctl.noise import ChannelNoise
 from rigctl.units import parse_unit
 
@@ -101,6 +103,21 @@ class ModelComparison:
 
 
 @dataclass(frozen=True)
+class Choice:
+    """Which records were looked at, and what was left out.
+
+    Attributes
+    ----------
+    hold_out, only: the conditions by which records were held out, and chosen; "" for none.
+    rest: the records that were not chosen, with the noise of all; None where all were.
+    """
+
+    hold_out: str = ""
+    only: str = ""
+    rest: tuple[Measurements, DataNoise] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
 class Comparison:
     """Models on the same data.
 
@@ -110,12 +127,14 @@ class Comparison:
     held_out: the records that no fit saw, by label.
     models: in the order asked for.
     notes: on the data and their noise.
+    choice: of the records.
     """
 
     runs: tuple[str, ...]
     held_out: tuple[str, ...]
     models: tuple[ModelComparison, ...]
     notes: tuple[str, ...]
+    choice: Choice = Choice()
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; with one model its fields also stand at the top level."""

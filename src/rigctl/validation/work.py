@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.compare import fit_model, judge
+from rigctl.compare.compare import judge
+from rigctl.compare.fitting import fit_model
 from rigctl.compare.linearise import linearise
 from rigctl.compare.unexplained import Unexplained, unexplained
 from rigctl.diagnose.confound import separation

@@ -19,11 +19,7 @@ _MANY: Final = 10
 
 def notes(found: Survey, layout: Layout, rig: Rig) -> Iterator[str]:
     """Channels that the file lacks, that never change or miss values, and gaps in time."""
-    absent = [name for name in (*rig.channels, *rig.actuators) if name not in layout.columns]
-    if absent:
-        them = "it" if len(absent) == 1 else "one of them"
-        names = ", ".join(absent)
-        yield f"not in the file: {names}; a model that needs {them} cannot be compared with this run"
+    yield from _absent(layout, rig)
     for name, span in found.spans.items():
         yield from _channel_notes(name, span, found.rows, layout)
     broken = [record for record in found.records if record.gap is not None]
@@ -34,6 +30,22 @@ def notes(found: Survey, layout: Layout, rig: Rig) -> Iterator[str]:
             f"gaps in time in {len(broken)} of {len(found.records)} records; the longest: "
             f"{worst.gap.length:.4g} s from {worst.gap.start:.6g} s on in "
             f"{describe_label(worst.label)}"
+        )
+
+
+def _absent(layout: Layout, rig: Rig) -> Iterator[str]:
+    channels = [name for name in rig.channels if name not in layout.columns]
+    if channels:
+        them = "it" if len(channels) == 1 else "them"
+        yield f"not in the file: {', '.join(channels)}; no model is judged by {them}"
+    heater = rig.roles.heat.actuator if rig.roles.heat is not None else ""
+    if heater and heater not in layout.columns:
+        yield f"not in the file: {heater}; a model takes it as off"
+    commands = [name for name in rig.actuators if name not in (*layout.columns, heater)]
+    if commands:
+        yield (
+            f"not in the file: {', '.join(commands)}; a model that needs "
+            f"{'it' if len(commands) == 1 else 'one of them'} cannot be compared with this run"
         )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rigctl.dataset.conditions import cluster
+from rigctl.dataset.gaps import Gap, find_gap
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.conditions import Conditions
 from rigctl.dataset.importing.labels import Label
@@ -19,21 +20,10 @@ if TYPE_CHECKING:
 
     from rigctl.rig.layout import Layout
 
-#: a step of time this much longer than usual is a gap
-GAP: Final = 2.5
 #: so many bad rows are kept one by one
 KEPT_FAULTS: Final = 1000
 #: samples from which the value at a record's start is taken: one of them may be a spike
 _FIRST: Final = 5
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The longest of `count` steps of time that are longer than usual: its length and where it begins, s."""
-
-    count: int
-    length: float
-    start: float
 
 
 @dataclass(frozen=True)
@@ -138,7 +128,7 @@ class _Gathered:
         steps = np.diff(times)
         label = checker.book.labels[checker.record_ids[self._record]]
         usual = float(np.median(steps)) if len(steps) else 0.0
-        return RecordFacts(label, _rate(usual), _gap(times, steps, usual), values)
+        return RecordFacts(label, _rate(usual), find_gap(times), values)
 
     def _whole(self, name: str) -> NDArray[np.float64]:
         """All of a column, which is not kept beside it: a record can be as long as the file."""
@@ -155,14 +145,6 @@ def _alike(records: list[RecordFacts], conditions: Conditions) -> list[RecordFac
         RecordFacts(record.label, record.rate, record.gap, facts)
         for record, facts in zip(records, values, strict=True)
     ]
-
-
-def _gap(times: NDArray[np.float64], steps: NDArray[np.float64], usual: float) -> Gap | None:
-    wide = np.flatnonzero(steps > GAP * usual)
-    if not len(wide):
-        return None
-    longest = wide[np.argmax(steps[wide])]
-    return Gap(len(wide), float(steps[longest]), float(times[longest]))
 
 
 def _rate(step: float) -> float:

@@ -142,7 +142,7 @@ def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:
     listed.append(
         RigctlError(
             f"nothing was imported: {rest}",
-            hint="'--keep-good' leaves them out and imports the others",
+            hint="'--keep-good' imports the other rows",
             where=Location(path),
             exit_code=ExitCode.USAGE,
         )

@@ -26,7 +26,7 @@ class ChannelError:
     noise: standard deviation of one reading.
     nrmse: rmse in units of the noise.
     chi2_reduced: mean square of the whitened residuals.
-    r2: share of the readings' variance that the model explains.
+    r2: share of the readings' variance that the model explains; NaN where they never change.
     count: how many readings counted.
     """
 
@@ -77,6 +77,6 @@ def _error(error: Floats, values: Floats, squares: Floats, noise: float) -> Chan
         noise=noise,
         nrmse=rmse / noise,
         chi2_reduced=float(squares.mean()),
-        r2=1.0 - rmse**2 / spread if spread > 0.0 else math.nan,
+        r2=1.0 - rmse**2 / spread if np.ptp(values) > 0.0 else math.nan,
         count=int(error.size),
     )

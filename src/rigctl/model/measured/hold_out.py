@@ -34,13 +34,16 @@ def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str
     return _chosen(measurements, text, units, "no record is chosen by this")
 
 
-def held_out(measurements: Measurements, text: str | None, units: Mapping[str, str]) -> tuple[int, ...]:
+def held_out(
+    measurements: Measurements, text: str | None, units: Mapping[str, str], only: str | None = None
+) -> tuple[int, ...]:
     """Places of the records for which the condition is true; none without one.
 
     Parameters
     ----------
     text: an expression of the operating variables and of ``record``, its number from 1.
     units: of the operating variables.
+    only: the condition that has chosen the records of `measurements` before.
 
     Raises
     ------
@@ -49,9 +52,10 @@ def held_out(measurements: Measurements, text: str | None, units: Mapping[str, s
     """
     if text is None or not text.strip():
         return ()
-    found = _chosen(measurements, text, units, "no record is held out by this")
+    among = "" if only is None else f" of those that '{only}' leaves"
+    found = _chosen(measurements, text, units, f"no record is held out by this{among}")
     if len(found) == len(measurements.records):
-        raise RigctlError("this holds every record out: nothing is left to fit on", value=text)
+        raise RigctlError(f"this holds every record out{among}: nothing is left to fit on", value=text)
     return found
 
 

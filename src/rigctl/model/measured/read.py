@@ -11,6 +11,7 @@ from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError
 from rigctl.model.inputs import InputSource, input_sources
 from rigctl.model.measured.groups import first_reading, group_numbers
+from rigctl.model.measured.notes import notes
 from rigctl.model.measured.observations import observed_records
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -35,13 +36,17 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     """
     rig = rig_of(model, runs)
     known = [output.name for output in model.family.outputs if rig is None or output.name in rig.channels]
+    _require_channels(model, runs, known)
     records: list[MeasuredRecord] = []
+    left_out: list[str] = []
     for run in runs:
         if run.info["rows"]:
-            records += _of_run(model, run, rig, known)
+            found = _of_run(model, run, rig, known)
+            left_out += _too_short(run, len(found))
+            records += found
         else:
             records += observed_records(model, run, rig, known)
-    _check(records, known, runs, model)
+    _require_records(records, runs)
     present = [k for k in range(len(known)) if any(record.here[:, k].any() for record in records)]
     records = [replace(record, values=record.values[:, present]) for record in records]
     named = _conditions(records, model, [known[k] for k in present])
@@ -56,7 +61,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         records=tuple(grouped),
         rig=rig,
         runs=tuple(run.id for run in runs),
-        notes=tuple(_notes(grouped, outputs)),
+        notes=(*left_out, *notes(grouped, outputs)),
     )
 
 
@@ -68,6 +73,7 @@ def _of_run(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> 
         )
     given = {name: value for name, value in model.values.items() if name in _input_names(model)}
     sources = input_sources(model.family, rig, given)
+    _require_commands(model, run, rig, sources)
     units = [_input_unit(source, rig) for source in sources]
     found = []
     for index in run.usable:
@@ -155,19 +161,63 @@ def _unit(model: Model, rig: Rig | None, output: str) -> str:
     return next(item.unit for item in model.family.outputs if item.name == output)
 
 
-def _check(
-    records: Sequence[MeasuredRecord], known: Sequence[str], runs: Sequence[Run], model: Model
-) -> None:
-    which = ", ".join(run.id for run in runs)
-    if not records:
+def _require_channels(model: Model, runs: Sequence[Run], known: Sequence[str]) -> None:
+    """Samples with a channel that the model predicts; a table is judged by its own columns."""
+    recorded = dict.fromkeys(name for run in runs for name in run.layout.channels)
+    if all(run.info["rows"] for run in runs) and not any(name in known for name in recorded):
         raise RigctlError(
-            f"no record of {which} can be used: each is incomplete, excluded, or shorter than "
-            f"{_FEWEST_SAMPLES} samples",
-            hint="'rigctl runs show' tells why",
+            f"{_ids(runs)} has no channel that the model '{model.name}' predicts",
+            value=", ".join(recorded) or "none",
+            expected=f"one of {', '.join(output.name for output in model.family.outputs)}",
         )
-    if not known or not any(record.here.any() for record in records):
-        outputs = ", ".join(output.name for output in model.family.outputs)
-        raise RigctlError(f"{which} has no channel that the model predicts", expected=f"one of {outputs}")
+
+
+def _require_commands(model: Model, run: Run, rig: Rig, sources: Sequence[InputSource]) -> None:
+    """What was commanded must be known: a valve that is taken as shut would look like missing physics.
+
+    Heaters that no column tells of are off.
+    """
+    heat = {item.name for item in model.family.inputs if item.role == "heat"}
+    wanted = [name for source in sources if source.input not in heat for name, _ in source.actuators]
+    absent = [name for name in dict.fromkeys(wanted) if name not in run.layout.commands]
+    if absent:
+        columns = " and ".join(f"'{name} [{rig.actuators[name].display_unit}]'" for name in absent)
+        raise RigctlError(
+            f"{run.id} does not tell {' and '.join(absent)}, which the model '{model.name}' needs",
+            value=", ".join(run.layout.commands) or "no command at all",
+            expected=f"{columns} too",
+            hint="'rigctl import' the file with it",
+        )
+
+
+def _require_records(records: Sequence[MeasuredRecord], runs: Sequence[Run]) -> None:
+    if not records:
+        every = sum(int(run.info["records"]) for run in runs)
+        usable = sum(len(run.usable) for run in runs)
+        raise RigctlError(
+            f"no record of {_ids(runs)} can be used: of {_count(every, 'record')} {every - usable} are "
+            f"incomplete or excluded, and {usable} have no value or fewer than {_FEWEST_SAMPLES} samples",
+            hint="'rigctl runs show' lists them",
+        )
+    if not any(record.here.any() for record in records):
+        raise RigctlError(f"{_ids(runs)} has no value in any channel that the model predicts")
+
+
+def _too_short(run: Run, used: int) -> list[str]:
+    count = len(run.usable) - used
+    return (
+        []
+        if not count
+        else [f"{_count(count, 'record')} of {run.id} left out: fewer than {_FEWEST_SAMPLES} samples"]
+    )
+
+
+def _ids(runs: Sequence[Run]) -> str:
+    return ", ".join(run.id for run in runs)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _conditions(
@@ -193,38 +243,6 @@ def _conditions(
         )
         for record in named
     ]
-
-
-def _notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> list[str]:
-    found = []
-    half = max((float(record.switch_half.max(initial=0.0)) for record in records), default=0.0)
-    if half > 0.0:
-        found.append(
-            f"Commands were written down with the samples: their times are known to ±{1e3 * half:.3g} ms"
-        )
-    for place, name in enumerate(outputs):
-        missing = sum(int((~record.here[:, place]).sum()) for record in records)
-        if missing:
-            total = sum(record.times.size for record in records)
-            found.append(f"{name} is missing in {missing} of {total} samples")
-        constant = [
-            record.label for record in records if _constant(record.values[:, place]) and record.times.size > 1
-        ]
-        if constant and len(constant) == len(records) and _same_everywhere(records, place):
-            found.append(f"{name} never changes: the sensor may be dead, or the channel is not connected")
-    return found
-
-
-def _constant(values: np.ndarray) -> bool:
-    present = values[np.isfinite(values)]
-    return bool(present.size and np.ptp(present) == 0.0)
-
-
-def _same_everywhere(records: Sequence[MeasuredRecord], place: int) -> bool:
-    every: set[float] = set()
-    for record in records:
-        every |= set(record.values[record.here[:, place], place][:2].tolist())
-    return len(every) == 1
 
 
 def condition_text(condition: Mapping[str, float], units: Mapping[str, str]) -> str:

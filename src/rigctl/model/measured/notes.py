@@ -1,0 +1,49 @@
+"""What is not wrong with measurements but worth knowing before a verdict is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.dataset.gaps import find_gap
+from rigctl.model.measured.record import MeasuredRecord
+
+
+def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator[str]:
+    """Switch times known roughly, gaps in time, values that are missing, channels that never move."""
+    half = max((float(record.switch_half.max(initial=0.0)) for record in records), default=0.0)
+    if half > 0.0:
+        yield f"Commands were written down with the samples: their times are known to ±{1e3 * half:.3g} ms"
+    yield from _gaps(records)
+    for place, name in enumerate(outputs):
+        missing = sum(int((~record.here[:, place]).sum()) for record in records)
+        if missing:
+            total = sum(record.times.size for record in records)
+            yield f"{name} is missing in {missing} of {total} samples: they are left out"
+        if _never_changes([record.values[:, place] for record in records if record.times.size > 1]):
+            yield (
+                f"{name} never changes: the sensor may be dead, or the channel is not connected, "
+                "and its noise cannot be told"
+            )
+
+
+def _gaps(records: Sequence[MeasuredRecord]) -> Iterator[str]:
+    """A table's rows are no samples: they have no gaps."""
+    found = [(record, gap) for record in records if (gap := find_gap(record.times)) is not None]
+    if found:
+        record, gap = max(found, key=lambda one: one[1].length)
+        yield (
+            f"gaps in time in {len(found)} of {len(records)} records: what happened in them is not judged; "
+            f"the longest: {gap.length:.4g} s from {gap.start:.4g} s on in {record.label}"
+        )
+
+
+def _never_changes(columns: Sequence[NDArray[np.float64]]) -> bool:
+    """One value in all of them, and it was read more than once."""
+    values = [column[np.isfinite(column)] for column in columns]
+    values = [column for column in values if column.size]
+    if not values or sum(column.size for column in values) < 2:
+        return False
+    return max(float(column.max()) for column in values) == min(float(column.min()) for column in values)

@@ -1,0 +1,52 @@
+"""Commands as a user types them, in this process: what they print, answer and refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from rigctl.cli.init import create_project
+from rigctl.cli.main import app
+from rigctl.errors import ExitCode, RigctlError
+
+MODEL = "models/hl32-textbook.yaml"
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def told(*arguments: str) -> str:
+    """What a command that succeeds prints."""
+    done = call(*arguments)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def answer(*arguments: str) -> dict[str, Any]:
+    """What a command answers to a program."""
+    document: dict[str, Any] = json.loads(told(*arguments, "--json"))
+    return document
+
+
+def refusal(*arguments: str, exit_code: ExitCode = ExitCode.USAGE) -> str:
+    """What a command that is refused says."""
+    with pytest.raises(RigctlError) as caught:
+        CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert caught.value.exit_code == exit_code
+    return str(caught.value)
+
+
+def create_strokes(folder: Path, temperatures: str, seed: int) -> Path:
+    """A project with a small campaign on the simulated bench: four strokes at each of the temperatures."""
+    create_project(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        arguments = ["procedures/campaign.yaml", "-a", f"temperatures={temperatures}", "--seed", str(seed)]
+        told("simulate", *arguments)
+    return folder
