@@ -80,7 +80,8 @@ def plane_test(projected: Projected) -> Test:
     span, values, _ = np.linalg.svd(left[:, good] / lengths[good], full_matrices=False)
     span = span[:, values > 1e-3 * values[0]]
     statistic = float(np.square(span.T @ projected.residual).sum())
-    return Test(statistic, chi2_tail(statistic, span.shape[1]), span.shape[1])
+    freedom, known = span.shape[1], projected.noise_degrees
+    return Test(statistic, chi2_tail(statistic, freedom, known), freedom)
 
 
 def chi2_test(projected: Projected) -> Test:
@@ -90,6 +91,8 @@ def chi2_test(projected: Projected) -> Test:
     freedom = projected.freedom
     if freedom <= 0:
         return Test(statistic, 1.0, 0)
+    if projected.noise_degrees:
+        return Test(statistic, chi2_tail(statistic, freedom, projected.noise_degrees), freedom)
     extra = 0.0
     problem = lin.fit.problem.only(lin.fit.fitted)
     for c, channel in enumerate(problem.noise.channels):
@@ -102,10 +105,15 @@ def chi2_test(projected: Projected) -> Test:
     return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), freedom)
 
 
-def chi2_tail(statistic: float, freedom: int) -> float:
-    """Chance that χ² with `freedom` degrees of freedom is at least `statistic`."""
-    from scipy.special import gammaincc
+def chi2_tail(statistic: float, freedom: int, known: int = 0) -> float:
+    """Chance that χ² with `freedom` degrees of freedom is at least `statistic`.
 
+    With `known` degrees of freedom behind the noise, that of ``freedom·F(freedom, known)``.
+    """
+    from scipy.special import fdtrc, gammaincc
+
+    if known:
+        return float(fdtrc(freedom, known, max(statistic, 0.0) / freedom))
     return float(gammaincc(0.5 * freedom, 0.5 * max(statistic, 0.0)))
 
 

@@ -61,6 +61,8 @@ def variable_units(measurements: Measurements) -> dict[str, str]:
             units[name] = rig.channels[channel].unit
         elif rig is not None and name in rig.actuators:
             units[name] = rig.actuators[name].display_unit
+        elif name in measurements.columns:
+            units[name] = measurements.columns[name]
         else:
             units[name] = _GUESSED.get(name, "1")
     return units
@@ -81,7 +83,7 @@ def _normalised(fit: FitResult) -> list[Floats]:
     found = []
     for k in fit.fitted:
         record, ok = fit.problem.records[k], fit.problem.ok[k]
-        found.append(np.where(ok, (fit.outputs[k] - record.values) / fit.problem.noise.sigma, np.nan))
+        found.append(np.where(ok, (fit.outputs[k] - record.values) / fit.problem.sigma[k], np.nan))
     return found
 
 

@@ -50,6 +50,16 @@ class Projected:
         """(columns) True where enough of a signature is left to be seen."""
         return self.kappa > HIDDEN
 
+    @property
+    def noise_degrees(self) -> int:
+        """Degrees of freedom behind the noise of a table's rows; 0 where the noise counts as known.
+
+        The samples of records tell their noise well enough; a handful of rows does not.
+        """
+        problem = self.linearisation.fit.problem
+        known = [channel.degrees for channel in problem.noise.channels if channel.degrees]
+        return min(known) if known and problem.measurements.table else 0
+
     def project(self, columns: Floats) -> Floats:
         """``(I − P_J)`` of columns that stand in the records' rows; the priors' rows are added."""
         padded = np.vstack([columns, np.zeros((self.residual.size - columns.shape[0], columns.shape[1]))])

@@ -78,7 +78,7 @@ def screen(projected: Projected, seed: int = 0) -> Screening:
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
     z = signatures.T @ projected.residual
-    draws = _draws(cosines, seed)
+    draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
     found = []
     least = np.ones(len(draws))
     for place, columns in tests:
@@ -90,7 +90,14 @@ def screen(projected: Projected, seed: int = 0) -> Screening:
         found.append((place, columns, float(gain[0]), float(tail(gain, signs)[0]), sizes[0]))
     least.sort()
     scores = [
-        _score(projected, place, columns, gain, _family(p, least, len(found)), sizes * unit[columns])
+        _score(
+            projected,
+            place,
+            columns,
+            gain,
+            _family(p, least, len(found), drawn=projected.noise_degrees > 0),
+            sizes * unit[columns],
+        )
         for place, columns, gain, p, sizes in found
     ]
     best = _best_of_each(scores)
@@ -151,9 +158,22 @@ def _normal(count: int, seed: int) -> Floats:
     return np.random.Generator(np.random.PCG64(seed)).standard_normal((_DRAWS, count))
 
 
-def _family(p: float, least: Floats, tests: int) -> float:
-    """Share of draws whose best is as good; beyond what the draws can tell, Bonferroni's bound."""
+def _noise_draws(degrees: int, seed: int) -> Floats:
+    """(draws, 1) what makes normal scores those of Student, where noise is known from `degrees` only."""
+    if not degrees:
+        return np.ones((1, 1))
+    generator = np.random.Generator(np.random.PCG64([seed, degrees]))
+    return np.asarray(np.sqrt(degrees / generator.chisquare(degrees, (_DRAWS, 1))))
+
+
+def _family(p: float, least: Floats, tests: int, *, drawn: bool = False) -> float:
+    """Share of draws whose best is as good; beyond what the draws can tell, Bonferroni's bound.
+
+    `drawn` leaves that bound out, which holds for noise that is known.
+    """
     reached = float(np.searchsorted(least, p, side="right")) / least.size
+    if drawn:
+        return max(reached, 1.0 / least.size)
     return reached if reached * least.size >= 20.0 else min(max(reached, 1.0 / least.size), tests * p)
 
 

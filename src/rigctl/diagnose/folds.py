@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.compare.linearise import Linearisation
+from rigctl.compare.projected import HIDDEN
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +55,8 @@ def held_out_gain(lin: Linearisation, columns: Sequence[str], values: Sequence[f
     before, after, rows, gains = 0.0, 0.0, 0, []
     for outside in _folds(lin):
         inside = [k for k in range(len(lin.records)) if k not in outside]
+        if lin.fit.problem.measurements.table and not _determined(lin, inside, places):
+            continue
         with_it = _loss(lin, inside, outside, list(range(len(lin.nuisances))), None)
         without = _loss(lin, inside, outside, rest, (places, sizes))
         gains.append(without - with_it)
@@ -65,6 +68,24 @@ def held_out_gain(lin: Linearisation, columns: Sequence[str], values: Sequence[f
     return HeldOut(
         math.sqrt(before / rows), math.sqrt(after / rows), float(np.mean(gains)), spread, len(gains)
     )
+
+
+def _determined(lin: Linearisation, inside: Sequence[int], places: Sequence[int]) -> bool:
+    """Whether the rows of a table that are left tell the effect's parameters at all.
+
+    Without its only hot rows a table says nothing of what heat does, and predicts nothing.
+    """
+    weight = lin.prior[0]
+    matrix = np.vstack([*(lin.records[k].nuisance for k in inside), weight])
+    rest = [k for k in range(matrix.shape[1]) if k not in places]
+    lengths = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
+    left = scaled[:, places]
+    if rest:
+        left = left - scaled[:, rest] @ np.linalg.lstsq(scaled[:, rest], left, rcond=1e-8)[0]
+    whole = np.vstack([one.nuisance for one in lin.records])[:, places]
+    shares = np.linalg.norm(left, axis=0) * lengths[places]
+    return bool(np.all(shares > HIDDEN * np.linalg.norm(whole, axis=0)))
 
 
 def _folds(lin: Linearisation) -> Iterator[tuple[int, ...]]:

@@ -6,14 +6,18 @@ do, so they are written as one: its parameters then belong to each record instea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import Literal
 
-from rigctl.effects.declaration import Effect, qualified
+import numpy as np
+
+from rigctl.effects.declaration import Effect, EffectParameter, Own, qualified
+from rigctl.engine.symbols import Scalar, constant_like, exp
 from rigctl.physics.family import ModelFamily
+from rigctl.physics.scope import Scope
 from rigctl.rig.rig import Rig
 
 #: what the effect of every family's record-level quantities is called
@@ -30,12 +34,14 @@ class Quantity:
     meaning: for people.
     std: of its prior around the null, SI, from the rig; None leaves it to the switch times' uncertainty.
     switch: the value commanded before and after, of the switches whose time it moves; None for no switch.
+    cancels: it is the same in both readings of a difference, a stroke say.
     """
 
     parameter: str
     meaning: str
     std: Callable[[Rig | None], float] | None = None
     switch: tuple[float, float] | None = None
+    cancels: bool = False
 
     @property
     def name(self) -> str:
@@ -69,6 +75,22 @@ class Start:
 
 
 @dataclass(frozen=True)
+class Setting:
+    """A quantity that is set by hand to one of a few values, each of which may be off by a share of its own.
+
+    Attributes
+    ----------
+    input: the family's, that is set.
+    slot: a factor of what was set.
+    std: how well a value is set again, as a share, from the rig.
+    """
+
+    input: str
+    slot: str
+    std: Callable[[Rig | None], float]
+
+
+@dataclass(frozen=True)
 class RecordLevel:
     """The record-level quantities of a family.
 
@@ -79,17 +101,60 @@ class RecordLevel:
     starts: of the states that do not start as the family's usually do.
     shared_switch: the effect's parameter that moves every switch of every record alike: a logger that writes
         a command down after its samples is late always.
+    setting: what is set by hand; of a table, all rows of one setting share its error (`with_settings`).
+    settings: the values for which the effect has parameters of their own, SI.
     """
 
     effect: Effect | None = None
     quantities: tuple[Quantity, ...] = ()
     starts: tuple[Start, ...] = ()
     shared_switch: str | None = None
+    setting: Setting | None = None
+    settings: tuple[float, ...] = ()
+
+    @property
+    def setting_names(self) -> tuple[str, ...]:
+        """The parameters of `settings` as a system knows them."""
+        return tuple(qualified(RECORD, _setting_name(k)) for k in range(len(self.settings)))
+
+    def with_settings(self, points: Sequence[float]) -> RecordLevel:
+        """With an unknown share by which each of these set values is off, for all records set to it.
+
+        The factor at the slot is ``1 + Σ_k e_k·exp(−((u − u_k)/w)²)``, u the input, w a quarter of the least
+        distance between two set values: another setting's error is lost in it by seven digits.
+        """
+        if self.setting is None or self.effect is None or not points:
+            return self
+        apart = np.diff(np.sort(np.array(points, dtype=float)))
+        width = 0.25 * float(apart.min()) if apart.size else abs(points[0]) or 1.0
+        term = (self.setting.slot, partial(_set, self.setting.input, tuple(points), width))
+        parameters = tuple(
+            EffectParameter(_setting_name(k), "%", 0.0, 1e-3, -0.9, 0.9, f"error of setting {k + 1}")
+            for k in range(len(points))
+        )
+        effect = replace(
+            self.effect,
+            terms=(*self.effect.terms, term),
+            parameters=(*self.effect.parameters, *parameters),
+        )
+        return replace(self, effect=effect, settings=tuple(points))
 
     @property
     def null(self) -> dict[str, dict[str, float]]:
         """The effect with its parameters at their null, as a system is told of effects."""
         return {} if self.effect is None else {self.effect.name: self.effect.null}
+
+
+def _setting_name(k: int) -> str:
+    return f"setting_{k + 1}"
+
+
+def _set(name: str, points: Sequence[float], width: float, m: Scope, p: Own) -> Scalar:
+    total: Scalar = 1.0
+    for k, point in enumerate(points):
+        off = (m[name] - constant_like(point, m[name])) / constant_like(width, m[name])
+        total = total + p[_setting_name(k)] * exp(-off * off)
+    return total
 
 
 @lru_cache(maxsize=1)

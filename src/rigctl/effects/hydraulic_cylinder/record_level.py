@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from rigctl.effects.declaration import Effect, EffectParameter, Own
-from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
+from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Setting, Start
 from rigctl.engine.symbols import Scalar
 from rigctl.physics.hydraulic_cylinder.piston import CONTACT_WIDTH
 from rigctl.physics.scope import Scope
@@ -81,7 +81,7 @@ RECORD_LEVEL = RecordLevel(
     effect=_EFFECT,
     quantities=(
         Quantity("setting", "error of the pressure setting", _repeatability),
-        Quantity("position_zero", "zero of the position sensor", _zero),
+        Quantity("position_zero", "zero of the position sensor", _zero, cancels=True),
         Quantity("extending", "time of the switch to extend", switch=(0.0, 1.0)),
         Quantity("closing", "time of the switch to neutral", switch=(1.0, 0.0)),
         Quantity("retracting", "time of the switch to retract", switch=(0.0, -1.0)),
@@ -94,4 +94,5 @@ RECORD_LEVEL = RecordLevel(
         Start("position", "rest", rest=1e-3, at_rest=_on_the_stop),
     ),
     shared_switch="switching",
+    setting=Setting("pressure_setpoint", "relief_setting", _repeatability),
 )

@@ -23,8 +23,8 @@ class ChannelError:
     rmse: root of the mean square.
     bias: mean.
     maximum: the largest in size.
-    noise: standard deviation of one reading.
-    nrmse: rmse in units of the noise.
+    noise: standard deviation of one reading; of a typical one where it is a share of the value.
+    nrmse: root of the mean square in units of each reading's noise.
     chi2_reduced: mean square of the whitened residuals.
     r2: share of the readings' variance that the model explains; NaN where they never change.
     count: how many readings counted.
@@ -47,16 +47,19 @@ def channel_errors(
     found = {}
     white = {place: whitened_residual(problem, outputs[place], place) for place in places}
     for column, name in enumerate(problem.measurements.outputs):
-        pieces, readings, squares = [], [], []
+        pieces, readings, squares, sigmas = [], [], [], []
         for place in places:
             good = problem.ok[place][:, column]
             measured = problem.records[place].values[good, column]
             pieces.append(outputs[place][good, column] - measured)
             readings.append(measured)
+            sigmas.append(problem.sigma[place][good, column])
             squares.append(white[place][problem.whiteners[place].rows[:, 1] == column] ** 2)
-        error, values, square = (np.concatenate(part) for part in (pieces, readings, squares))
+        error, values, square, sigma = (
+            np.concatenate(part) for part in (pieces, readings, squares, sigmas)
+        )
         if error.size:
-            found[name] = _error(error, values, square, float(problem.noise.sigma[column]))
+            found[name] = _error(error, values, square, sigma, float(problem.noise.sigma[column]))
     return found
 
 
@@ -67,7 +70,7 @@ def whitened_residual(problem: Problem, outputs: Floats, place: int) -> Floats:
     return problem.whiteners[place](np.where(ok, outputs - values, 0.0))
 
 
-def _error(error: Floats, values: Floats, squares: Floats, noise: float) -> ChannelError:
+def _error(error: Floats, values: Floats, squares: Floats, sigma: Floats, noise: float) -> ChannelError:
     rmse = math.sqrt(float(np.mean(error**2)))
     spread = float(np.mean((values - values.mean()) ** 2))
     return ChannelError(
@@ -75,7 +78,7 @@ def _error(error: Floats, values: Floats, squares: Floats, noise: float) -> Chan
         bias=float(error.mean()),
         maximum=float(error[np.argmax(np.abs(error))]),
         noise=noise,
-        nrmse=rmse / noise,
+        nrmse=math.sqrt(float(np.mean((error / sigma) ** 2))),
         chi2_reduced=float(squares.mean()),
         r2=1.0 - rmse**2 / spread if np.ptp(values) > 0.0 else math.nan,
         count=int(error.size),

@@ -142,24 +142,41 @@ def fit(
         nothing is left to fit on, there are fewer values than parameters, or the model has no value at the
         start.
     """
+    plan = _Plan(refit, starts, seed, Options(cost=cost), progress)
+    found = _fit(problem, hold_out, plan, local)
+    sized = _sized(problem, found)
+    return found if sized is None else _fit(sized, hold_out, plan, found.local)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """How a fit is made."""
+
+    refit: bool
+    starts: int
+    seed: int
+    options: Options
+    progress: Callable[[Iteration], None] | None
+
+
+def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence[Floats] | None) -> FitResult:
     count = len(problem.records)
     fitted = tuple(place for place in range(count) if place not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
     silent: tuple[str, ...] = ()
-    if refit and problem.shared:
+    if plan.refit and problem.shared:
         problem, silent = _without_silent(problem, fitted)
     inner = problem.only(fitted)
     start = np.array([unknown.start for unknown in problem.shared])
-    if refit and problem.shared:
+    if plan.refit and problem.shared:
         _check_enough(inner)
         inside = _started(inner, None if local is None else [local[k] for k in fitted])
-        options = Options(cost=cost)
         solution = (
-            least_squares(inner.evaluate, inner.shared, inside, options=options, progress=progress)
-            if starts <= 1
+            least_squares(inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress)
+            if plan.starts <= 1
             else multi_start(
-                inner.evaluate, inner.shared, inside, count=starts, seed=seed, options=options
+                inner.evaluate, inner.shared, inside, count=plan.starts, seed=plan.seed, options=plan.options
             ).best
         )
         values, own = solution.values, dict(zip(fitted, solution.local, strict=True))
@@ -171,6 +188,17 @@ def fit(
     found = problem.simulate(values, everything).require()
     outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
     return FitResult(problem, fitted, solution, values, everything, outputs, silent)
+
+
+def _sized(problem: Problem, found: FitResult) -> Problem | None:
+    """The problem with noise in shares of what a fit says, begun there; None where nothing changes."""
+    if problem.sizes is not None:
+        return None
+    sized = problem.sized(found.outputs)
+    if sized is problem:
+        return None
+    at = {u.name: float(value) for u, value in zip(found.problem.shared, found.values, strict=True)}
+    return sized.with_shared([replace(u, start=at.get(u.name, u.start)) for u in sized.shared])
 
 
 def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, tuple[str, ...]]:
@@ -220,9 +248,10 @@ def _own_unknowns(
 
 def _check_enough(problem: Problem) -> None:
     values = sum(whitener.size for whitener in problem.whiteners)
-    wanted = len(problem.shared)
+    free = [unknown.name for unknown in problem.shared if unknown.prior is None]
+    wanted = len(free)
     if values < wanted:
-        names = ", ".join(unknown.name for unknown in problem.shared)
+        names = ", ".join(free)
         records = len(problem.records)
         raise RigctlError(
             f"{values} measured value{'' if values == 1 else 's'} of {records} "

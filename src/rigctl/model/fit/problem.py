@@ -17,6 +17,7 @@ from rigctl.engine.least_squares import Block, Refused, Unknown
 from rigctl.engine.simulate import simulate
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
+from rigctl.model.fit.settings import level_of_rows
 from rigctl.model.fit.unknowns import (
     LocalUnknown,
     local_unknowns,
@@ -50,6 +51,8 @@ class Problem:
     whiteners: of each record.
     base: (parameters) what the system's parameters are where no unknown says otherwise.
     starts: of each record, the state at its beginning where no unknown says otherwise.
+    sizes: (n, outputs) of each record, what noise that is a share of the value is a share of: what a fit has
+        found; None for what was measured.
     """
 
     model: Model
@@ -63,6 +66,7 @@ class Problem:
     whiteners: tuple[Whitener, ...] = field(repr=False)
     base: Floats = field(repr=False)
     starts: tuple[Floats, ...] = field(repr=False)
+    sizes: tuple[Floats, ...] | None = field(default=None, repr=False)
 
     @property
     def records(self) -> tuple[MeasuredRecord, ...]:
@@ -87,7 +91,22 @@ class Problem:
         RigctlError
             an effect's term does not fit.
         """
-        return make_problem(model, self.measurements, self.noise, self.ok, library=library, progress=progress)
+        made = make_problem(model, self.measurements, self.noise, self.ok, library=library, progress=progress)
+        return made if self.sizes is None else made.sized(self.sizes)
+
+    def sized(self, outputs: Sequence[Floats]) -> Problem:
+        """The same, with noise that is a share of the value taken as that share of the model's `outputs`.
+
+        A share of what was measured would bring the noise into the weights, and by them into every
+        derivative.
+        """
+        if not any(channel.share for channel in self.noise.channels):
+            return self
+        whiteners = tuple(
+            whiten(self.noise, record.times, good, size)
+            for record, good, size in zip(self.records, self.ok, outputs, strict=True)
+        )
+        return replace(self, whiteners=whiteners, sizes=tuple(outputs))
 
     def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
         """The same data with other common unknowns, and other values of the parameters beside them."""
@@ -107,6 +126,7 @@ class Problem:
             local=pick(self.local),
             whiteners=pick(self.whiteners),
             starts=pick(self.starts),
+            sizes=None if self.sizes is None else pick(self.sizes),
         )
 
     def local_unknowns(self) -> list[list[Unknown]]:
@@ -140,6 +160,12 @@ class Problem:
         """The measured outputs' places among the system's."""
         known = self.compiled.system.output_names
         return np.array([known.index(name) for name in self.measurements.outputs], dtype=np.intp)
+
+    @cached_property
+    def sigma(self) -> tuple[Floats, ...]:
+        """(n, outputs) of each record, the standard deviation of each reading, SI."""
+        sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
+        return tuple(self.noise.sigma_at(size) for size in sizes)
 
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [np.take(array, self.channels, axis=1) for array in arrays]
@@ -198,7 +224,7 @@ def make_problem(
     RigctlError
         an effect's term does not fit.
     """
-    level = record_level(model.family)
+    level, settings = level_of_rows(record_level(model.family), measurements)
     effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
     everything = superset(model.family, effects) if library else effects
     own = (*model.own, *((level.effect,) if level.effect is not None else ()))
@@ -221,12 +247,14 @@ def make_problem(
         ok=tuple(ok),
         compiled=compile_system(system, progress=progress),
         level=level,
-        shared=(*shared_unknowns(model), *switch_unknown(level, measurements)),
+        shared=(*shared_unknowns(model), *switch_unknown(level, measurements), *settings),
         local=tuple(
             local_unknowns(level, record, measurements, found)
             for record, found in zip(records, starts, strict=True)
         ),
-        whiteners=tuple(whiten(noise, record.times, good) for record, good in zip(records, ok, strict=True)),
+        whiteners=tuple(
+            whiten(noise, record.times, good, record.values) for record, good in zip(records, ok, strict=True)
+        ),
         base=np.array(system.nominal, dtype=float),
         starts=tuple(np.array([found[name] for name in system.state_names]) for found in starts),
     )

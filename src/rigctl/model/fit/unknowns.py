@@ -80,16 +80,25 @@ def switch_unknown(level: RecordLevel, measurements: Measurements) -> list[Unkno
     ]
 
 
+def setting_unknowns(level: RecordLevel, std: float) -> list[Unknown]:
+    """What every row of a table that was set alike has in common; see `RecordLevel.with_settings`."""
+    return [Unknown(name, 0.0, scale=std, prior=Prior(0.0, std)) for name in level.setting_names]
+
+
 def local_unknowns(
     level: RecordLevel, record: MeasuredRecord, measurements: Measurements, found: Mapping[str, float]
 ) -> tuple[LocalUnknown, ...]:
     """The unknowns of one record, with what is known of each before; `found` is where its states start."""
     unknowns = []
     for quantity in level.quantities:
+        if record.row and quantity.cancels:
+            continue
         one = _quantity(quantity, record, measurements)
         if one is not None:
             unknowns.append(LocalUnknown(quantity.name, one))
     for start in level.starts:
+        if record.row and start.how == "rest":  # what a row says is counted from there
+            continue
         one = _start(start, record, measurements, found)
         if one is not None:
             unknowns.append(LocalUnknown(start.state, one, initial=True))

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.model.measured.record import Measurements
-from rigctl.noise import ChannelNoise, NoiseModel, NoiseRecord, estimate_noise, find_spikes_in_records
+from rigctl.model.measured.table import column, curve_variable, curves, set_variable
+from rigctl.noise import (
+    ChannelNoise,
+    NoiseModel,
+    NoiseRecord,
+    RowNoise,
+    estimate_noise,
+    find_spikes_in_records,
+    row_noise,
+)
+from rigctl.units import show
 
 
 @dataclass(frozen=True)
@@ -32,9 +42,8 @@ class DataNoise:
 
 def noise_of(measurements: Measurements) -> DataNoise:
     """Estimate the noise of `measurements`; spikes are masked and counted, never dropped silently."""
-    moving = [record for record in measurements.records if record.times.size > 1 and _timed(measurements)]
-    if not moving:
-        return _assumed(measurements)
+    if measurements.table:
+        return _of_rows(measurements)
     records = [
         NoiseRecord(
             record.times,
@@ -51,11 +60,6 @@ def noise_of(measurements: Measurements) -> DataNoise:
     )
 
 
-def _timed(measurements: Measurements) -> bool:
-    """Samples over time, not the rows of a table."""
-    return measurements.rig is not None and any(record.times.size > 4 for record in measurements.records)
-
-
 def _known(measurements: Measurements) -> dict[str, float]:
     rig = measurements.rig
     if rig is None:
@@ -64,33 +68,59 @@ def _known(measurements: Measurements) -> dict[str, float]:
     return {name: float(channel.noise) for name, channel in channels.items() if channel.noise}
 
 
-def _assumed(measurements: Measurements) -> DataNoise:
-    """A table, one value for each condition: its noise can only be guessed."""
+def _of_rows(measurements: Measurements) -> DataNoise:
+    """Of a table: from its neighbouring rows, or where they are too few, from the rig file or a guess."""
+    setting = set_variable(measurements)
+    points, series = curves(measurements, but=setting)
+    over = curve_variable(measurements, but=setting) or "row"
     known = _known(measurements)
     channels = []
-    for c, name in enumerate(measurements.outputs):
-        values = np.concatenate([record.values[record.here[:, c], c] for record in measurements.records])
-        size, source = _digits(values), "assumed"
-        if name in known:
-            size, source = max(size, known[name]), "rig"
+    for place, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
+        values = column(measurements, place)
+        size = float(np.nanmedian(np.abs(values)))
+        found = row_noise(points, values, series)
         channels.append(
-            ChannelNoise(
-                name,
-                size,
-                source="rig" if source == "rig" else "assumed",
-                guessed=True,
-                statement=f"the noise of {name} is a guess: the table has one value for each condition",
-            )
+            _guessed(name, size, unit, known.get(name))
+            if found is None
+            else _from_rows(name, size, unit, found, over)
         )
-    statement = "noise guessed: a table of single values has no repeats to tell it from"
+    statement = "Noise of " + "; ".join(channel.statement for channel in channels)
     ok = tuple(record.here for record in measurements.records)
     return DataNoise(NoiseModel(tuple(channels), 1.0, statement), ok)
+
+
+def _from_rows(name: str, size: float, unit: str, found: RowNoise, over: str) -> ChannelNoise:
+    sigma = found.sigma * size if found.relative else found.sigma
+    wide = f"{100 * found.sigma:.2g} % of the value" if found.relative else _interval(sigma, unit)
+    sure = 100.0 / np.sqrt(2.0 * found.degrees)
+    return ChannelNoise(
+        name,
+        sigma,
+        source="replicates" if 2 * found.repeats > found.differences else "differences",
+        guessed=False,
+        statement=f"{name}: {wide}, from {found.differences} differences between neighbouring values over "
+        f"{over}, without any model; itself known to about {sure:.0f} %",
+        degrees=found.degrees,
+        share=found.sigma if found.relative else 0.0,
+    )
 
 
 #: of a table without any word of its accuracy: half a per cent of what was read
 _SHARE = 0.005
 
 
-def _digits(values: NDArray[np.float64]) -> float:
-    typical = float(np.median(np.abs(values))) if values.size else 1.0
-    return _SHARE * typical or 1e-12
+def _guessed(name: str, size: float, unit: str, known: float | None) -> ChannelNoise:
+    sigma = max(_SHARE * size, known or 0.0) or 1e-12
+    from_rig = known is not None and known >= sigma
+    why = "what the rig file says" if from_rig else f"{100 * _SHARE:g} % of a typical value"
+    return ChannelNoise(
+        name,
+        sigma,
+        source="rig" if from_rig else "assumed",
+        guessed=True,
+        statement=f"{name}: only guessed, {_interval(sigma, unit)} ({why}): too few rows to read it from",
+    )
+
+
+def _interval(sigma: float, unit: str) -> str:
+    return show(sigma, unit, difference=True, digits=2)

@@ -1,7 +1,6 @@
-"""Tables without time: one value for each condition.
+"""Tables without time: a row holds what was read at one operating point, and becomes a record of one moment.
 
-Of a family without motion the rows become one record, a row a second, as its standard record has it. Of a
-family that moves a row is a record: the standard record at the row's condition, of which only the value that
+Of a family that moves it is the standard record at the row's operating point, of which only the value that
 was written down is known.
 """
 
@@ -35,7 +34,7 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
     rows = [run.record(index) for index in run.usable]
     if model.family.states and not _is_static(model):
         return [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
-    return [_table(model, run, rows, outputs)]
+    return _table(model, run, rows, outputs)
 
 
 def _is_static(model: Model) -> bool:
@@ -47,32 +46,35 @@ def _values(row: Record) -> dict[str, float]:
     return {**row.sweep, **row.measures}
 
 
-def _table(model: Model, run: Run, rows: Sequence[Record], outputs: Sequence[str]) -> MeasuredRecord:
-    names = [item.name for item in model.family.inputs]
-    usual = {item.name: model.values.get(item.name, item.value) for item in model.family.inputs}
-    known = [_values(row) for row in rows]
-    values = np.array([[row.get(name, np.nan) for name in outputs] for row in known]).reshape(
-        -1, len(outputs)
-    )
-    if not rows or not np.isfinite(values).any():
-        found = ", ".join(dict.fromkeys(name for row in known for name in row)) or "nothing"
+def _table(model: Model, run: Run, rows: Sequence[Record], outputs: Sequence[str]) -> list[MeasuredRecord]:
+    found = [_still(model, run, row, outputs) for row in rows]
+    if not any(record.here.any() for record in found):
+        columns = ", ".join(dict.fromkeys(name for row in rows for name in _values(row))) or "nothing"
         raise RigctlError(
-            f"{run.id} has no column that the model predicts", value=found, expected=" or ".join(outputs)
+            f"{run.id} has no column that the model predicts", value=columns, expected=" or ".join(outputs)
         )
-    count = len(rows)
+    return found
+
+
+def _still(model: Model, run: Run, row: Record, outputs: Sequence[str]) -> MeasuredRecord:
+    """A row of a family in which nothing moves: the inputs hold, and it is read after half a second."""
+    known = _values(row)
+    inputs = {item.name: model.values.get(item.name, item.value) for item in model.family.inputs}
     return MeasuredRecord(
         run=run.id,
-        index=0,
-        label=run.id,
-        times=np.arange(count, dtype=np.float64) + 0.5,
-        switch_times=np.arange(count, dtype=float),
-        switch_half=np.zeros(count),
-        inputs=np.array([[row.get(name, usual[name]) for name in names] for row in known]),
-        values=values,
-        condition={},
+        index=row.index,
+        label=f"{run.id}/{row.index + 1}",
+        times=np.array([0.5]),
+        switch_times=np.zeros(1),
+        switch_half=np.zeros(1),
+        inputs=np.array([[known.get(name, usual) for name, usual in inputs.items()]]),
+        values=np.array([[known.get(name, np.nan) for name in outputs]]),
+        condition={name: known[name] for name in inputs if name in known},
         group=0,
-        phase=np.arange(count, dtype=np.intp),
-        phases=tuple(row.path or f"row {row.index + 1}" for row in rows),
+        phase=np.zeros(1, dtype=np.intp),
+        phases=("row",),
+        row=True,
+        beside={name: value for name, value in row.measures.items() if name not in outputs},
     )
 
 
@@ -104,6 +106,8 @@ def _moving(
         group=0,
         phase=np.zeros(len(times), dtype=np.intp),
         phases=("hold",),
+        row=True,
+        beside={name: value for name, value in row.measures.items() if name not in found},
     )
 
 

@@ -16,6 +16,7 @@ from rigctl.model.measured.observations import observed_records
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.rigs import rig_of
+from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 
@@ -54,7 +55,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         replace(record, group=group) for record, group in zip(named, group_numbers(named), strict=True)
     ]
     outputs = tuple(known[k] for k in present)
-    return Measurements(
+    measured = Measurements(
         outputs=outputs,
         units=tuple(_unit(model, rig, name) for name in outputs),
         inputs=tuple(item.name for item in model.family.inputs),
@@ -63,6 +64,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         runs=tuple(run.id for run in runs),
         notes=(*left_out, *notes(grouped, outputs)),
     )
+    return as_table(measured, runs)
 
 
 def _of_run(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:

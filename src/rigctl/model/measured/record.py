@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ class MeasuredRecord:
     group: records of equal number were measured at one condition with the same commands.
     phase: (n) which stretch of constant commands each sample lies in.
     phases: the stretches' names.
+    row: a row of a table: single values at one operating point, whose course in time nobody recorded.
+    beside: of a row, what its other columns say, SI.
     """
 
     run: str
@@ -45,6 +47,8 @@ class MeasuredRecord:
     group: int
     phase: Integers
     phases: tuple[str, ...]
+    row: bool = False
+    beside: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def here(self) -> NDArray[np.bool_]:
@@ -64,6 +68,7 @@ class Measurements:
     rig: the bench as it was when the runs were recorded; None for a table of no bench.
     runs: the ids.
     notes: what a reader should know of how the data were taken.
+    columns: of a table, the unit that each of its columns is written in.
     """
 
     outputs: tuple[str, ...]
@@ -73,6 +78,12 @@ class Measurements:
     rig: Rig | None
     runs: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def table(self) -> bool:
+        """Rows of a table alone: no record has a course in time."""
+        return bool(self.records) and all(record.row for record in self.records)
 
     @property
     def samples(self) -> int:

@@ -109,7 +109,7 @@ def signature_plot(diagnosis: Diagnosis) -> Plot | None:
             Trace("measured − model", record.times, residual[:, c], Look.LINE, 7, "sigma", False, not panels)
         ]
         for number, trial in enumerate(trials):
-            change = (trial.fit.outputs[k][:, c] - before.outputs[k][:, c]) / before.problem.noise.sigma[c]
+            change = (trial.fit.outputs[k][:, c] - before.outputs[k][:, c]) / before.problem.sigma[k][:, c]
             label = " and ".join(map(plain_name, trial.effects))
             traces.append(Trace(label, record.times, change, Look.LINE, number, "sigma", False, not panels))
         panels.append(Panel(f"{plain_name(name)} [sigma]", tuple(traces), height=1.3))

@@ -22,7 +22,7 @@ def normalised_error(model: ModelComparison, k: int) -> Floats:
     """(n, channels) model less measurement over the noise of the record at place k; NaN where none counts."""
     fit = model.fit
     record, ok = fit.problem.records[k], fit.problem.ok[k]
-    return np.where(ok, (fit.outputs[k] - record.values) / fit.problem.noise.sigma, np.nan)
+    return np.where(ok, (fit.outputs[k] - record.values) / fit.problem.sigma[k], np.nan)
 
 
 def typical_records(model: ModelComparison) -> tuple[tuple[str, int], ...]:

@@ -1,0 +1,92 @@
+"""What rows of a table that were set alike have in common: the error of the setting, an unknown of each.
+
+A gauge that reads wrong, or a valve that was turned a little too far, shifts every row of one setting alike.
+Such levels say nothing of what changes at one setting, which is what such a table is good for.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rigctl.dataset.conditions import cluster
+from rigctl.effects.record_level import RecordLevel, Setting
+from rigctl.engine.least_squares import Unknown
+from rigctl.model.fit.unknowns import setting_unknowns
+from rigctl.model.measured.record import Measurements
+from rigctl.model.measured.table import column, set_variable
+
+#: set values closer to one another than this share of the largest are one setting
+_SAME = 0.01
+
+
+def level_of_rows(level: RecordLevel, measurements: Measurements) -> tuple[RecordLevel, list[Unknown]]:
+    """The record-level quantities with a level for each setting of a table, and these as unknowns.
+
+    Measurements with a course in time, and families in which nothing is set by hand, have none.
+    """
+    if level.setting is None or not measurements.table:
+        return level, []
+    points = np.unique(set_values(measurements, level.setting))
+    if points.size < 2:
+        return level, []
+    extended = level.with_settings(points.tolist())
+    return extended, setting_unknowns(extended, setting_std(measurements, level.setting))
+
+
+def set_values(measurements: Measurements, setting: Setting) -> np.ndarray:
+    """(rows) what was set for each row, SI; values that are meant to be the same are."""
+    place = measurements.inputs.index(setting.input)
+    values = [float(record.inputs[-1, place]) for record in measurements.records]
+    return np.array(cluster(values, _SAME * max(map(abs, values))))
+
+
+def setting_std(measurements: Measurements, setting: Setting) -> float:
+    """How far a setting may be off, as a share: what the rig says of it, or more where the rows show more."""
+    usual = setting.std(measurements.rig)
+    shown = setting_scatter(measurements, setting)
+    return usual if shown is None else math.hypot(usual, shown)
+
+
+def setting_scatter(measurements: Measurements, setting: Setting) -> float | None:
+    """How far the settings seem to be off, as a share, without any model of the bench.
+
+    With ȳ_k the mean logarithm of what was read at setting u_k, rows of the same other conditions taken at
+    every setting, the line ``ȳ = a + b·ln u`` leaves residuals e of n settings; a setting that is off by
+    the share s moves ȳ by b·s, so ``s² = Σ e²/((n − 2)·b²)``.
+
+    Returns
+    -------
+    None where fewer than three settings have rows in common, or what was read does not follow the setting.
+    """
+    u = set_values(measurements, setting)
+    y = column(measurements, 0)
+    good = np.isfinite(y) & (y > 0.0) & (u > 0.0)
+    name = set_variable(measurements)
+    others = [
+        tuple(f"{value:.5g}" for key, value in sorted(record.condition.items()) if key != name)
+        for record in measurements.records
+    ]
+    points = np.unique(u[good])
+    common = [
+        one
+        for one in dict.fromkeys(others)
+        if all(any(good[k] and u[k] == point and others[k] == one for k in range(u.size)) for point in points)
+    ]
+    if points.size < 3 or not common:
+        return None
+    means = np.array(
+        [
+            np.mean(
+                [math.log(y[k]) for k in range(u.size) if good[k] and u[k] == point and others[k] in common]
+            )
+            for point in points
+        ]
+    )
+    matrix = np.column_stack([np.ones(points.size), np.log(points)])
+    line = np.linalg.lstsq(matrix, means, rcond=None)[0]
+    left = means - matrix @ line
+    if abs(line[1]) < 0.05:
+        return None
+    return float(np.sqrt(left @ left / (points.size - 2)) / abs(line[1]))
