@@ -11,6 +11,7 @@ import typer
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
+    from rigctl.compare.result import Comparison
     from rigctl.dataset import Run
     from rigctl.model import Model
 
@@ -90,7 +91,22 @@ def compare(
 
         last = history_sections(model[-1]) if models[-1].path is not None else []
         write_page(opened, output, [*comparison_sections(found), *last])
-    print_json(found.document()) if as_json else show_comparison(found)
+    if as_json:
+        print_json(found.document())
+    else:
+        show_comparison(found)
+        _lead_on(found, runs, str(model[-1]), hold_out, only)
+
+
+def _lead_on(found: Comparison, runs: list[str], model: str, hold_out: str | None, only: str | None) -> None:
+    """What to type next: find what is missing, or make the page."""
+    from rigctl.cli.next_command import analysis, show_next
+
+    if found.models[-1].adequate:
+        show_next(analysis("report", runs, model), "makes the page of it; these data ask for nothing more")
+    else:
+        command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
+        show_next(command, "says which effect is missing")
 
 
 def open_runs(written: Sequence[str]) -> list[Run]:

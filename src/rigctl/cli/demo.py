@@ -67,8 +67,10 @@ def demo(
             "model": str(model),
             "verdict": improved.first.verdict.value,
             "effects": list(improved.first.effects),
+            "classes": [list(names) for names in improved.first.classes],
             "hidden": _HIDDEN[seed % len(_HIDDEN)],
             "ended": improved.ended.value,
+            "diagnosis": improved.document(),
         }
         size = _write_analysis(run, page, compared, improved, model)
     console.print(f"[bold]{3 if plain else 5}[/] The page about it: {page} ({size / 1e6:.1f} MB)")
@@ -102,7 +104,7 @@ def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improv
     console.print(f"[bold]3[/] The textbook model against what was measured: {path}")
     console.print(f"  {compared.models[0].statement}")
     with telling() as tell:
-        improved = improve(compared, path, hold_out=_HELD_OUT, tell=tell)
+        improved = improve(compared, path, tell=tell)
     console.print(f"[bold]4[/] What it lacks, added and judged where the fit never looked ({_HELD_OUT})")
     if not console.stderr:
         show_improvement(improved)

@@ -68,7 +68,7 @@ def diagnose(
     with telling(kept) as tell:
         compared = _compared(runs, path, hold_out, only, tell)
         if apply:
-            done = improve(compared, path, hold_out=hold_out, most=most, tell=tell)
+            done = improve(compared, path, most=most, tell=tell)
         else:
             (before,) = compared.models
             found = diagnose_comparison(
@@ -80,8 +80,27 @@ def diagnose(
         print_json(done.document() if apply else found.document())
     elif apply:
         show_improvement(done)
+        _lead_on(done.last, runs, model, hold_out, only)
     else:
         show_diagnosis(found)
+        _lead_on(found, runs, model, hold_out, only)
+
+
+def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | None, only: str | None) -> None:
+    """What to type next: add what is missing, look at where nothing helps, or make the page."""
+    from rigctl.cli.next_command import analysis, show_next
+    from rigctl.diagnose.result import Verdict
+
+    again = analysis("diagnose", runs, str(model), only=only, hold_out=hold_out)
+    if found.verdict is Verdict.ADEQUATE:
+        command = analysis("report", runs, str(model))
+        show_next(command, "makes the page of it; these data ask for nothing more")
+    elif found.best.candidates:
+        show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version")
+    else:
+        command = analysis("compare", runs, str(model), only=only, hold_out=hold_out)
+        why = "draws where it fails; 'rigctl effects check FILE' reads an effect of your own"
+        show_next(f"{command} -o page.html", why)
 
 
 def _write_page(

@@ -13,6 +13,7 @@ from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
 from rigctl.diagnose.loop import Improvement, Step
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.diagnose.unseen import Unseen
 from rigctl.report.bars import draw_bar
 
 _COLOURS = {
@@ -132,17 +133,21 @@ def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
 
 
 def _show_step(step: Step) -> None:
-    """One addition: why, and what it did to the error."""
+    """One addition: what it is, what speaks for and against it, and what it did to the error."""
     out = console()
     head = step.version.head
-    out.print(
-        f"[bold]Version {step.version.number}[/] of {escape(str(head))}: added {', '.join(step.effects)}"
-    )
-    _show_verdict(step.diagnosis)
+    added = ", ".join(step.effects)
+    out.print(f"[bold]Version {step.version.number}[/] of {escape(str(head))}: added [bold]{added}[/]")
     out.print(f"  {escape(step.reason)}.", soft_wrap=True)
-    _show_evidence(step.diagnosis.evidence)
+    about = [one for one in step.diagnosis.evidence if _subject(one) in step.effects]
+    _show_evidence(about)
     show_errors([("before", step.before), (f"with {' and '.join(step.effects)}", step.after)])
     out.print()
+
+
+def _subject(evidence: str) -> str:
+    """The effect that ``for valve_leakage: …`` is about."""
+    return evidence.partition(":")[0].partition(" ")[2]
 
 
 def show_improvement(found: Improvement) -> None:
@@ -154,7 +159,22 @@ def show_improvement(found: Improvement) -> None:
     if len(found.steps) > 1:
         steps = [("before", found.steps[0].before)]
         show_errors([*steps, *((f"with {' and '.join(one.effects)}", one.after) for one in found.steps)])
+    _show_unseen(found.unseen)
+    out.print("[bold]The model as it is now[/]")
     show_diagnosis(found.last)
     if found.steps:
         head = found.steps[-1].version.head
         out.print(f"  rigctl model history {escape(str(head))} shows every version")
+
+
+def _show_unseen(found: Sequence[Unseen]) -> None:
+    """The model on the records that were left out: as good, or what it misses there."""
+    out = console()
+    if found:
+        out.print("[bold]The records that no fit and no choice saw[/]")
+    for one in found:
+        mark = "[green]+[/]" if one.as_good else "[yellow]-[/]"
+        first, *rest = one.sentences
+        out.print(f"  {mark} {escape(first)}.", soft_wrap=True)
+        for sentence in rest:
+            out.print(f"    {escape(sentence)}.", soft_wrap=True)

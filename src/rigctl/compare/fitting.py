@@ -106,9 +106,14 @@ def fit_model(
     refit: bool = True,
     tell: Tell = tell_nobody,
 ) -> FitResult:
-    """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`."""
+    """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`.
+
+    Without `refit` what is the logger's and not the model's, how late it writes switches, is fitted still.
+    """
     problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
-    return fit(problem, held_out, refit=refit and bool(problem.shared))
+    if not refit:
+        problem = problem.with_shared([one for one in problem.shared if one.name not in model.fitted])
+    return fit(problem, held_out, refit=bool(problem.shared))
 
 
 def require_free_parameters(model: Model) -> None:

@@ -11,10 +11,12 @@ from typing import Any
 from rigctl.compare.compare import judge
 from rigctl.compare.fitting import fit_again
 from rigctl.compare.result import Comparison, ModelComparison
-from rigctl.diagnose.diagnose import diagnose_comparison
+from rigctl.diagnose.diagnose import diagnose_comparison, found_parameters
 from rigctl.diagnose.result import Diagnosis, Verdict
 from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.trial import Trial, refit
+from rigctl.diagnose.unseen import Unseen, unseen
+from rigctl.diagnose.wording import effect_text
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
@@ -78,12 +80,14 @@ class Improvement:
     steps: the additions, in order.
     last: the diagnosis of the model as it is now.
     ended: why it went no further.
+    unseen: the model as it is now on the records that were held out, and on those that were not chosen.
     """
 
     model: Path
     steps: tuple[Step, ...]
     last: Diagnosis
     ended: Ended
+    unseen: tuple[Unseen, ...] = ()
 
     @property
     def first(self) -> Diagnosis:
@@ -114,19 +118,19 @@ class Improvement:
             "ended": self.ended.value,
             "improvement": self.statement,
             "after": self.last.document() if self.steps else None,
+            "unseen": [one.document() for one in self.unseen],
         }
 
     def summary(self) -> str:
         """A line for each step, and how it ended."""
         lines = [f"version {step.version.number}: {step.reason}" for step in self.steps]
-        return "\n".join([*lines, self.statement])
+        return "\n".join([*lines, self.statement, *(one.statement for one in self.unseen)])
 
 
 def improve(
     compared: Comparison,
     path: Path,
     *,
-    hold_out: str | None = None,
     most: int = 4,
     excluded: Collection[str] = (),
     tell: Tell | None = None,
@@ -140,7 +144,6 @@ def improve(
     ----------
     compared: the model with the data; its first model is improved.
     path: its file, or ``m.yaml@3`` where it is version 3.
-    hold_out: the condition by which records were held out, noted with the versions.
     most: effects to add altogether.
 
     Raises
@@ -157,10 +160,11 @@ def improve(
         )
         chosen = _next(found, room) if found.verdict is not Verdict.ADEQUATE else None
         if chosen is None:
-            return Improvement(path, tuple(steps), found, _why(found, room))
+            elsewhere = unseen(compared, here, tell=tell)
+            return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
         said(f"Adding {', '.join(chosen.trial.effects)}")
         after = _compared(here, chosen.trial, excluded, said)
-        step = _saved(found, chosen, after, source, hold_out or "")
+        step = _saved(found, chosen, after, source, compared.choice.hold_out)
         steps.append(step)
         here, source = after, step.version.head
 
@@ -199,16 +203,17 @@ def _single(found: Diagnosis, place: int) -> Trial | None:
 
 
 def _reason(found: Diagnosis, trial: Trial, difference: float) -> str:
-    names = " and ".join(trial.effects)
+    described = "; ".join(
+        effect_text(candidate.effect, found_parameters(trial, candidate)) for candidate in trial.candidates
+    )
     together = " only together" if len(trial.effects) > 1 else ""
-    text = f"{names}: mBIC falls by {-difference:.1f}{together}"
+    text = f"{described}. mBIC falls by {-difference:.1f}{together}"
     if len(found.best.effects) > len(trial.effects):
         rest = ", ".join(name for name in found.best.effects if name not in trial.effects)
         text += f", the most that one effect gains; {rest} may have to follow"
     classes = [names for names in found.classes if len(names) > 1 and set(names) & set(trial.effects)]
-    if found.verdict is Verdict.AMBIGUOUS:
-        text += ". These data cannot tell for certain that it is this one: it is the most probable"
-        text += "".join(f" of {', '.join(names)}" for names in classes[:1])
+    if classes:
+        text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
         text += ". It is not all that is missing, or only the nearest to it in the library"
     return text

@@ -1,0 +1,30 @@
+"""What to type next: the last line of an answer that leads on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.markup import escape
+
+from rigctl.cli.tables import console
+
+
+def show_next(command: str, why: str) -> None:
+    """One line: the command, and what it does."""
+    console().print(f"\nNext: [bold]{escape(command)}[/] {escape(why)}", soft_wrap=True)
+
+
+def analysis(
+    verb: str, runs: Sequence[str], model: str, *, only: str | None = None, hold_out: str | None = None
+) -> str:
+    """A command about a model and runs, with the same choice of records: ``rigctl diagnose latest -m …``."""
+    words = ["rigctl", verb, *runs, "--model", quoted(model)]
+    for option, value in (("--only", only), ("--hold-out", hold_out)):
+        if value:
+            words += [option, f'"{value}"']
+    return " ".join(words)
+
+
+def quoted(text: str) -> str:
+    """An argument as every shell takes it."""
+    return f'"{text}"' if " " in text else text

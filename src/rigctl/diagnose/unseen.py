@@ -1,0 +1,207 @@
+"""The model on the records that no fit saw: as good as on the others, or what it still misses there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from rigctl.compare.compare import judge
+from rigctl.compare.localise import variable_units
+from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.diagnose.error_course import Stretch, error_course
+from rigctl.diagnose.remedies import Remedy, remedies
+from rigctl.diagnose.search import Tell
+from rigctl.diagnose.unseen_wording import unseen_sentences
+from rigctl.model.fit.errors import ChannelError, whitened_residual
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.measured.read import condition_text
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.units import parse_unit, show
+
+#: errors are as good as where they were fitted up to this factor
+_AS_GOOD = 1.1
+_FEW, _MOST_VARIABLES = 4, 2
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A model on one group of records that were left out of its fits and of every choice.
+
+    Attributes
+    ----------
+    why: held out, or not chosen by "only".
+    condition: the condition that held them out, or that they do not fulfil.
+    where: what tells them from the fitted records, e.g. ``heater_1 0 %``; "" when nothing does.
+    fit: the model there: its own parameters as they are, each record's own unknowns fitted.
+    fitted: its errors where it was fitted.
+    course: how each channel's error runs over the time of a record; only where it is not as good.
+    remedies: what would make up for it, the best first.
+    slot: the equation that most wants a term there, "" when none does; `slot_meaning` in words.
+    """
+
+    why: Literal["hold_out", "only"]
+    condition: str
+    where: str
+    fit: FitResult = field(repr=False)
+    fitted: Mapping[str, ChannelError] = field(repr=False)
+    course: Mapping[str, tuple[Stretch, ...]] = field(default_factory=dict, repr=False)
+    remedies: tuple[Remedy, ...] = ()
+    slot: str = ""
+    slot_meaning: str = ""
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """The records' labels."""
+        return tuple(record.label for record in self.fit.problem.records)
+
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """The channels whose error is larger here than where the model was fitted."""
+        return _worse(self.fit.errors, self.fitted)
+
+    @property
+    def as_good(self) -> bool:
+        """True when no channel is worse."""
+        return not self.worse
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """In words: how good the model is here; where it is worse, how, and what would make up for it."""
+        return tuple(one[0].upper() + one[1:] for one in unseen_sentences(self))
+
+    @property
+    def statement(self) -> str:
+        """The sentences in one."""
+        return ". ".join(self.sentences)
+
+    def called(self, label: str) -> str:
+        """A record with the operating point that tells it from the others."""
+        measurements = self.fit.problem.measurements
+        record = next(one for one in measurements.records if one.label == label)
+        known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
+        text = condition_text(dict(list(known.items())[:_MOST_VARIABLES]), variable_units(measurements))
+        return f"{label} ({text})" if text else label
+
+    def excess(self) -> dict[str, float]:
+        """By record, its whitened squares beyond what noise makes."""
+        problem, found = self.fit.problem, {}
+        for k, record in enumerate(problem.records):
+            squares = float(np.square(whitened_residual(problem, self.fit.outputs[k], k)).sum())
+            found[record.label] = squares - problem.whiteners[k].size
+        return found
+
+    def channels(self) -> dict[str, dict[str, Any]]:
+        """By channel, in the channels' units; `bias` is of model less measured."""
+        measurements = self.fit.problem.measurements
+        shown = dict(zip(measurements.outputs, measurements.units, strict=True))
+        found = {}
+        for name, error in self.fit.errors.items():
+            unit = parse_unit(shown[name])
+            there = self.fitted.get(name)
+            found[name] = {
+                "rmse": error.rmse / unit.factor,
+                "fitted_rmse": None if there is None else there.rmse / unit.factor,
+                "noise": error.noise / unit.factor,
+                "bias": error.bias / unit.factor,
+                "unit": "K" if unit.offset else shown[name],
+            }
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "why": self.why,
+            "condition": self.condition,
+            "where": self.where,
+            "records": list(self.records),
+            "as_good": self.as_good,
+            "channels": self.channels(),
+            "remedies": [
+                {"kind": one.kind, "names": list(one.names), "share": one.share} for one in self.remedies
+            ],
+            "slot": self.slot,
+            "statement": self.statement,
+        }
+
+
+def unseen(compared: Comparison, model: ModelComparison, *, tell: Tell | None = None) -> tuple[Unseen, ...]:
+    """Judge `model` on the records that `compared` left out: held out, and not chosen.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    said = tell or (lambda _: None)
+    problem, choice = model.fit.problem, compared.choice
+    inside = [problem.records[k] for k in model.fit.fitted]
+    found = []
+    if model.fit.held_out:
+        said("Looking at the records that were held out")
+        found.append(_group(model, inside, problem.only(model.fit.held_out), "hold_out", choice.hold_out))
+    if choice.rest is not None:
+        said("Looking at the records that were not chosen")
+        measurements, noise = choice.rest
+        other = make_problem(model.fit.model, measurements, problem.noise, noise.ok)
+        found.append(_group(model, inside, other, "only", choice.only))
+    return tuple(found)
+
+
+def _group(
+    model: ModelComparison,
+    inside: Sequence[MeasuredRecord],
+    problem: Problem,
+    why: Literal["hold_out", "only"],
+    condition: str,
+) -> Unseen:
+    known = dict(zip([u.name for u in model.fit.problem.shared], model.fit.values.tolist(), strict=True))
+    shared = [
+        replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared
+    ]
+    there = fit(problem.with_shared(shared), refit=False)
+    units = variable_units(model.fit.problem.measurements) | variable_units(problem.measurements)
+    plain = Unseen(why, condition, _what(problem.records, inside, units), there, model.fit.errors)
+    if plain.as_good:
+        return plain
+    judged = judge(there, model.name, excluded=model.excluded)
+    wanted = [slot for slot in judged.slots[:1] if slot.log_evidence > 0.0]
+    return replace(
+        plain,
+        course={name: error_course(there, name) for name in plain.worse},
+        remedies=remedies(there, judged),
+        slot=wanted[0].slot if wanted else "",
+        slot_meaning=wanted[0].meaning if wanted else "",
+    )
+
+
+def _worse(here: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError]) -> tuple[str, ...]:
+    return tuple(
+        name
+        for name, error in here.items()
+        if name in fitted and error.rmse > _AS_GOOD * max(fitted[name].rmse, error.noise)
+    )
+
+
+def _what(group: Sequence[MeasuredRecord], inside: Sequence[MeasuredRecord], units: Mapping[str, str]) -> str:
+    """The variables whose values the fitted records do not have, with these values."""
+    told = []
+    for name in dict.fromkeys(name for record in group for name in record.condition):
+        own = {_rounded(record.condition[name]) for record in group if name in record.condition}
+        others = {_rounded(record.condition[name]) for record in inside if name in record.condition}
+        if own & others or not others:
+            continue
+        values = sorted(own)
+        if len(values) <= _FEW:
+            told.append(f"{name} {', '.join(show(value, units[name], digits=3) for value in values)}")
+        else:
+            ends = (show(value, units[name], digits=3) for value in (values[0], values[-1]))
+            told.append(f"{name} {' to '.join(ends)}")
+    return ", ".join(told[:_MOST_VARIABLES])
+
+
+def _rounded(value: float) -> float:
+    return float(np.format_float_scientific(value, precision=4))
