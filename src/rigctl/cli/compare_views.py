@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.cli.table_views import show_rows
 from rigctl.cli.tables import console, table
 from rigctl.compare.localise import Place
 from rigctl.compare.result import Comparison, ModelComparison
@@ -34,18 +35,23 @@ def show_comparison(found: Comparison) -> None:
     out = console()
     for model in found.models:
         show_statement(model)
+        for finding in model.findings:
+            out.print(f"  {escape(finding)}.", soft_wrap=True)
     for note in found.notes:
-        out.print(f"  [dim]{escape(note)}[/]")
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     if found.held_out:
         out.print(f"  held out: {len(found.held_out)} records ({escape(_few(found.held_out))})")
     if len(found.models) > 1:
         out.print(_side_by_side(found.models))
         return
     (model,) = found.models
+    if model.rows:
+        show_rows(model)
     out.print(_channels(model))
     out.print(_tests(model))
     if not model.adequate:
-        out.print(_places(model.where))
+        places = [place for place in model.where if place.by == "condition"] if model.rows else model.where
+        out.print(_places(places))
         _show_trends(model)
         _show_slots(model)
 
@@ -74,15 +80,17 @@ def _channels(model: ModelComparison) -> Table:
     made = table(*heads, "RMSE/noise", "χ²", "R²", "noise from", "spikes masked")
     for column in made.columns[1 : len(heads) - 1]:
         column.justify = "right"
+    titles = model.fit.problem.measurements.titles
     for name, one in channels.items():
         rest = [_shown(one["heldout_rmse"], ".4g")] if held else []
+        share = one["noise_share"]
         made.add_row(
-            name,
+            titles.get(name, name),
             f"{one['rmse']:.4g}",
             *rest,
             f"{one['bias']:+.2g}",
             f"{one['max']:+.3g}",
-            f"{one['noise']:.3g}",
+            f"{100 * share:.2g} %" if share else f"{one['noise']:.3g}",
             escape(one["unit"]),
             f"{one['nrmse']:.3f}",
             f"{one['chi2_reduced']:.3f}",
@@ -168,6 +176,10 @@ def _show_slots(model: ModelComparison) -> None:
     out = console()
     shown = [slot for slot in model.slots if slot.log_evidence > 0.0][:6]
     if not shown:
+        return
+    if model.rows and len(shown[0].alike) > 1:
+        alike = ", ".join((shown[0].slot, *shown[0].alike))
+        out.print(f"  single values do not tell which equation wants a term: {escape(alike)}", soft_wrap=True)
         return
     out.print("  [bold]which equation wants a term[/], log-evidence")
     width = max(len(slot.slot) for slot in shown)

@@ -15,6 +15,8 @@ from rigctl.compare.projected import project
 from rigctl.compare.result import Choice, Comparison, ModelComparison
 from rigctl.compare.scores import screen
 from rigctl.compare.slots import slot_evidence
+from rigctl.compare.table_rows import table_rows
+from rigctl.compare.table_words import table_findings, table_statement
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
@@ -102,6 +104,12 @@ def judge(
     where = (*localise(linearisation, cells), *worst_stretches(fitted)) if locate else ()
     directions = trends(fitted) if locate else ()
     slots = slot_evidence(fitted) if locate else ()
+    rows = table_rows(fitted) if locate else ()
+    statement = (
+        table_statement(name, tests, rows, sentence(directions))
+        if rows
+        else _statement(name, tests.adequate, tests.p_value, where, sentence(directions))
+    )
     return ModelComparison(
         name=name,
         fit=fitted,
@@ -109,13 +117,15 @@ def judge(
         where=where,
         trends=directions,
         slots=slots,
-        statement=_statement(name, tests.adequate, tests.p_value, where, sentence(directions)),
+        statement=statement,
         linearisation=linearisation,
         projected=projected,
         screening=screening,
         cells=cells,
         whole=whole,
         excluded=frozenset(excluded),
+        rows=rows,
+        findings=table_findings(fitted, tests, screening, rows) if rows else (),
     )
 
 

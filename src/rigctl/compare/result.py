@@ -15,6 +15,7 @@ from rigctl.compare.localise import Place
 from rigctl.compare.projected import Projected
 from rigctl.compare.scores import Screening
 from rigctl.compare.slots import SlotEvidence
+from rigctl.compare.table_rows import TableRow
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -42,6 +43,7 @@ class ModelComparison:
     statement: one plain sentence.
     whole: the same data with the whole library at its null, for those who look further.
     excluded: effects that were not looked at.
+    rows: of a table, every value beside the model's; findings: what they say, a sentence each.
     """
 
     name: str
@@ -57,6 +59,8 @@ class ModelComparison:
     cells: CellMap = field(repr=False)
     whole: Problem = field(repr=False)
     excluded: frozenset[str] = frozenset()
+    rows: tuple[TableRow, ...] = ()
+    findings: tuple[str, ...] = ()
 
     @property
     def adequate(self) -> bool:
@@ -98,6 +102,8 @@ class ModelComparison:
             "where": [_place(place) for place in self.where],
             "trends": [_trend(trend) for trend in self.trends],
             "slots": [{"slot": slot.slot, "log_evidence": slot.log_evidence} for slot in self.slots],
+            "rows": [row.document() for row in self.rows],
+            "findings": list(self.findings),
             "statement": self.statement,
         }
 
@@ -188,6 +194,7 @@ def _channel(
         "bias": error.bias * factor,
         "max": error.maximum * factor,
         "noise": error.noise * factor,
+        "noise_share": noise.share or None,
         "noise_source": noise.source,
         "masked": noise.masked,
         "nrmse": error.nrmse,

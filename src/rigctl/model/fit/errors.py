@@ -55,9 +55,7 @@ def channel_errors(
             readings.append(measured)
             sigmas.append(problem.sigma[place][good, column])
             squares.append(white[place][problem.whiteners[place].rows[:, 1] == column] ** 2)
-        error, values, square, sigma = (
-            np.concatenate(part) for part in (pieces, readings, squares, sigmas)
-        )
+        error, values, square, sigma = (np.concatenate(part) for part in (pieces, readings, squares, sigmas))
         if error.size:
             found[name] = _error(error, values, square, sigma, float(problem.noise.sigma[column]))
     return found

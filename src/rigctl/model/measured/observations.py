@@ -23,6 +23,11 @@ from rigctl.rig.rig import Rig
 _MEASURES = {"hydraulic_cylinder": {"stroke": ("position", 2.2)}}
 
 
+def titles(family: str) -> dict[str, str]:
+    """The column of a table that each output of a family is read from, where it has another name."""
+    return {output: column for column, (output, _) in _MEASURES.get(family, {}).items()}
+
+
 def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:
     """The rows of a table as records of `model`.
 

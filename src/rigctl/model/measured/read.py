@@ -12,7 +12,7 @@ from rigctl.errors import RigctlError
 from rigctl.model.inputs import InputSource, input_sources
 from rigctl.model.measured.groups import first_reading, group_numbers
 from rigctl.model.measured.notes import notes
-from rigctl.model.measured.observations import observed_records
+from rigctl.model.measured.observations import observed_records, titles
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.rigs import rig_of
@@ -64,7 +64,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         runs=tuple(run.id for run in runs),
         notes=(*left_out, *notes(grouped, outputs)),
     )
-    return as_table(measured, runs)
+    return as_table(measured, runs, titles(model.family.name))
 
 
 def _of_run(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:

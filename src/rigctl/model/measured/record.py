@@ -69,6 +69,7 @@ class Measurements:
     runs: the ids.
     notes: what a reader should know of how the data were taken.
     columns: of a table, the unit that each of its columns is written in.
+    titles: of a table, the column that an output was read from where it has another name, e.g. ``stroke``.
     """
 
     outputs: tuple[str, ...]
@@ -79,6 +80,7 @@ class Measurements:
     runs: tuple[str, ...]
     notes: tuple[str, ...] = ()
     columns: Mapping[str, str] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def table(self) -> bool:

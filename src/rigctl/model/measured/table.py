@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,19 +15,24 @@ from rigctl.noise import same_reading
 Floats = NDArray[np.float64]
 
 
-def as_table(measurements: Measurements, runs: Sequence[Run]) -> Measurements:
+def as_table(
+    measurements: Measurements, runs: Sequence[Run], named: Mapping[str, str] | None = None
+) -> Measurements:
     """Rows with the units of their file, and without columns that were worked out from another one.
 
-    A column whose scatter is that of another says nothing new; counted twice, every misfit would seem twice
-    as sure as it is. Measurements with a course in time are returned as they are.
+    `named` are the columns that outputs were read from where these have other names. A column whose scatter
+    is that of another says nothing new; counted twice, every misfit would seem surer than it is. Measurements
+    with a course in time are returned as they are.
     """
     if not measurements.table:
         return measurements
     columns = {name: unit for run in runs for name, unit in run.records.attrs["units"].items()}
+    titles = {output: name for output, name in (named or {}).items() if name in columns}
     units = tuple(
-        columns.get(name, unit) for name, unit in zip(measurements.outputs, measurements.units, strict=True)
+        columns.get(titles.get(name, name), unit)
+        for name, unit in zip(measurements.outputs, measurements.units, strict=True)
     )
-    found = replace(measurements, units=units, columns=columns)
+    found = replace(measurements, units=units, columns=columns, titles=titles)
     points, series = curves(found)
     kept: list[int] = []
     notes: list[str] = []

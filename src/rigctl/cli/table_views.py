@@ -1,0 +1,56 @@
+"""How a table of single values is printed beside a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.markup import escape
+
+from rigctl.cli.tables import console, table
+from rigctl.compare.result import ModelComparison
+from rigctl.compare.table_rows import TableRow
+
+#: standard deviations beyond which a value is marked
+_FAR = 3.0
+
+
+def show_rows(model: ModelComparison) -> None:
+    """Every value with the model's, row by row, one table for each quantity."""
+    for quantity in dict.fromkeys(row.quantity for row in model.rows):
+        _show_quantity([row for row in model.rows if row.quantity == quantity])
+
+
+def _show_quantity(rows: Sequence[TableRow]) -> None:
+    unit = rows[0].unit
+    beside = list(dict.fromkeys(name for row in rows for name in row.beside))
+    fitted = any(row.unfitted is not None for row in rows)
+    heads = [
+        "at",
+        f"{rows[0].quantity} {escape(f'[{unit}]')}",
+        "noise",
+        "model, fitted" if fitted else "model",
+    ]
+    heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else []), *beside]
+    made = table(*heads)
+    for column in made.columns[1:]:
+        column.justify = "right"
+    for row in rows:
+        cells = [
+            row.condition if row.fitted else f"{row.condition} (held out)",
+            f"{row.measured:.5g}",
+            f"{row.noise:.2g}",
+            f"{row.predicted:.5g}",
+            f"{100 * row.share(row.predicted):+.2f} %",
+            _sigmas(row.z),
+        ]
+        if fitted:
+            unfitted = math.nan if row.unfitted is None else row.unfitted
+            cells += [f"{unfitted:.5g}", _sigmas(row.z_unfitted or 0.0)]
+        made.add_row(*cells, *(f"{row.beside[name]:.5g}" if name in row.beside else "" for name in beside))
+    console().print(made)
+
+
+def _sigmas(z: float) -> str:
+    text = f"{z:+.1f}"
+    return f"[bold red]{text}[/]" if abs(z) > _FAR else text

@@ -1,0 +1,158 @@
+"""What a table says of a model, in sentences: how far off it is where, and what so few values can tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigctl.compare.adequacy import LEVEL, Adequacy
+from rigctl.compare.localise import variable_units
+from rigctl.compare.scores import Screening
+from rigctl.compare.table_rows import TableRow
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.table import curve_variable, set_variable
+from rigctl.units import show
+
+#: standard deviations beyond which a single value is worth a word, and below which it is none
+_FAR, _NEAR = 3.0, 2.0
+#: with more than this share of it left, a misfit has not been taken away
+_MOST = 0.7
+#: effects that lower the misfit by so many standard deviations are worth a word
+_NOTABLE = 2.5
+
+
+def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], direction: str) -> str:
+    """The verdict of a comparison with a table, with the largest misfit by its operating point."""
+    worst = max(rows, key=lambda row: abs(row.z))
+    count = f"the {len(rows)} values of {_quantities(rows)}"
+    chance = "p < 1e-6" if adequacy.p_value < 1e-6 else f"p = {adequacy.p_value:.2g}"
+    largest = f"the largest misfit is at {worst.condition}: {off(worst, worst.predicted)}"
+    if adequacy.adequate:
+        return f"{name} agrees with {count} within their noise ({chance}); {largest}"
+    text = f"{name} does not agree with {count} ({chance}); {largest}"
+    return f"{text}. {direction}" if direction else text
+
+
+def table_findings(
+    fit: FitResult, adequacy: Adequacy, screening: Screening, rows: Sequence[TableRow]
+) -> tuple[str, ...]:
+    """Sentences on the ends of the table, on the model as its file has it, and on what cannot be told."""
+    found = []
+    for quantity in dict.fromkeys(row.quantity for row in rows):
+        own = [row for row in rows if row.quantity == quantity]
+        found += _ends(fit, own)
+        found += _before(own)
+    found += _levels(fit)
+    found += _power(fit, rows)
+    if adequacy.adequate:
+        found += _undecided(fit, screening)
+    return tuple(found)
+
+
+def off(row: TableRow, predicted: float) -> str:
+    """In words, e.g. ``the model is 3.0 % (0.29 cSt) below the measured value, 4.2 sigma``."""
+    z = (predicted - row.measured) / row.noise
+    side = "above" if z > 0.0 else "below"
+    share = row.share(predicted)
+    size = f"{100 * abs(share):.1f} %" if abs(share) < 10.0 else ""
+    absolute = f"{abs(predicted - row.measured):.2g} {row.unit}"
+    how_much = absolute if not size else f"{size} ({absolute})"
+    return f"the model is {how_much} {side} the measured value, {abs(z):.1f} sigma"
+
+
+def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
+    """The two ends of the curve, where a law that is slightly wrong shows first."""
+    over = curve_variable(fit.problem.measurements)
+    if over is None or len(fit.problem.measurements.variables) > 1:
+        return []
+    points = [fit.problem.records[row.place].condition.get(over, math.nan) for row in rows]
+    low, high = rows[int(np.nanargmin(points))], rows[int(np.nanargmax(points))]
+    model = "the fitted model" if fit.solution is not None else "the model"
+    said = [
+        f"at {row.condition} {off(row, row.predicted).replace('the model', model)}" for row in (high, low)
+    ]
+    return [f"At the ends of the table: {said[0]}; {said[1]}"]
+
+
+def _before(rows: Sequence[TableRow]) -> list[str]:
+    """What fitting the constants again has done to the misfit that those of the file have."""
+    far = [row for row in rows if row.z_unfitted is not None and abs(row.z_unfitted) > _FAR]
+    far.sort(key=lambda row: -abs(row.z_unfitted or 0.0))
+    if not far:
+        return []
+    worst = far[0]
+    assert worst.unfitted is not None  # noqa: S101 - it was chosen by it
+    text = f"With the constants of its file, at {worst.condition} {off(worst, worst.unfitted)}"
+    if abs(worst.z) < _NEAR:
+        return [
+            f"{text}. Fitted to this table it is {abs(worst.z):.1f} sigma off there: that misfit is one of "
+            "the constants, and no evidence against the law"
+        ]
+    if abs(worst.z) > _MOST * abs(worst.z_unfitted or 1.0):
+        return [f"{text}, and fitting its constants again does not take that away"]
+    return []
+
+
+def _levels(fit: FitResult) -> list[str]:
+    """How far the settings of a table are off one another, where each has a level of its own."""
+    problem = fit.problem
+    if fit.solution is None or not problem.level.settings:
+        return []
+    values = {u.name: float(value) for u, value in zip(problem.shared, fit.values, strict=True)}
+    found = [values[name] for name in problem.level.setting_names if name in values]
+    if len(found) < len(problem.level.settings):
+        return []
+    name = set_variable(problem.measurements)
+    unit = variable_units(problem.measurements).get(name, "Pa")
+    mean = float(np.mean(found))
+    said = ", ".join(
+        f"{show(point, unit)} {100 * (value - mean):+.1f} %"
+        for point, value in zip(problem.level.settings, found, strict=True)
+    )
+    return [
+        f"The rows of one {name} have a level of their own, as if it had been set off by so much of what was "
+        f"written down, from their mean: {said}. What is judged is what changes at one setting"
+    ]
+
+
+def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
+    """How many values there are for how many constants, and what that asks of an effect."""
+    known = fit.problem.model.fitted
+    free = [u.name for u in fit.problem.shared if u.name in known and u.prior is None]
+    if fit.solution is None or not free:
+        return []
+    levels = len(fit.problem.level.settings)
+    left = len(rows) - len(free) - levels
+    many = f"{len(rows)} values for {len(free)} fitted constant{'' if len(free) == 1 else 's'}"
+    if levels:
+        many += f" and a level for each of {levels} settings"
+    degrees = min((channel.degrees for channel in fit.problem.noise.channels if channel.degrees), default=0)
+    if not degrees:
+        return [f"{many}, and the noise is only guessed: no verdict is surer than that guess"]
+    from scipy.stats import t
+
+    needed = float(t.isf(0.5 * LEVEL, degrees))
+    return [
+        f"{many} leave {left} to judge by, and their noise is itself known to about "
+        f"{100 / math.sqrt(2 * degrees):.0f} % only: an effect would have to stand out by {needed:.1f} sigma "
+        f"to be told, where {t.isf(0.5 * LEVEL, 1e9):.1f} would do if the noise were known"
+    ]
+
+
+def _undecided(fit: FitResult, screening: Screening) -> list[str]:
+    """Effects that would make the misfit smaller, though chance does as much."""
+    near = [score for score in screening.scores if score.z > _NOTABLE and score.kappa > 0.05]
+    if not near:
+        return []
+    named = ", ".join(
+        f"{score.effect} (by {score.z:.1f} sigma; chance does as much in {100 * score.p_value:.2g} % "
+        "of such tables)"
+        for score in near
+    )
+    return [f"What would bring the model closer, and cannot be told from chance: {named}"]
+
+
+def _quantities(rows: Sequence[TableRow]) -> str:
+    return " and ".join(dict.fromkeys(row.quantity for row in rows))
