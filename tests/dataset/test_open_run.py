@@ -39,6 +39,24 @@ def test_columns_and_records_are_read_alone(run: Run) -> None:
     assert len(run.signals("supply_pressure")) == 63
 
 
+@pytest.mark.parametrize("rows", [7, 1000])
+def test_records_one_after_another_are_what_they_are_alone(
+    make_run: RunMaker, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a record spans parts of the file, and parts hold several records."""
+    monkeypatch.setattr("rigctl.dataset.samples.GROUP_ROWS", rows)
+    run = open_run(make_run())
+    for chosen in ((0, 1, 2), (2, 0), ()):
+        for index, record in zip(chosen, run.each(chosen), strict=True):
+            alone = run.record(index)
+            assert record.index == index
+            assert record.time.tolist() == alone.time.tolist()
+            assert record.channels["position"].tolist() == alone.channels["position"].tolist()
+            assert (record.switches, record.sweep) == (alone.switches, alone.sweep)
+    with pytest.raises(RigctlError, match="no such record"):
+        list(run.each([99]))
+
+
 def test_values_survive_the_way_to_the_disk_and_back(writer: RunWriter) -> None:
     values = np.random.default_rng(1).uniform(0.0, 0.3, 500)
     for row, value in enumerate(values):

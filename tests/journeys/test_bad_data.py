@@ -172,6 +172,17 @@ def test_records_with_too_few_samples() -> None:
     assert "1 have no value or fewer than 5 samples" in said
 
 
+def test_more_samples_than_are_needed_are_thinned_and_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = imported()
+    monkeypatch.setattr("rigctl.model.measured.read._MOST_SAMPLES", 300)
+    monkeypatch.setattr("rigctl.model.measured.read._LEAST_OF_A_RECORD", 180)
+    document = answer("compare", run, "--model", MODEL)
+    said = "more than 300 samples: one in 3 is looked at, of no record fewer than 180"
+    assert said in document["notes"]
+    assert document["adequate"] is True
+    assert document["tests"]["chi2"]["freedom"] < 3 * 2 * 188
+
+
 @pytest.mark.parametrize("command", ["compare", "diagnose"])
 def test_choices_of_records_that_contradict_one_another(command: str) -> None:
     run = imported()

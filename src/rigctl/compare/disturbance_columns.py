@@ -107,7 +107,7 @@ def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floa
     """(n, channels, names) of each record: worked out at few samples, on straight lines between them."""
     chosen = [_few(record) for record in problem.records]
     local = [fit.local[k] for k in fit.fitted]
-    found = _at_samples(problem, chosen).simulate(np.empty(0), local, names).require()
+    found = problem.at_samples(chosen).simulate(np.empty(0), local, names).require()
     return [
         _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
         for array, places, record in zip(found.sensitivities, chosen, problem.records, strict=True)
@@ -144,15 +144,6 @@ def _few(record: MeasuredRecord) -> Places:
     about = (switched[:, None] + np.arange(_ABOUT)).ravel()
     chosen = np.unique(np.concatenate([every, about, [count - 1]]))
     return chosen[chosen < count].astype(np.intp)
-
-
-def _at_samples(problem: Problem, chosen: Sequence[Places]) -> Problem:
-    """The records at some of their samples."""
-    records = tuple(
-        replace(record, times=record.times[at], values=record.values[at], phase=record.phase[at])
-        for record, at in zip(problem.records, chosen, strict=True)
-    )
-    return replace(problem, measurements=replace(problem.measurements, records=records))
 
 
 def _interpolated(array: Floats, places: Places, times: Floats) -> Floats:

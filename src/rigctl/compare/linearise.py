@@ -83,13 +83,17 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
     places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]
-    slopes = slopes_at(inner, fit, [unknown.name for unknown in free], chosen, local)
+    names = [unknown.name for unknown in free]
     regions = make_regions(inner)
     triangles, sizes = [], np.zeros(sum(len(one.columns) for one in chosen))
-    for k in range(len(inner.records)):
-        block = _record(inner, k, slopes, regions, local[k], fit.outputs[fit.fitted[k]])
-        sizes += block[1]
-        triangles.append(block[0])
+    for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + sizes.size):
+        some, own = inner.only(part), [local[k] for k in part]
+        slopes = slopes_at(some, fit, names, chosen, own)
+        for place, k in enumerate(part):
+            columns = regions.of_record(k, inner.whiteners[k].rows)
+            block = _record(some, place, slopes, columns, own[place], fit.outputs[fit.fitted[k]])
+            sizes += block[1]
+            triangles.append(block[0])
     residual, weight = prior_rows(free, fit.values[[places[unknown.name] for unknown in free]])
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
     return Linearisation(
@@ -188,7 +192,7 @@ def _shaped(
 
 
 def _record(
-    problem: Problem, k: int, slopes: Slopes, regions: Regions, local: Floats, outputs: Floats
+    problem: Problem, k: int, slopes: Slopes, regions: Floats, local: Floats, outputs: Floats
 ) -> tuple[RecordTriangle, Floats]:
     """Whiten a record, project its own unknowns off, and reduce what is left to a triangle."""
     whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
@@ -199,7 +203,7 @@ def _record(
         raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
     p = slopes.nuisance[k].shape[2]
     sizes = np.square(white[:, p:]).sum(axis=0)
-    left = np.column_stack([white, regions.of_record(k, whitener.rows), residual])
+    left = np.column_stack([white, regions, residual])
     own, weight, prior_residual = own_rows(problem, k, slopes, local, outputs)
     count = whitener.size + int((weight > 0.0).sum())
     if weight.size:

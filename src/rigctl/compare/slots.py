@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 
 #: knots over a record; more where few records leave the room for it
 _KNOTS, _MORE_KNOTS, _FEW_RECORDS = 11, 24, 3
+#: of more records, and of longer ones, some are enough to rank equations by
+_MOST_RECORDS, _MOST_SAMPLES = 56, 2000
 #: over how many knots a disturbance remembers
 _MEMORY = 3.0
 #: smooth functions of the operating point
@@ -64,12 +66,15 @@ class SlotEvidence:
 def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[SlotEvidence, ...]:
     """The slots at which a disturbance shows in the measured readings, the most wanted first.
 
+    Of a great many fitted records, and of long ones, some are looked at.
+
     Raises
     ------
     RigctlError
         the model cannot be simulated or differentiated at the fit.
     """
-    problem = fit.problem.only(fit.fitted)
+    fit = _some(fit)
+    problem = fit.problem
     knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
     columns = disturbance_columns(fit, problem, knots, progress)
     normals = disturbance_normals(fit, problem, columns)
@@ -81,6 +86,25 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
             best = evidence(component, normals.unknowns, features)
             found.append(_Found(parts, best, best.amplitudes @ root.T))
     return _ranked(_one_each(found), problem, columns, normals.excess)
+
+
+def _some(fit: FitResult) -> FitResult:
+    """The fitted records; of many of them some, of long ones some samples, drawn once and for all."""
+    places = np.array(fit.fitted)
+    if places.size > _MOST_RECORDS:
+        draw = np.random.Generator(np.random.PCG64(0))
+        places = np.sort(draw.choice(places, _MOST_RECORDS, replace=False))
+    chosen = [
+        np.arange(0, size, -(-size // _MOST_SAMPLES), dtype=np.intp)
+        for size in (fit.problem.records[place].times.size for place in places)
+    ]
+    return replace(
+        fit,
+        problem=fit.problem.only(places.tolist()).at_samples(chosen),
+        fitted=tuple(range(places.size)),
+        local=tuple(fit.local[place] for place in places),
+        outputs=tuple(fit.outputs[place][at] for place, at in zip(places, chosen, strict=True)),
+    )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
 from rigctl.dataset.lock import in_progress
 from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.record_rows import RecordRows
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import parse_unit
 
@@ -203,7 +205,23 @@ class Run:
         RigctlError
             there is no such record.
         """
-        table = self._read(self.layout.columns, index)
+        return self._record(index, self._read(self.layout.columns, index))
+
+    def each(self, indices: Iterable[int]) -> Iterator[Record]:
+        """These records, one after the other; in rising order the file is read once.
+
+        Raises
+        ------
+        RigctlError
+            there is no such record.
+        """
+        with open_parquet(self.folder / samples.NAME) as file:
+            rows = RecordRows(file, self.layout.columns)
+            for index in indices:
+                self._require(index)
+                yield self._record(index, rows.of(index))
+
+    def _record(self, index: int, table: pa.Table) -> Record:
         rows = self._record_rows
         row = rows.slice(index, 1).to_pylist()[0]
         facts = {key: row[key] for key in ("name", "path", "rate", "start", "end", "outcome", "excluded")}
@@ -221,8 +239,16 @@ class Run:
     def _switches_of(self, record: int, start: float, end: float) -> tuple[Switch, ...]:
         """The end of a pulse may be logged after its record; the times of an import may begin again."""
         if self.header.source == "import":
-            return tuple(switch for switch in self.switches if switch.record == record)
-        return tuple(switch for switch in self.switches if start <= switch.time <= end)
+            return self._imported_switches.get(record, ())
+        first = bisect_left(self.switches, start, key=_time_of)
+        return self.switches[first : bisect_right(self.switches, end, lo=first, key=_time_of)]
+
+    @cached_property
+    def _imported_switches(self) -> Mapping[int, tuple[Switch, ...]]:
+        found: dict[int, list[Switch]] = {}
+        for switch in self.switches:
+            found.setdefault(switch.record, []).append(switch)
+        return {record: tuple(own) for record, own in found.items()}
 
     def _read(self, columns: Sequence[str], record: int | None) -> pa.Table:
         for name in columns:
@@ -231,14 +257,17 @@ class Run:
         with open_parquet(self.folder / samples.NAME) as file:
             if record is None:
                 return file.read(columns=list(columns))
-            if not 0 <= record < self.info["records"]:
-                count = self.info["records"]
-                raise RigctlError(
-                    f"run {self.id} has no such record",
-                    value=str(record),
-                    expected=f"0 to {count - 1}" if count else "none, for it has no records",
-                )
-            return _read_record(file, columns, record)
+            self._require(record)
+            return RecordRows(file, columns).of(record)
+
+    def _require(self, record: int) -> None:
+        count = self.info["records"]
+        if not 0 <= record < count:
+            raise RigctlError(
+                f"run {self.id} has no such record",
+                value=str(record),
+                expected=f"0 to {count - 1}" if count else "none, for it has no records",
+            )
 
     def _si(self, table: pa.Table, name: str) -> NDArray[np.float64]:
         import numpy as np
@@ -274,20 +303,8 @@ def open_run(ref: str | Path, runs: Path | None = None) -> Run:
     return Run(folder, MappingProxyType(info))
 
 
-def _read_record(file: Any, columns: Sequence[str], record: int) -> pa.Table:
-    """The rows of one record, from the row groups that can hold it."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    place = file.schema_arrow.get_field_index("record")
-    groups = []
-    for group in range(file.num_row_groups):
-        range_ = file.metadata.row_group(group).column(place).statistics
-        if range_ is None or not range_.has_min_max or range_.min <= record <= range_.max:
-            groups.append(group)
-    names = list(dict.fromkeys([*columns, "record"]))
-    table = file.read_row_groups(groups, columns=names)
-    return table.filter(pc.equal(table["record"], pa.scalar(record, pa.int32()))).select(list(columns))
+def _time_of(switch: Switch) -> float:
+    return switch.time
 
 
 def _frame(table: pa.Table) -> pd.DataFrame:

@@ -34,6 +34,9 @@ from rigctl.noise.whitening import Whitener, whiten
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
+#: numbers that derivatives may take at once: more records are gone through in parts
+_ROOM = 2**23
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -129,6 +132,26 @@ class Problem:
             sizes=None if self.sizes is None else pick(self.sizes),
         )
 
+    def at_samples(self, chosen: Sequence[NDArray[np.intp]]) -> Problem:
+        """The records at some of their samples each."""
+        records = tuple(
+            replace(record, times=record.times[at], values=record.values[at], phase=record.phase[at])
+            for record, at in zip(self.records, chosen, strict=True)
+        )
+        ok = tuple(good[at] for good, at in zip(self.ok, chosen, strict=True))
+        values = [record.values for record in records]
+        sizes = None if self.sizes is None else tuple(s[at] for s, at in zip(self.sizes, chosen, strict=True))
+        return replace(
+            self,
+            measurements=replace(self.measurements, records=records),
+            ok=ok,
+            whiteners=tuple(
+                whiten(self.noise, record.times, good, size)
+                for record, good, size in zip(records, ok, sizes or values, strict=True)
+            ),
+            sizes=sizes,
+        )
+
     def local_unknowns(self) -> list[list[Unknown]]:
         """The records' own unknowns, as `least_squares` takes them."""
         return [[one.unknown for one in own] for own in self.local]
@@ -141,19 +164,36 @@ class Problem:
         starts = self.initial_names if initial else ()
         return simulate(self.compiled, excitations, columns=columns, initial_columns=starts)
 
+    def parts(self, columns: int) -> list[list[int]]:
+        """The records, in order, in parts whose derivatives by so many columns are held at once."""
+        found: list[list[int]] = []
+        room = 0
+        for place, record in enumerate(self.records):
+            wanted = record.times.size * len(self.compiled.system.outputs) * max(columns, 1)
+            if not found or wanted > room:
+                found.append([])
+                room = _ROOM
+            found[-1].append(place)
+            room -= wanted
+        return found
+
     def evaluate(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         """Whitened residuals ``W(f − y)`` and their derivatives; for `least_squares`."""
         names = [unknown.name for unknown in self.shared]
         columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
-        found = self.simulate(shared, local, columns, initial=derivatives)
-        if not found.ok:
-            return Refused(found.summary())
-        return [
-            self._block(place, outputs, slopes, found.columns, names, derivatives)
-            for place, (outputs, slopes) in enumerate(
-                zip(self._seen(found.outputs), self._seen(found.sensitivities), strict=True)
-            )
-        ]
+        blocks: list[Block] = []
+        for part in self.parts(len(columns) + len(self.initial_names)):
+            inner = self if len(part) == len(self.records) else self.only(part)
+            found = inner.simulate(shared, [local[place] for place in part], columns, initial=derivatives)
+            if not found.ok:
+                return Refused(found.summary())
+            blocks += [
+                self._block(place, outputs, slopes, found.columns, names, derivatives)
+                for place, outputs, slopes in zip(
+                    part, self._seen(found.outputs), self._seen(found.sensitivities), strict=True
+                )
+            ]
+        return blocks
 
     @cached_property
     def channels(self) -> NDArray[np.intp]:

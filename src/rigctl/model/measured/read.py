@@ -22,6 +22,8 @@ from rigctl.rig.rig import Rig
 
 #: a record with fewer samples tells nothing of a motion
 _FEWEST_SAMPLES = 5
+#: of more samples than these some are looked at, but never fewer of a record
+_MOST_SAMPLES, _LEAST_OF_A_RECORD = 500_000, 400
 #: before a channel's name: what it read at the start of a record
 START = "start_"
 
@@ -39,10 +41,11 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     known = [output.name for output in model.family.outputs if rig is None or output.name in rig.channels]
     _require_channels(model, runs, known)
     records: list[MeasuredRecord] = []
-    left_out: list[str] = []
+    every = -(-sum(int(run.info["rows"]) for run in runs) // _MOST_SAMPLES)
+    left_out = _thinned_note(every)
     for run in runs:
         if run.info["rows"]:
-            found = _of_run(model, run, rig, known)
+            found = _of_run(model, run, rig, known, every)
             left_out += _too_short(run, len(found))
             records += found
         else:
@@ -67,7 +70,9 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     return as_table(measured, runs, titles(model.family.name))
 
 
-def _of_run(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:
+def _of_run(
+    model: Model, run: Run, rig: Rig | None, outputs: Sequence[str], every: int
+) -> list[MeasuredRecord]:
     if rig is None:
         raise RigctlError(
             f"the model '{model.name}' names no rig, so that commands and channels cannot be told",
@@ -77,12 +82,33 @@ def _of_run(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> 
     sources = input_sources(model.family, rig, given)
     _require_commands(model, run, rig, sources)
     units = [_input_unit(source, rig) for source in sources]
-    found = []
-    for index in run.usable:
-        record = run.record(index)
-        if record.time.size >= _FEWEST_SAMPLES:
-            found.append(_measured(model, run, record, sources, units, outputs))
-    return found
+    return [
+        _measured(model, run, _thinned(record, every), sources, units, outputs)
+        for record in run.each(run.usable)
+        if record.time.size >= _FEWEST_SAMPLES
+    ]
+
+
+def _thinned(record: Record, every: int) -> Record:
+    """The record at every so many of its samples: picked, for an average would blur what jumps."""
+    step = min(every, record.time.size // _LEAST_OF_A_RECORD)
+    if step <= 1:
+        return record
+    return replace(
+        record,
+        time=record.time[::step],
+        channels={name: values[::step] for name, values in record.channels.items()},
+        commands={name: values[::step] for name, values in record.commands.items()},
+    )
+
+
+def _thinned_note(every: int) -> list[str]:
+    if every <= 1:
+        return []
+    return [
+        f"more than {_MOST_SAMPLES} samples: one in {every} is looked at, of no record fewer than "
+        f"{_LEAST_OF_A_RECORD}"
+    ]
 
 
 def _input_names(model: Model) -> set[str]:

@@ -1,0 +1,106 @@
+"""Fit, compare and diagnose: ``python -m benchmarks.analysis``, and with ``--slow`` how they grow.
+
+The standard campaign of 28 strokes has a valve that leaks, which the textbook model does not know. Every time
+is the shortest of several, warm; beside it stand the processor's seconds, which other work on the machine
+does not lengthen as much, and what was asked for on two quiet cores. ``--slow`` compares up to a thousand
+records, and imports and compares ten million rows, each in a process of its own: that takes half an hour.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.analysis.data import MODEL, run_of, write_fast
+from benchmarks.analysis.process import in_a_process
+from benchmarks.engine.timing import best
+from benchmarks.record import keep, table
+
+HERE = Path(__file__).parent
+#: wall seconds on two cores, warm
+ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
+RECORDS = (28, 100, 300, 1000)
+#: times the standard campaign's 28 records of ten thousand samples
+REPEATS = 36
+ASKED_MEGABYTES = 1000.0
+
+
+def main() -> None:
+    kept: dict[str, Any] = {}
+    path = HERE / "results.json"
+    if path.exists():
+        kept = json.loads(path.read_text("utf-8"))["results"]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        kept["standard"] = standard(folder)
+        if "--slow" in sys.argv[1:]:
+            kept["records"] = growing(folder)
+            kept["rows"] = many_rows(folder)
+    print(f"\nkept in {keep(HERE, kept, 'numpy', 'scipy', 'numba', 'pyarrow')}")
+
+
+def standard(folder: Path) -> dict[str, dict[str, float]]:
+    """The standard campaign, step by step."""
+    from rigctl.compare.compare import judge
+    from rigctl.compare.fitting import fit_to_data, read_runs
+    from rigctl.diagnose.diagnose import diagnose_comparison
+    from rigctl.model import load_model
+
+    run, model = run_of(28, folder), load_model(MODEL)
+    data = read_runs(model, [run])
+    fitted = fit_to_data(model, data)
+    judged = judge(fitted, model.name)
+    works: dict[str, Callable[[], object]] = {
+        "read, noise": lambda: read_runs(model, [run]),
+        "fit": lambda: fit_to_data(model, data),
+        "compare beside it": lambda: judge(fitted, model.name),
+        "diagnose, singles": lambda: diagnose_comparison(judged, most=1),
+        "diagnose, pairs": lambda: diagnose_comparison(judged, most=2),
+    }
+    found = {name: best(work, 3) for name, work in works.items()}
+    rows = [("", "seconds", "of processor", "asked", "ratio")]
+    for name, took in found.items():
+        asked = ASKED.get(name)
+        shown = ("", "") if asked is None else (f"{asked:g}", f"{took['wall'] / asked:.2f}")
+        rows.append((name, f"{took['wall']:.2f}", f"{took['cpu']:.2f}", *shown))
+    verdict = diagnose_comparison(judged, most=2)
+    table(f"28 records, {run.info['rows']} rows: {verdict.verdict}, {', '.join(verdict.effects)}", rows)
+    return found
+
+
+def growing(folder: Path) -> dict[str, dict[str, float]]:
+    """Compare, fit included, over more and more records of the standard kind."""
+    found = {}
+    rows = [("records", "seconds", "of processor", "of processor, a record", "MB of memory")]
+    for count in RECORDS:
+        used = in_a_process("compare", str(run_of(count, folder / str(count)).folder))
+        found[str(count)] = {"wall": used.wall, "cpu": used.cpu, "megabytes": used.megabytes}
+        each = f"{1e3 * used.cpu / count:.0f} ms"
+        rows.append((str(count), f"{used.wall:.1f}", f"{used.cpu:.1f}", each, f"{used.megabytes:.0f}"))
+        print("  ".join(rows[-1]), flush=True)
+    table("compare, a process each, its start included", rows)
+    return found
+
+
+def many_rows(folder: Path) -> dict[str, dict[str, float]]:
+    """Import and compare ten million rows."""
+    path = folder / "fast.parquet"
+    count = write_fast(path, REPEATS)
+    imported = in_a_process("import", str(path), str(folder / "fast"))
+    path.unlink()
+    compared = in_a_process("compare", imported.said)
+    found, rows = {}, [("", "seconds", "of processor", "MB of memory", "asked")]
+    for name, used in (("import", imported), ("compare", compared)):
+        found[name] = {"wall": used.wall, "cpu": used.cpu, "megabytes": used.megabytes, "rows": count}
+        took = (f"{used.wall:.1f}", f"{used.cpu:.1f}", f"{used.megabytes:.0f}")
+        rows.append((name, *took, f"{ASKED_MEGABYTES:.0f} MB"))
+    table(f"{count} rows in {28 * REPEATS} records, a process each", rows)
+    return found
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,84 @@
+"""What the analysis is timed on: campaigns of the separate bench with a worn spool."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rigctl.dataset import Run, open_run
+from rigctl.validation.bench import record as bench_record
+from rigctl.validation.bench.campaign import Campaign, clean_outputs, operating_points
+from rigctl.validation.bench.parameters import Bench
+from rigctl.validation.campaign_run import make_run
+
+ROOT = Path(__file__).parents[2]
+RIG = ROOT / "rigs" / "hl32-bench.yaml"
+MODEL = ROOT / "models" / "hl32-textbook.yaml"
+#: the published campaign, 28 records of 376 samples, with a valve that leaks
+STANDARD = Campaign(bench=Bench(spool_leak=8e-15), seed=1)
+#: of long records: samples a second, so that one has ten thousand
+FAST = 10_000 / 3.75
+
+
+def run_of(records: int, folder: Path) -> Run:
+    """A run of so many standard records, at four pressures and as many temperatures as that takes."""
+    hot = np.linspace(20.0, 80.0, records // 4)
+    path = make_run(replace(STANDARD, temperatures=tuple(hot.tolist())), RIG, folder)
+    return open_run(path)
+
+
+def write_fast(path: Path, repeats: int) -> int:
+    """The standard campaign from a fast logger, several times over, as Parquet; returns the rows."""
+    bench_record.RATE = FAST
+    clean = clean_outputs(STANDARD)
+    rows = 0
+    with pq.ParquetWriter(path, _SCHEMA) as file:
+        for table in _tables(clean, repeats):
+            file.write_table(table)
+            rows += table.num_rows
+    return rows
+
+
+_UNITS = {
+    "time": "s",
+    "record": "",
+    "valve": "1",
+    "oil_temperature": "degC",
+    "supply_pressure": "bar",
+    "pressure_setpoint": "bar",
+    "position": "mm",
+}
+_SCHEMA = pa.schema(
+    [
+        pa.field(name, pa.float64() if unit else pa.int32(), metadata={"unit": unit} if unit else {})
+        for name, unit in _UNITS.items()
+    ]
+)
+
+
+def _tables(clean: list[tuple[np.ndarray, dict[str, np.ndarray]]], repeats: int) -> Iterator[pa.Table]:
+    rng = np.random.default_rng(1)
+    edges = np.cumsum([duration for _, duration in bench_record.STANDARD])[:-1]
+    commands = np.array([command for command, _ in bench_record.STANDARD])
+    noise = STANDARD.noise.sigma
+    for number in range(repeats * len(clean)):
+        time, channels = clean[number % len(clean)]
+        pressure = operating_points(STANDARD)[number % len(clean)][1]
+        read = {
+            name: values + noise[name] * rng.standard_normal(time.size) for name, values in channels.items()
+        }
+        columns = [
+            time,
+            np.full(time.size, number, dtype=np.int32),
+            commands[np.searchsorted(edges, time + 1e-9, side="right")],
+            read["oil_temperature"] - 273.15,
+            read["supply_pressure"] / 1e5,
+            np.full(time.size, pressure),
+            read["position"] * 1e3,
+        ]
+        yield pa.table(columns, schema=_SCHEMA)

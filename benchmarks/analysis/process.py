@@ -1,0 +1,57 @@
+"""One piece of work in a process of its own, so that its memory is its own: ``… process WORK ARGUMENTS``."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.analysis.data import MODEL, RIG
+from benchmarks.engine.timing import peak_memory_mb
+
+
+@dataclass(frozen=True)
+class Used:
+    """What a process took: wall and processor seconds, megabytes at the most, and what it says."""
+
+    wall: float
+    cpu: float
+    megabytes: float
+    said: str
+
+
+def in_a_process(work: str, *arguments: str) -> Used:
+    """Carry out ``import FILE RUNS`` or ``compare RUN`` elsewhere."""
+    command = [sys.executable, "-m", "benchmarks.analysis.process", work, *arguments]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return Used(*json.loads(done.stdout))
+
+
+def _import(file: str, runs: str) -> str:
+    from rigctl.dataset.importing import import_file
+    from rigctl.rig import load_rig
+
+    return str(import_file(Path(file), load_rig(RIG), Path(runs)).path)
+
+
+def _compare(run: str) -> str:
+    from rigctl.compare.compare import compare
+    from rigctl.dataset import open_run
+    from rigctl.model import load_model
+
+    return compare([open_run(run)], [load_model(MODEL)]).models[0].statement
+
+
+def main() -> None:
+    works = {"import": _import, "compare": _compare}
+    wall, cpu = time.perf_counter(), time.process_time()
+    said = works[sys.argv[1]](*sys.argv[2:])
+    took = time.perf_counter() - wall, time.process_time() - cpu
+    print(json.dumps([*took, peak_memory_mb(), said]))
+
+
+if __name__ == "__main__":
+    main()

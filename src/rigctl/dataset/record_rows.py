@@ -1,0 +1,75 @@
+"""The rows of records, from the parts of the samples' file that hold them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+
+class RecordRows:
+    """Reads the rows of one record after the other; records in order read every part of the file once.
+
+    Parameters
+    ----------
+    file: an open Parquet file of samples, with a column ``record``.
+    columns: names to read.
+    """
+
+    def __init__(self, file: Any, columns: Sequence[str]) -> None:
+        self._file = file
+        self._columns = list(columns)
+        self._held: dict[int, _Group] = {}
+
+    def of(self, record: int) -> pa.Table:
+        """All rows of a record."""
+        import pyarrow as pa
+
+        wanted = [group for group, (low, high) in enumerate(self._ranges) if low <= record <= high]
+        self._held = {group: self._held.get(group) or self._read(group) for group in wanted}
+        parts = [self._held[group].of(record) for group in wanted]
+        if not parts:
+            return self._file.schema_arrow.empty_table().select(self._columns)
+        return pa.concat_tables(parts)
+
+    @cached_property
+    def _ranges(self) -> list[tuple[float, float]]:
+        """The smallest and the largest record of every row group."""
+        place = self._file.schema_arrow.get_field_index("record")
+        found = []
+        for group in range(self._file.num_row_groups):
+            known = self._file.metadata.row_group(group).column(place).statistics
+            whole = known is None or not known.has_min_max
+            found.append((-math.inf, math.inf) if whole else (known.min, known.max))
+        return found
+
+    def _read(self, group: int) -> _Group:
+        names = list(dict.fromkeys([*self._columns, "record"]))
+        table = self._file.read_row_group(group, columns=names)
+        return _Group(table.select(self._columns), table["record"].to_numpy())
+
+
+class _Group:
+    """A row group, and where the stretches of equal records begin in it."""
+
+    def __init__(self, table: pa.Table, records: NDArray[np.int32]) -> None:
+        import numpy as np
+
+        self._table = table
+        edges = np.flatnonzero(np.diff(records, prepend=np.int32(-2), append=np.int32(-2)))
+        self._starts, self._ends = edges[:-1], edges[1:]
+        self._records = records[self._starts]
+
+    def of(self, record: int) -> pa.Table:
+        """Its rows of a record."""
+        import pyarrow as pa
+
+        places = (self._records == record).nonzero()[0].tolist()
+        parts = [self._table.slice(self._starts[k], self._ends[k] - self._starts[k]) for k in places]
+        return pa.concat_tables(parts) if parts else self._table.slice(0, 0)
