@@ -67,3 +67,22 @@ def test_moments_keep_their_zone_and_nonsense_stays_as_it_is() -> None:
     assert numbers.moment("2026-11-21T09:30:00+00:00") == "2026-11-21 09:30:00 UTC"
     assert numbers.moment("soon") == "soon"
     assert numbers.moment(None) == "–"
+
+
+@pytest.mark.parametrize(
+    ("said", "printed"),
+    [
+        ("rises 2 % from 20 degC to 80 degC", "rises 2 % from 20 °C to 80 °C"),
+        ("conductance 6.83e-15 ± 6e-17 m^3 (p < 1e-6)", "conductance 6.83·10⁻¹⁵ ± 6·10⁻¹⁷ m³ (p < 10⁻⁶)"),
+        ("from 213 to -114 N*s/m", "from 213 to −114 N·s/m"),
+        ("20261121-101719-unknown-bench/4", "20261121-101719-unknown-bench/4"),
+        ("valve_leakage and heater_1", "valve_leakage and heater_1"),
+    ],
+)
+def test_a_sentence_has_its_units_and_numbers_printed(said: str, printed: str) -> None:
+    assert numbers.prose(said) == printed
+
+
+@pytest.mark.parametrize(("p_value", "printed"), [(0.031, "0.031"), (1e-9, "< 10⁻⁶"), (0.0, "< 10⁻⁶")])
+def test_a_chance_below_one_in_a_million_is_no_more_than_that(p_value: float, printed: str) -> None:
+    assert numbers.chance(p_value) == printed

@@ -246,7 +246,7 @@ def test_equal_runs_give_equal_pages(published_data: RunData) -> None:
 def test_another_part_can_add_its_section(published_data: RunData) -> None:
     added = Section("comparison", "Model against measurement", Markup("<p>It fits.</p>"))
     order = [section.id for section in assemble([published_data], [added])]
-    assert order[:4] == ["outcome", "campaign", "comparison", "records"]
+    assert order[:4] == ["outcome", "comparison", "campaign", "records"]
 
 
 def test_an_unwritable_place_is_told(make_run: RunMaker, tmp_path: Path) -> None:

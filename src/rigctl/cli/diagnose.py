@@ -106,7 +106,7 @@ def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | Non
 def _write_page(
     runs: list[Run], output: Path, compared: Comparison, found: Diagnosis | Improvement, path: Path
 ) -> None:
-    """The comparison, the diagnosis, and how the error fell."""
+    """The diagnosis first, or what was added; then the comparison."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.diagnose.loop import Improvement
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, improvement_sections
@@ -114,7 +114,7 @@ def _write_page(
     if isinstance(found, Improvement):
         sections = improvement_sections(compared, found, path)
     else:
-        sections = [*comparison_sections(compared), *diagnosis_sections(found)]
+        sections = [*diagnosis_sections(found), *comparison_sections(compared)]
     write_page(runs, output, sections)
 
 

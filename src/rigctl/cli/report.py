@@ -79,7 +79,7 @@ def report(
 
 
 def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Section]:
-    """What the models say of the runs, how their error fell, and what the first one lacks."""
+    """What the first model lacks, what the models say of the runs, and how their error fell."""
     from rigctl.cli.compare import open_models
     from rigctl.cli.telling import telling
     from rigctl.compare.compare import compare
@@ -89,10 +89,11 @@ def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Se
     opened = open_models(models)
     with telling("nothing was saved") as tell:
         found = compare(runs, opened, tell=tell)
-        sections = comparison_sections(found)
+        compared = comparison_sections(found)
         path = opened[-1].path
         if path is not None:
-            sections += history_sections(path)
-        if diagnose:
-            sections += diagnosis_sections(diagnose_comparison(found.models[0], found.runs, tell=tell))
-    return sections
+            compared += history_sections(path)
+        if not diagnose:
+            return compared
+        missing = diagnose_comparison(found.models[0], found.runs, notes=found.notes, tell=tell)
+        return [*diagnosis_sections(missing), *compared]

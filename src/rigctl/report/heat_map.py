@@ -69,8 +69,9 @@ def _cell(value: float, strong: bool, limit: float) -> _Cell:
         return _Cell("–", "transparent", False, False)
     share = min(abs(value) / limit, 1.0) if limit else 0.0
     red, green, blue = _ABOVE if value > 0.0 else _BELOW
-    colour = f"rgba({red},{green},{blue},{0.08 + 0.85 * share:.2f})"
-    return _Cell(f"{value:+.1f}".replace("-", "−"), colour, share > 0.55, strong)
+    depth = 0.08 + 0.85 * share if strong else 0.06  # chance is told by its sign, and stays pale
+    colour = f"rgba({red},{green},{blue},{depth:.2f})"
+    return _Cell(f"{value:+.1f}".replace("-", "−"), colour, strong and share > 0.55, strong)
 
 
 def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:

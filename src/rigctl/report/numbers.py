@@ -11,6 +11,7 @@ MISSING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"degC": "°C", "degF": "°F", "1": "", "percent": "%", "um": "µm", "uPa": "µPa"}
 _POWER = re.compile(r"\s*(?:\^|\*\*)\s*(-?\d+)")
+_EXPONENT = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-]?\d+)\b")
 _NAME = re.compile(r"[^\W\d]\w*|(?<!\d)1(?!\d)")
 
 
@@ -21,6 +22,25 @@ def symbol(unit: str) -> str:
     text = _POWER.sub(lambda match: match.group(1).translate(_SUPERSCRIPT), unit)
     text = _NAME.sub(lambda match: _WORDS.get(match.group(), match.group()) or "1", text)
     return text.replace("*", "·")
+
+
+def prose(text: str) -> str:
+    """A sentence with its units and numbers as they are printed: °C for degC, m³ for m^3, 6.8·10⁻¹⁵, −3."""
+    text = re.sub(r"\bdeg([CF])\b", r"°\1", text)
+    text = _EXPONENT.sub(lambda match: _scientific(match.group(1), match.group(2)), text)
+    text = re.sub(r"(?<=[^\W\d_])\^(-?\d+)", lambda match: match.group(1).translate(_SUPERSCRIPT), text)
+    text = re.sub(r"(?<=[^\W\d_])\*(?=[^\W\d_])", "·", text)
+    return re.sub(r"(?<![\w.)-])-(?=\d)", "−", text)
+
+
+def _scientific(mantissa: str, exponent: str) -> str:
+    power = f"10{str(int(exponent)).translate(_SUPERSCRIPT)}"
+    return power if mantissa == "1" else f"{mantissa}·{power}"
+
+
+def chance(p_value: float) -> str:
+    """A p-value as it is read: ``0.03``, or ``< 10⁻⁶``."""
+    return "< 10⁻⁶" if p_value < 1e-6 else f"{p_value:.2g}"
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -66,9 +66,11 @@ def environment() -> Environment:
     )
     made.filters.update(
         amount=numbers.amount,
+        chance=numbers.chance,
         duration=numbers.duration,
         moment=numbers.moment,
         number=numbers.number,
+        prose=numbers.prose,
         symbol=numbers.symbol,
     )
     made.globals.update(plural=numbers.plural)

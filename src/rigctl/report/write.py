@@ -50,7 +50,7 @@ def write_report(
     output: the page's file; one that is there is replaced.
     figures: a folder for every plot as a file of its own.
     form: of these, ``png`` or ``svg``.
-    sections: what other parts of rigctl have to say about these runs; shown after the results.
+    sections: what other parts of rigctl have to say about these runs; shown after the outcome.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _draw(plot: Plot | HeatMap, folder: Path, form: str) -> Path:
 
 
 def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[Section]:
-    """The page's sections: the outcome first, then the results, then what was contributed, then the rest."""
+    """The page's sections: the outcome first, then what was contributed, then the results and the rest."""
     own = [section for build in SECTIONS if (section := build(runs)) is not None]
-    place = next((i for i, section in enumerate(own) if section.id not in ("outcome", "campaign")), len(own))
+    place = next((i for i, section in enumerate(own) if section.id != "outcome"), len(own))
     return [*own[:place], *sections, *own[place:]]

@@ -13,7 +13,7 @@ from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import overlay_plot, typical_records
 from rigctl.report.heat_map import heat_map_table
-from rigctl.report.numbers import symbol
+from rigctl.report.numbers import prose, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
@@ -27,9 +27,12 @@ def comparison_sections(comparison: Comparison) -> list[Section]:
     first = comparison.models[0]
     plots = [
         overlay_plot(
-            comparison.models, k, f"overlay-{number}", f"Measured and model: {name}, {_condition(first, k)}"
+            [(model.name, model.fit) for model in comparison.models],
+            k,
+            f"overlay-{number}",
+            f"Measured and model: {name}, {_condition(first, k)}",
         )
-        for number, (name, k) in enumerate(typical_records(first))
+        for number, (name, k) in enumerate(typical_records(first.fit))
     ]
     stroke = stroke_plot(comparison.models)
     maps = channel_maps(first, "error-map")
@@ -77,7 +80,9 @@ def _model(model: ModelComparison) -> dict[str, object]:
         "statement": model.statement,
         "channels": channels,
         "tests": tests,
-        "trends": [trend.text for trend in model.trends[:4] if trend.matters],
+        "trends": [
+            one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement
+        ],
         "held_out": bool(model.fit.held_out),
     }
 
@@ -101,7 +106,7 @@ def _places(model: ModelComparison) -> list[Markup]:
         largest = max((place.share_of_error for place in places), default=0.0) or 1.0
         shown = [
             Bar(
-                plain_name(place.label),
+                prose(plain_name(place.label)),
                 place.share_of_error / largest,
                 f"{100 * place.share_of_error:.0f} %",
                 "more than chance" if place.p_value < 0.01 else "could be chance",
@@ -166,15 +171,14 @@ def stroke_plot(models: Sequence[ModelComparison]) -> Plot | None:
         )
         order = np.argsort(x)
         measured = np.array([_stroke(first, k, column, measured=True) for k in places]) / factor
-        traces.append(
-            Trace(f"{label} measured", x[order], measured[order], Look.POINTS, number, symbol(unit))
-        )
+        traces.append(Trace(label, x[order], measured[order], Look.POINTS, number, symbol(unit)))
         for model in models:
+            first_one = not number
             said = np.array([_stroke(model, k, column, measured=False) for k in places]) / factor
-            name = f"{label} {model.name if len(models) > 1 else 'model'}"
+            name = model.name if len(models) > 1 else "model"
             faint = model is not models[-1]
             traces.append(
-                Trace(name, x[order], said[order], Look.LINE, number, symbol(unit), faint, len(models) > 1)
+                Trace(name, x[order], said[order], Look.LINE, number, symbol(unit), faint, first_one)
             )
     title = f"stroke [{symbol(unit)}]"
     x_title = f"{plain_name(x_name)} [{symbol(units[x_name])}]"

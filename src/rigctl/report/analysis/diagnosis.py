@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 _SHOWN = 6
 _SIGNATURES = 3
+#: a channel that no candidate changes by more, in sigmas, says nothing of them
+_SHOWS = 0.5
 
 _VERDICTS = {
     "adequate": "Nothing is missing that these data could show",
@@ -40,7 +42,10 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
     signature = signature_plot(diagnosis)
     maps: list[tuple[HeatMap, HeatMap]] = []
     if after is not None:
-        before_maps, after_maps = channel_maps(diagnosis.before, "before"), channel_maps(after, "after")
+        before_maps, after_maps = (
+            channel_maps(model, key, title=title)
+            for model, key, title in ((diagnosis.before, "before", "before: "), (after, "after", "after: "))
+        )
         maps = list(zip(before_maps, after_maps, strict=False))
     body = render(
         "diagnosis.html",
@@ -50,7 +55,7 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
         table=[_row(one) for one in diagnosis.ranking[:_SHOWN]],
         classes=[names for names in diagnosis.classes if len(names) > 1],
         signature=None if signature is None else plot_slot(signature),
-        falls=_falls(diagnosis),
+        falls=_falls(diagnosis) if after is None else [],  # the versions tell of it
         maps=[(heat_map_table(one), heat_map_table(other)) for one, other in maps],
         drift=[(one.parameter, one.before, one.after, symbol(one.unit)) for one in diagnosis.drift],
     )
@@ -97,21 +102,24 @@ def signature_plot(diagnosis: Diagnosis) -> Plot | None:
     trials = _candidates(diagnosis)
     if not trials:
         return None
-    k = typical_records(diagnosis.before)[0][1]
+    k = typical_records(diagnosis.before.fit)[0][1]
     before = diagnosis.before.fit
     record, measurements = before.problem.records[k], before.problem.measurements
     panels: list[Panel] = []
-    residual = -normalised_error(diagnosis.before, k)
+    residual = -normalised_error(before, k)
+    changes = [(trial.fit.outputs[k] - before.outputs[k]) / before.problem.sigma[k] for trial in trials]
+    shows = np.max([np.abs(change).max(axis=0) for change in changes], axis=0) > _SHOWS
     for c, name in enumerate(measurements.outputs):
-        if not np.isfinite(residual[:, c]).any():
+        if not np.isfinite(residual[:, c]).any() or not (shows[c] or not shows.any()):
             continue
         traces = [
             Trace("measured − model", record.times, residual[:, c], Look.LINE, 7, "sigma", False, not panels)
         ]
-        for number, trial in enumerate(trials):
-            change = (trial.fit.outputs[k][:, c] - before.outputs[k][:, c]) / before.problem.sigma[k][:, c]
-            label = " and ".join(map(plain_name, trial.effects))
-            traces.append(Trace(label, record.times, change, Look.LINE, number, "sigma", False, not panels))
+        for number, (trial, change) in enumerate(zip(trials, changes, strict=True)):
+            label, faint = " and ".join(map(plain_name, trial.effects)), number > 0
+            traces.append(
+                Trace(label, record.times, change[:, c], Look.LINE, number, "sigma", faint, not panels)
+            )
         panels.append(Panel(f"{plain_name(name)} [sigma]", tuple(traces), height=1.3))
     caption = "What each candidate would explain, over the residual of the worst record"
     return Plot("signatures", caption, "time in the record [s]", tuple(panels))
@@ -155,7 +163,7 @@ def _falls(diagnosis: Diagnosis) -> list[Markup]:
                 "noise",
                 one.noise / largest,
                 f"{one.noise / unit.factor:.3g} {shown_unit}",
-                "cannot be less",
+                "what noise alone makes",
                 7,
             )
         )

@@ -43,6 +43,6 @@ def history_sections(path: Path) -> list[Section]:
             if outside is not None:
                 entries.append(Bar("", outside / largest, f"{outside:.3g} {unit}", "held out", 1))
         if floor is not None:
-            entries.append(Bar("noise", floor / largest, f"{floor:.3g} {unit}", "cannot be less", 7))
+            entries.append(Bar("noise", floor / largest, f"{floor:.3g} {unit}", "what noise alone makes", 7))
         parts.append(bars(f"Error of the {plain_name(channel)} by version of the model (RMSE)", entries))
     return [Section("versions", "How the error fell", render("history.html", parts=parts))]

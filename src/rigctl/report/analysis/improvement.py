@@ -1,4 +1,4 @@
-"""The page's part on a model that was improved: before and after, the fall of the error, what was found."""
+"""The page's part on a model that was improved: what was added, how the error fell, and what it was."""
 
 from __future__ import annotations
 
@@ -6,20 +6,38 @@ from dataclasses import replace
 from pathlib import Path
 
 from rigctl.compare.result import Comparison
-from rigctl.diagnose.loop import Improvement
+from rigctl.diagnose.loop import Ended, Improvement
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.history import history_sections
-from rigctl.report.section import Section
+from rigctl.report.analysis.unseen import unseen_sections
+from rigctl.report.section import Section, render
+from rigctl.report.signals import plain_name
 
 
 def improvement_sections(compared: Comparison, improved: Improvement, path: Path) -> list[Section]:
-    """The comparison of the first and the last model, the versions in `path`, and the first diagnosis."""
+    """What was added, the versions in `path`, records unseen, the first diagnosis, both models compared."""
     last = improved.steps[-1].comparison if improved.steps else None
     named = [] if last is None else [replace(last, name=f"{last.name}, improved")]
     shown = replace(compared, models=(*compared.models, *named))
     return [
-        *comparison_sections(shown),
+        _added(improved),
         *history_sections(path),
+        *unseen_sections(improved.unseen),
         *diagnosis_sections(improved.first, last),
+        *comparison_sections(shown),
     ]
+
+
+def _added(improved: Improvement) -> Section:
+    text = improved.statement
+    body = render(
+        "improvement.html",
+        good=improved.ended is Ended.ADEQUATE,
+        statement=text[0].upper() + text[1:],
+        steps=[
+            (step.version.number, " and ".join(map(plain_name, step.effects)), step.reason)
+            for step in improved.steps
+        ],
+    )
+    return Section("improvement", "What was added", body)

@@ -20,8 +20,13 @@ Floats = NDArray[np.float64]
 _LIMIT = 4.0
 
 
-def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -> tuple[HeatMap, ...]:
-    """Of each channel, the signed RMS error of each condition: the first variable down, the second across."""
+def channel_maps(
+    model: ModelComparison, key: str, limit: float | None = None, *, title: str = ""
+) -> tuple[HeatMap, ...]:
+    """Of each channel, the signed RMS error of each condition: the first variable down, the second across.
+
+    `title` says which of several this is.
+    """
     problem = model.fit.problem
     variables = problem.measurements.variables[:2]
     if not variables:
@@ -36,7 +41,7 @@ def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -
     for c, channel in enumerate(problem.measurements.outputs):
         cells: dict[tuple[float, float], list[Floats]] = {}
         for k, point in enumerate(points):
-            error = normalised_error(model, k)[:, c]
+            error = normalised_error(model.fit, k)[:, c]
             good = error[np.isfinite(error)]
             if good.size:
                 place = (_rounded(point[0]), _rounded(point[1]))
@@ -47,10 +52,10 @@ def channel_maps(model: ModelComparison, key: str, limit: float | None = None) -
         found.append(
             HeatMap(
                 id=f"{key}-{channel}",
-                caption=f"{plain_name(channel)}: error in sigmas of the noise, 1 is noise alone; "
+                caption=f"{title}{plain_name(channel)}: error in sigmas of the noise, 1 is noise alone; "
                 "its sign is that of model − measured; * more than chance",
                 row_title=_title(variables[0], units),
-                column_title=_title(variables[1], units) if len(variables) > 1 else "all",
+                column_title=_title(variables[1], units) if len(variables) > 1 else "",
                 rows=tuple(_shown(value, variables[0], units) for value in rows),
                 columns=tuple(_shown(value, variables[1], units) for value in columns)
                 if len(variables) > 1

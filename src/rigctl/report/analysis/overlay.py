@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.result import ModelComparison
+from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Span, Trace
 from rigctl.report.signals import plain_name
@@ -16,20 +16,19 @@ from rigctl.units import parse_unit
 Floats = NDArray[np.float64]
 
 _MOST_POINTS = 1500
+#: colours of residuals are others than those of two models
+_AFTER_MODELS = 2
 
 
-def normalised_error(model: ModelComparison, k: int) -> Floats:
+def normalised_error(fit: FitResult, k: int) -> Floats:
     """(n, channels) model less measurement over the noise of the record at place k; NaN where none counts."""
-    fit = model.fit
     record, ok = fit.problem.records[k], fit.problem.ok[k]
     return np.where(ok, (fit.outputs[k] - record.values) / fit.problem.sigma[k], np.nan)
 
 
-def typical_records(model: ModelComparison) -> tuple[tuple[str, int], ...]:
+def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
     """(what it is, place) of the worst, the middle and the best record."""
-    sizes = [
-        float(np.sqrt(np.nanmean(normalised_error(model, k) ** 2))) for k in range(len(model.fit.outputs))
-    ]
+    sizes = [float(np.sqrt(np.nanmean(normalised_error(fit, k) ** 2))) for k in range(len(fit.outputs))]
     order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
     chosen = {order[0]: "the worst record"}
     if len(order) > 2:
@@ -39,9 +38,12 @@ def typical_records(model: ModelComparison) -> tuple[tuple[str, int], ...]:
     return tuple((name, k) for k, name in chosen.items())
 
 
-def overlay_plot(models: Sequence[ModelComparison], k: int, key: str, caption: str) -> Plot:
-    """One record: every channel with its noise band and the models, and the residuals in sigmas below."""
-    first = models[0].fit
+def overlay_plot(models: Sequence[tuple[str, FitResult]], k: int, key: str, caption: str) -> Plot:
+    """One record: every channel with its noise band and the models, and the residuals in sigmas below.
+
+    `models` are names and what each says of the same records; the residuals are the first one's.
+    """
+    first = models[0][1]
     record, measurements = first.problem.records[k], first.problem.measurements
     rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
     times = record.times[rows]
@@ -55,9 +57,9 @@ def overlay_plot(models: Sequence[ModelComparison], k: int, key: str, caption: s
         value = np.where(ok, (record.values[rows, c] - unit.offset) / unit.factor, np.nan)
         band = 2.0 * first.problem.noise.sigma[c] / unit.factor
         traces = [Trace("measured", times, value, Look.LINE, 7, shown, in_legend=not panels)]
-        for number, model in enumerate(models):
-            said = (model.fit.outputs[k][rows, c] - unit.offset) / unit.factor
-            name_of = model.name if len(models) > 1 else "model"
+        for number, (called, fit) in enumerate(models):
+            said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
+            name_of = called if len(models) > 1 else "model"
             traces.append(Trace(name_of, times, said, Look.LINE, number, shown, in_legend=not panels))
             if number == 0:
                 traces.append(
@@ -78,9 +80,9 @@ def overlay_plot(models: Sequence[ModelComparison], k: int, key: str, caption: s
         Trace(
             f"{plain_name(name)}, model − measured",
             times,
-            normalised_error(models[0], k)[rows, c],
+            normalised_error(first, k)[rows, c],
             Look.LINE,
-            c + 1,
+            c + _AFTER_MODELS,
             "sigma",
         )
         for c, name in enumerate(measurements.outputs)

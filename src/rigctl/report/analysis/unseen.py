@@ -1,0 +1,53 @@
+"""The page's part on records that no fit saw: how good the model is there, and what it still misses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigctl.diagnose.unseen import Unseen
+from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.analysis.overlay import normalised_error, overlay_plot
+from rigctl.report.numbers import symbol
+from rigctl.report.plot import Plot
+from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.signals import plain_name
+
+
+def unseen_sections(found: Sequence[Unseen]) -> list[Section]:
+    """A statement; where the model misses something, bars too, and the record that shows it most."""
+    if not found:
+        return []
+    plots = [None if one.as_good else _worst(one, number) for number, one in enumerate(found)]
+    parts = [
+        {
+            "good": one.as_good,
+            "sentences": one.sentences,
+            "bars": [] if one.as_good else [_bars(name, values) for name, values in one.channels().items()],
+            "plot": None if plot is None else plot_slot(plot),
+            "caption": "" if plot is None else plot.caption,
+        }
+        for one, plot in zip(found, plots, strict=True)
+    ]
+    drawn = tuple(plot for plot in plots if plot is not None)
+    return [Section("unseen", "Records that no fit saw", render("unseen.html", parts=parts), drawn)]
+
+
+def _bars(name: str, values: dict[str, object]) -> object:
+    unit = symbol(str(values["unit"]))
+    sizes = [("here", values["rmse"], 1), ("where it was fitted", values["fitted_rmse"], 0)]
+    sizes.append(("what noise alone makes", values["noise"], 7))
+    known = [(label, float(str(size)), colour) for label, size, colour in sizes if size is not None]
+    largest = max(size for _, size, _ in known) or 1.0
+    shown = [Bar(label, size / largest, f"{size:.3g} {unit}", "", colour) for label, size, colour in known]
+    return bars(f"Error of the {plain_name(name)} (RMSE)", shown)
+
+
+def _worst(one: Unseen, number: int) -> Plot:
+    """The record with the largest error."""
+    fit = one.fit
+    sizes = [float(np.nanmean(normalised_error(fit, k) ** 2)) for k in range(len(fit.outputs))]
+    k = int(np.argmax(sizes))
+    label = one.called(fit.problem.records[k].label)
+    return overlay_plot([("model", fit)], k, f"unseen-{number}", f"The worst of these records, {label}")
