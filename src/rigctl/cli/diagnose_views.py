@@ -38,6 +38,8 @@ def show_diagnosis(found: Diagnosis) -> None:
     _show_verdict(found)
     for note in found.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    for finding in found.before.findings:
+        out.print(f"  {escape(finding)}.", soft_wrap=True)
     if found.verdict is Verdict.ADEQUATE:  # how much these data could have shown
         for line in found.evidence:
             out.print(f"  {escape(line)}", soft_wrap=True)
@@ -46,11 +48,17 @@ def show_diagnosis(found: Diagnosis) -> None:
             out.print(_ranking(found))
         _show_evidence(found.evidence)
         _show_classes(found.classes)
-        if found.slot:
+        for line in found.excluded_because:
+            out.print(f"  {escape(line)}", soft_wrap=True)
+        if found.slot and not found.before.rows:
             out.print(f"  the equation that most wants a term: [bold]{escape(found.slot)}[/]")
         if any(one.before for one in found.drift):
             out.print(_drift(found.drift))
     _show_untestable(found.untestable)
+    if found.next_steps:
+        out.print("  [bold]what to measure next[/]")
+    for step in found.next_steps:
+        out.print(f"  {escape(step)}", soft_wrap=True)
 
 
 def _show_verdict(found: Diagnosis) -> None:

@@ -16,6 +16,7 @@ from rigctl.diagnose.power import power_text
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Rival, classes_of, find_rivals
 from rigctl.diagnose.search import Search, Tell
+from rigctl.diagnose.table_remarks import table_remarks
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
 from rigctl.engine.one_thread import one_thread
@@ -86,6 +87,7 @@ def diagnose_comparison(
     evidence: list[str] = power_text(before.projected) if before.adequate else []
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
+    remarks = table_remarks(before, best, rivals, verdict, ranking, search.tell)
     after = search.at(best) if best.candidates else None
     return Diagnosis(
         runs=tuple(runs),
@@ -98,13 +100,16 @@ def diagnose_comparison(
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
-        statement=verdict_text(verdict, before, chosen, rivals, left),
+        statement=remarks.statement or verdict_text(verdict, before, chosen, rivals, left),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
         before=before,
         best=best,
         trials=tuple(search.trials.values()),
+        excluded=remarks.excluded,
+        excluded_because=remarks.why,
+        next_steps=remarks.next_steps,
         p_value_after=before.adequacy.p_value if after is None else after.adequacy.p_value,
     )
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.exclusion import Exclusion
 from rigctl.diagnose.trial import Trial
 
 if TYPE_CHECKING:
@@ -108,6 +109,8 @@ class Diagnosis:
     before: the model as it is; after: with `effects`, the same when there are none.
     best: the trial of `effects`.
     trials: every set that was refitted.
+    excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
+    next_steps: of a table, what to measure next.
     """
 
     runs: tuple[str, ...]
@@ -128,6 +131,9 @@ class Diagnosis:
     best: Trial = field(repr=False)
     trials: tuple[Trial, ...] = field(repr=False)
     p_value_after: float = math.nan
+    excluded: tuple[Exclusion, ...] = ()
+    excluded_because: tuple[str, ...] = ()
+    next_steps: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
@@ -145,6 +151,13 @@ class Diagnosis:
                 for d in self.drift
             ],
             "where": {"slot": self.slot, "statement": self.before.statement},
+            "excluded": [
+                {"effect": one.effect, "reached": one.reached, "only": list(one.only)}
+                for one in self.excluded
+            ],
+            "excluded_because": list(self.excluded_because),
+            "findings": list(self.before.findings),
+            "next_steps": list(self.next_steps),
             "next_experiment": None,
             "p_value": self.before.adequacy.p_value,
             "p_value_after": _finite(self.p_value_after),

@@ -27,7 +27,7 @@ class Differs:
 
     Attributes
     ----------
-    channel, phase: of which reading, and when.
+    channel, phase: of which reading, and when; no phase where it is of a table.
     condition: of the record that shows it most, in words; "" where nothing tells records apart.
     largest: the largest difference there, in `unit`.
     alike: by phase, the cosine between what the two change in that channel, the most alike first.
@@ -114,8 +114,8 @@ def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Diff
     measurements = problem.measurements
     unit = parse_unit(measurements.units[best[0]])
     return Differs(
-        channel=measurements.outputs[best[0]],
-        phase=best[1],
+        channel=measurements.titles.get(measurements.outputs[best[0]], measurements.outputs[best[0]]),
+        phase="" if measurements.table else best[1],
         condition=condition_text(problem.records[k].condition, variable_units(measurements)),
         largest=_largest(one, other, k, best) / unit.factor,
         unit="K" if unit.offset else unit.text,
@@ -131,7 +131,7 @@ _NOTHING = (0.0, 0.0, 0.0)
 def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Changes:
     """Of one record, in units of the noise."""
     problem, record = one.problem, one.problem.records[k]
-    ok, sigma = problem.ok[k], problem.noise.sigma
+    ok, sigma = problem.ok[k], problem.sigma[k]
     first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
     second = np.where(ok, other.outputs[k] - none.outputs[k], 0.0) / sigma
     found = {}

@@ -74,7 +74,7 @@ def rival_text(rival: Rival) -> str:
         text += _alike_text(where)
         most = f" at {where.condition}" if where.condition else ""
         text += (
-            f"; the two differ most in {where.channel} in {where.phase}, by up to "
+            f"; the two differ most in {where.channel}{' in ' if where.phase else ''}{where.phase}, by up to "
             f"{abs(where.largest):.2g} {where.unit}{most}"
         )
     if rival.told:

@@ -1,0 +1,134 @@
+"""What a table excludes: effects that by themselves cannot make the model follow what was measured.
+
+Judged by the direction of the misfit: how a quantity changes over an operating variable. An effect, fitted
+together with the model's own parameters, is asked what it makes of that change without the help of what
+differs from row to row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+from rigctl.compare.candidates import Candidate
+from rigctl.compare.direction import Trend, trends
+from rigctl.compare.result import ModelComparison
+from rigctl.compare.table_rows import TableRow, table_rows
+from rigctl.diagnose.alone import alone
+from rigctl.diagnose.confound import LEAST_DIFFERENCE
+from rigctl.diagnose.exclusion import Exclusion
+from rigctl.diagnose.search import Tell
+from rigctl.model.fit.fit import FitResult
+
+#: an effect that reaches less than this share of the change that is missing does not turn it
+_TURNS = 0.25
+#: at one setting alone, it is there when it reaches this share
+_THERE = 0.5
+
+
+def main_trend(before: ModelComparison) -> Trend | None:
+    """The change that a model gets most wrong; None where it gets none wrong that matters."""
+    wrong = [trend for trend in before.trends if trend.matters and abs(trend.z) > 3.0]
+    return wrong[0] if wrong else None
+
+
+def exclusions(
+    before: ModelComparison, kept: Collection[str], chi2: float, tell: Tell = lambda _: None
+) -> tuple[Exclusion, ...]:
+    """The effects of the library that cannot turn the main misfit of a table, or do so much less well.
+
+    None for an adequate model, for measurements with a course in time, and where no direction is wrong.
+
+    Parameters
+    ----------
+    kept: the effects that can, of which nothing is asked.
+    chi2: what the best of them leaves.
+    """
+    trend = main_trend(before)
+    if not before.rows or before.adequate or trend is None:
+        return ()
+    found = []
+    for candidate in _one_each(before):
+        if candidate.name in kept:
+            continue
+        tell(f"Asking what {candidate.name} could do alone")
+        tried = alone(before, candidate)
+        if tried is None:
+            continue
+        reached = _reached(trend, tried.fit)
+        only = _only(before, trend, tried.fit)
+        if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
+            worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
+            found.append(Exclusion(candidate.name, reached, only, worse))
+    return tuple(sorted(found, key=lambda one: (bool(one.only), one.effect)))
+
+
+def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
+    """Which effects change nothing or the wrong way, which do so in places, and which fit less well."""
+    never = [one.effect for one in found if not one.only and one.reached < _TURNS]
+    sentences = []
+    if never:
+        want = "rise" if trend.measured > 0.0 else "fall"
+        ends = trend.text.partition(", the model")[0].partition(" from ")[2]
+        sentences.append(
+            f"excluded, because alone and at any size that physics allows they cannot make the "
+            f"{trend.quantity} {want} from {ends} as it does: {', '.join(never)}"
+        )
+    sentences += [
+        f"excluded, because alone it explains {' and '.join(one.only)} only: {one.effect}"
+        for one in found
+        if one.only
+    ]
+    less = [one for one in found if not one.only and one.reached >= _TURNS]
+    if less:
+        named = ", ".join(f"{one.effect} (by {one.worse:.1f} sigma)" for one in less)
+        sentences.append(f"excluded, because alone they fit less well than the best: {named}")
+    return sentences
+
+
+def _one_each(before: ModelComparison) -> list[Candidate]:
+    """Every effect that shows in the table, at its best shape."""
+    lin = before.linearisation
+    return [lin.candidates[score.candidate] for score in before.screening.scores]
+
+
+def _reached(trend: Trend, fit: FitResult) -> float:
+    """The share of the missing change that a fit makes."""
+    own = next(
+        one for one in trends(fit) if one.quantity == trend.quantity and one.variable == trend.variable
+    )
+    return (own.predicted - trend.predicted) / (trend.measured - trend.predicted)
+
+
+def _only(before: ModelComparison, trend: Trend, fit: FitResult) -> tuple[str, ...]:
+    """The conditions at which a fit makes half of the change, where these are some and not all."""
+    had, has = _changes(before, trend, before.rows), _changes(before, trend, table_rows(fit))
+    there = [
+        label
+        for label, (measured, predicted) in has.items()
+        if measured != had[label][1] and (predicted - had[label][1]) / (measured - had[label][1]) > _THERE
+    ]
+    return tuple(there) if 0 < len(there) <= len(has) // 2 else ()
+
+
+def _changes(
+    before: ModelComparison, trend: Trend, rows: Sequence[TableRow]
+) -> dict[str, tuple[float, float]]:
+    """(measured, predicted) change from the low to the high end of the variable, for each other condition."""
+    records = before.fit.problem.records
+    groups: dict[str, list[tuple[float, TableRow]]] = {}
+    for row in rows:
+        condition = records[row.place].condition
+        at = condition.get(trend.variable)
+        if at is None or row.quantity != trend.quantity:
+            continue
+        others = [value for name, value in condition.items() if name != trend.variable]
+        shown = row.condition.split(", ")
+        place = list(condition).index(trend.variable)
+        label = ", ".join(text for k, text in enumerate(shown) if k != place) if others else ""
+        groups.setdefault(label, []).append((at, row))
+    found = {}
+    for label, own in groups.items():
+        low, high = min(own, key=lambda one: one[0])[1], max(own, key=lambda one: one[0])[1]
+        found[label] = (high.measured - low.measured, high.predicted - low.predicted)
+    return found
