@@ -151,4 +151,4 @@ def test_a_value_may_be_written_alone_or_with_what_it_is_for() -> None:
     schema = ModelFile.model_json_schema()
     branches = schema["$defs"]["Setting"]["anyOf"]
     assert branches[0]["examples"]
-    assert set(branches[1]["properties"]) == {"value", "fit", "std", "from"}
+    assert set(branches[1]["properties"]) == {"value", "fit", "std", "prior", "from"}

@@ -58,11 +58,21 @@ def _parameters(values: Sequence[StatedValue]) -> Table:
             f"{stated.value:.6g}",
             escape(_spread(stated)),
             escape(stated.unit),
-            "fitted" if stated.fit else "fixed",
+            _freedom(stated),
             escape(stated.source or _SAID_BY[stated.origin]),
             escape(stated.meaning),
         )
     return made
+
+
+def _freedom(stated: StatedValue) -> str:
+    """Whether a fit may change it, and what it weighs beside the data."""
+    if not stated.fit:
+        return "fixed"
+    if stated.prior_values is None:
+        return "fitted"
+    value, std = stated.prior_values
+    return f"fitted, prior {value:.4g} ± {std:.2g}"
 
 
 def _spread(stated: StatedValue) -> str:
@@ -112,6 +122,7 @@ def value_document(stated: StatedValue) -> dict[str, Any]:
         "std": stated.std_value,
         "std_unit": stated.std_unit,
         "fit": stated.fit,
+        "prior": _prior(stated.prior_values),
         "fixed": stated.fixed,
         "origin": stated.origin,
         "from": stated.source or _SAID_BY[stated.origin],
@@ -253,3 +264,7 @@ def history_document(versions: Sequence[Version], current: Version) -> dict[str,
             for found in version_errors(versions)
         ],
     }
+
+
+def _prior(known: tuple[float, float] | None) -> dict[str, float] | None:
+    return None if known is None else {"value": known[0], "std": known[1]}

@@ -15,17 +15,31 @@ Floats = NDArray[np.float64]
 
 #: the chance of calling a right model wrong
 LEVEL = 0.01
+#: so many spreads above its mean a statistic is no chance any more, at `LEVEL`
+_SURE = 2.33
 
 
 @dataclass(frozen=True)
 class Test:
-    """One test: its statistic and how often chance alone reaches it."""
+    """One test: its statistic and how often chance alone reaches it.
+
+    Attributes
+    ----------
+    freedom: degrees of freedom; 0 where the statistic has none.
+    spread: standard deviation of the statistic when nothing is missing.
+    """
 
     statistic: float
     p_value: float
     freedom: int = 0
+    spread: float = 0.0
 
     __test__ = False  # not a test case
+
+    @property
+    def excess(self) -> float:
+        """What of the statistic chance does not explain, in χ²; 0 where it has no degrees of freedom."""
+        return max(0.0, self.statistic - self.freedom - _SURE * self.spread) if self.freedom else 0.0
 
 
 @dataclass(frozen=True)
@@ -99,10 +113,11 @@ def chi2_test(projected: Projected) -> Test:
         count = sum(int(problem.ok[k][:, c].sum()) for k in projected.places)
         if channel.degrees:  # count·F(count, degrees) has this variance beyond that of χ²(count)
             extra += 2.0 * count**2 / channel.degrees
+    spread = math.sqrt(2.0 * freedom + extra)
     if extra == 0.0:
-        return Test(statistic, chi2_tail(statistic, freedom), freedom)
-    z = (statistic - freedom) / math.sqrt(2.0 * freedom + extra)
-    return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), freedom)
+        return Test(statistic, chi2_tail(statistic, freedom), freedom, spread)
+    z = (statistic - freedom) / spread
+    return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), freedom, spread)
 
 
 def chi2_tail(statistic: float, freedom: int, known: int = 0) -> float:

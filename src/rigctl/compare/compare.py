@@ -154,5 +154,11 @@ def _notes(fitted: FitResult) -> list[str]:
         for channel in problem.noise.channels
         if channel.masked
     ]
+    edges = [
+        f"{channel.edges} readings of {channel.name} lie on edges that are shorter than the sampling: they tell "
+        "of the moment more than of the value, and are left out"
+        for channel in problem.noise.channels
+        if channel.edges
+    ]
     silent = [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
-    return [*problem.measurements.notes, problem.noise.statement, *spikes, *silent]
+    return [*problem.measurements.notes, problem.noise.statement, *spikes, *edges, *silent]

@@ -9,7 +9,7 @@ triangle with the same inner products: what follows costs the same for long reco
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,43 @@ class Linearisation:
     def columns_of(self, place: int) -> slice:
         """The columns of S that belong to a candidate."""
         return slice(self.starts[place], self.starts[place] + len(self.candidates[place].columns))
+
+    def rearranged(self, fitted: Sequence[int], kept: Sequence[int]) -> Linearisation:
+        """The same point with the candidates at `fitted` among the nuisances, and of the rest those at `kept`.
+
+        A parameter that the fit left at its bound is no nuisance.
+        """
+        held = set(self.fit.solution.at_bound) if self.fit.solution is not None else set()
+        moved = [
+            (self.starts[place] + k, name)
+            for place in fitted
+            for k, name in enumerate(self.candidates[place].columns)
+            if name not in held
+        ]
+        joined = [column for column, _ in moved]
+        columns = [
+            column for place in kept for column in range(*self.columns_of(place).indices(self.sizes.size))
+        ]
+        chosen = tuple(self.candidates[place] for place in kept)
+        starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
+        weight, residual = self.prior
+        more = len(joined)
+        return replace(
+            self,
+            candidates=chosen,
+            starts=tuple(int(start) for start in starts),
+            nuisances=(*self.nuisances, *(name for _, name in moved)),
+            records=tuple(
+                replace(
+                    one,
+                    nuisance=np.hstack([one.nuisance, one.signatures[:, joined]]),
+                    signatures=one.signatures[:, columns],
+                )
+                for one in self.records
+            ),
+            sizes=self.sizes[columns],
+            prior=(np.pad(weight, (0, more)), np.pad(residual, (0, more))),
+        )
 
 
 def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | None = None) -> Linearisation:

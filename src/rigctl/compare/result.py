@@ -197,6 +197,7 @@ def _channel(
         "noise_share": noise.share or None,
         "noise_source": noise.source,
         "masked": noise.masked,
+        "on_edges": noise.edges,
         "nrmse": error.nrmse,
         "chi2_reduced": error.chi2_reduced,
         "r2": _finite(error.r2),

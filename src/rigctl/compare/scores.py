@@ -184,7 +184,8 @@ def _score(
     every = np.zeros(len(lin.candidates[place].columns))
     every[columns - lin.starts[place]] = sizes
     moves = projected.coefficients[:, columns] @ (sizes if np.any(sizes) else np.ones(columns.size))
-    scale = np.array([unknown.size for unknown in lin.fit.problem.shared if unknown.name in lin.nuisances])
+    sizes_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
+    scale = np.array([sizes_of[name] for name in lin.nuisances])
     hidden = lin.nuisances[int(np.argmax(np.abs(moves) / scale))] if lin.nuisances else ""
     return Score(
         effect=lin.candidates[place].name,

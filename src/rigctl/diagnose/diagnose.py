@@ -15,7 +15,7 @@ from rigctl.diagnose.folds import HeldOut, held_out_gain
 from rigctl.diagnose.power import power_text
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Rival, classes_of, find_rivals
-from rigctl.diagnose.search import Search, Tell
+from rigctl.diagnose.search import SHAPE, Search, Tell
 from rigctl.diagnose.table_remarks import table_remarks
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
@@ -23,8 +23,6 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
 
-#: more of the misfit than this left after the best set means that the set is not what is missing
-_LEFT = 0.15
 _SHOWN = 12
 
 
@@ -77,7 +75,7 @@ def diagnose_comparison(
     ranking = _ranking(search, best)
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
     ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
-    left = 0.0 if before.adequate else _left(search, best)
+    left = search.left(best)
     verdict = _verdict(before, best, close, checks, left)
     chosen = [
         (candidate, next(one for one in ranking if one.effect == candidate.name))
@@ -123,29 +121,11 @@ def _verdict(
 ) -> Verdict:
     if before.adequate:
         return Verdict.ADEQUATE
-    if not best.candidates or left > _LEFT:
+    if not best.candidates or left > SHAPE:
         return Verdict.OUTSIDE_LIBRARY
     if close or any(check is not None and check.folds >= 2 and not check.passed for check in checks.values()):
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
-
-
-def _left(search: Search, best: Trial) -> float:
-    """The share of the misfit that stays with the best set; 0 when the tests find nothing any more.
-
-    Measured by what the tests see: the plane test's excess, and the largest fall of χ² that any further
-    effect promises, against the fall that was reached.
-    """
-    if not best.candidates:
-        return 1.0
-    here = search.at(best)
-    if here.adequacy.adequate:
-        return 0.0
-    plane = here.adequacy.tests.get("plane")
-    excess = max(plane.statistic - plane.freedom, 0.0) if plane is not None else 0.0
-    promised = max((score.gain for score in here.screening.scores), default=0.0)
-    reached = max(search.none.chi2 - best.chi2, 1e-12)
-    return max(excess, promised) / (reached + max(excess, promised))
 
 
 def _ranking(search: Search, best: Trial) -> list[Ranked]:
@@ -155,6 +135,8 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
     screened = [score for score in search.before.screening.scores if score.effect not in refitted]
     sets: dict[tuple[str, ...], float] = {}
     for trial in trials:  # of several shapes of one set, the best counts
+        if set(trial.effects) > set(best.effects) and best.candidates:
+            continue  # what it has beyond the best set explains no more than the shape of that may
         key = tuple(sorted(trial.effects))
         sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
     for score in screened:

@@ -1,28 +1,35 @@
-"""Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again."""
+"""Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again.
+
+No effect of a library has a bench's exact shape: what is left of a misfit that one explains to nine tenths is
+more likely to be its own shape than another effect. A set is therefore made longer only while it leaves more
+than `SHAPE` of the misfit, and a member that explains less than that share is not kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
-from rigctl.compare.adequacy import Adequacy, adequacy
-from rigctl.compare.candidates import Candidate, candidates
-from rigctl.compare.linearise import Linearisation, linearise
-from rigctl.compare.projected import Projected, project
+from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
-from rigctl.compare.scores import Screening, screen
 from rigctl.diagnose.confound import LEAST_SEPARATION, cosine, separation
 from rigctl.diagnose.pairs import pair_gains
+from rigctl.diagnose.point import Point
 from rigctl.diagnose.trial import Trial, plain, refit
 from rigctl.model.fit.problem import Problem
 
 #: told what is being done
 Tell = Callable[[str], None]
 
+#: the share of a squared misfit that an effect of the right cause may leave by not having the bench's exact
+#: shape: 40 % of its size
+SHAPE = 0.15
 _BEST = 3
 #: rivals more alike than this are refitted
 _ALIKE = 0.5
+#: but not those that the signatures separate by more than this: no refit brings them back
+_FAR = 3.0 * LEAST_SEPARATION
 #: never more refits of rivals than these
 _MOST_RIVALS = 7
 _PAIRS = 2
@@ -79,20 +86,36 @@ class Search:
         if not self.before.screening.scores:
             return self.none
         self._singles()
-        best = self._least([self.none, *self.trials.values()])
+        best = self._swapped(self._least([self.none, *self.trials.values()]))
         best = self._pairs(best)
-        while best.candidates and len(best.candidates) < self.most and not self.at(best).adequacy.adequate:
+        while best.candidates and len(best.candidates) < self.most and self.left(best) > SHAPE:
             longer = self._forward(best)
             if longer is None or self.mbic(longer) >= self.mbic(best):
                 break
             best = longer
         return self._swapped(self._backward(best))
 
+    def left(self, trial: Trial) -> float:
+        """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more.
+
+        Measured by what the tests see: the excess of the plane test, the largest fall of χ² that any further
+        effect promises, and what of χ² is beyond its own spread; against the fall that was reached.
+        """
+        if not trial.candidates:
+            return 0.0 if self.before.adequate else 1.0
+        here = self.at(trial)
+        if here.adequacy.adequate:
+            return 0.0
+        excess = max(test.excess for test in here.adequacy.tests.values())
+        promised = max((score.gain for score in here.screening.scores), default=0.0)
+        reached = max(self.none.chi2 - trial.chi2, 1e-12)
+        return max(excess, promised) / (reached + max(excess, promised))
+
     def at(self, trial: Trial) -> Point:
         """The linearisation and the tests at a trial's fit."""
         key = _key(trial.candidates)
         if key not in self._points:
-            self._points[key] = point(trial, self.whole, self.before.excluded)
+            self._points[key] = Point(trial, self.whole, self.before.excluded)
         return self._points[key]
 
     def rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
@@ -111,11 +134,10 @@ class Search:
         if without is None:
             return []
         size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
-        look = linearise_at(trial, self.whole, drop=member, excluded=self.before.excluded)
-        projected = project(look)
-        own = next(k for k, one in enumerate(look.candidates) if one is member or _same(one, member))
+        projected, own = self.at(trial).without(member)
         close: dict[str, tuple[float, Candidate, float]] = {}
         silent = set(self.before.screening.untestable)
+        look = projected.linearisation
         for place, candidate in enumerate(look.candidates):
             if candidate.name == member.name or not projected.usable[look.columns_of(place)].any():
                 continue
@@ -126,7 +148,9 @@ class Search:
             held = close.get(candidate.name)
             if held is None or cos > held[0]:
                 close[candidate.name] = (cos, candidate, d)
-        near = [one for one in close.values() if one[0] > _ALIKE or one[2] < LEAST_SEPARATION]
+        near = [
+            one for one in close.values() if (one[0] > _ALIKE or one[2] < LEAST_SEPARATION) and one[2] < _FAR
+        ]
         near.sort(key=lambda one: -one[0])
         found = []
         for cos, candidate, d in near[:_MOST_RIVALS]:
@@ -143,7 +167,7 @@ class Search:
         alike = [
             score
             for score in by_gain
-            if cosine(projected, leader.candidate, score.candidate) > _ALIKE and score.gain > 0.0
+            if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
         for effect in chosen[: _BEST + _MOST_RIVALS]:
@@ -152,9 +176,14 @@ class Search:
                 self.tell(f"Refitting with {effect}")
                 self._try((lin.candidates[score.candidate],), self.none)
 
+    @staticmethod
+    def _near(cos: float, size: float) -> bool:
+        """Whether two signatures are so alike that a refit must tell which is right."""
+        return cos > _ALIKE and separation(size, cos) < _FAR
+
     def _pairs(self, best: Trial) -> Trial:
         """The best pairs of the linear problem, where they promise more than the best single effect."""
-        if self.most < 2 or (best.candidates and self.at(best).adequacy.adequate):
+        if self.most < 2 or (best.candidates and self.left(best) <= SHAPE):
             return best
         lin = self.before.linearisation
         promised = self.none.chi2 - min(
@@ -179,23 +208,26 @@ class Search:
         return self._least([one for one in tried if one is not None]) if any(tried) else None
 
     def _backward(self, best: Trial) -> Trial:
-        """Without the members that do not pay for themselves."""
+        """Without the members that do not pay for themselves, or explain no more than a shape may."""
         while len(best.candidates) > 1:
-            shorter = [
+            tried = [
                 self._try(tuple(one for one in best.candidates if one is not member), best)
                 for member in best.candidates
             ]
-            found = self._least([best, *(one for one in shorter if one is not None)])
+            shorter = [one for one in tried if one is not None]
+            found = self._least([best, *shorter])
             if found is best:
-                break
+                reached = self.none.chi2 - best.chi2
+                slight = [one for one in shorter if one.chi2 - best.chi2 < SHAPE * reached]
+                if not slight:
+                    break
+                found = min(slight, key=lambda one: one.chi2)
             best = found
         return best
 
     def _swapped(self, best: Trial) -> Trial:
         """With a member replaced by a rival where that explains more: what came first need not be right."""
         for _ in range(_SWAPS):
-            if len(best.candidates) < 2:
-                break
             sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
             found = self._least([best, *sets])
             if found is best:
@@ -215,56 +247,6 @@ class Search:
 
     def _least(self, trials: Iterable[Trial]) -> Trial:
         return min(trials, key=self.mbic)
-
-
-@dataclass(frozen=True)
-class Point:
-    """What a trial's fit leaves."""
-
-    linearisation: Linearisation
-    projected: Projected
-    screening: Screening
-    adequacy: Adequacy
-
-
-def point(trial: Trial, whole: Problem, excluded: Collection[str] = ()) -> Point:
-    """Linearise at a trial with every candidate that is not in it."""
-    lin = linearise_at(trial, whole, excluded=excluded)
-    projected = project(lin)
-    screening = screen(projected)
-    return Point(lin, projected, screening, adequacy(projected, screening))
-
-
-def linearise_at(
-    trial: Trial, whole: Problem, drop: Candidate | None = None, *, excluded: Collection[str] = ()
-) -> Linearisation:
-    """Linearise at a trial; `drop` is one of its members whose parameters are signatures, not nuisances."""
-    present = set(trial.effects)
-    contradicted = {name for one in trial.candidates for name in one.effect.instead_of}
-    others = [
-        one
-        for one in candidates(whole.model, excluded)
-        if one.name not in present and (one.name not in contradicted or drop is not None)
-    ]
-    if drop is None:
-        return linearise(trial.fit, whole, others)
-    held = set(drop.columns)
-    problem = trial.fit.problem
-    keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in held]
-    names = problem.compiled.system.parameter_names
-    base = problem.base.copy()
-    for unknown, value in zip(problem.shared, trial.fit.values, strict=True):
-        base[names.index(unknown.name)] = value
-    fixed = replace(
-        trial.fit,
-        problem=problem.with_shared([problem.shared[k] for k in keep], base),
-        values=trial.fit.values[keep],
-    )
-    return linearise(fixed, whole, [replace(drop, shapes={}), *others])
-
-
-def _same(one: Candidate, other: Candidate) -> bool:
-    return one.name == other.name and not one.shapes
 
 
 def _key(chosen: Sequence[Candidate]) -> tuple[str, ...]:

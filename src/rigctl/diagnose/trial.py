@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 #: a trial is fitted until the next step would lower its cost by less than this share
 _COST = 1e-5
+#: a parameter may double in one step: an effect begins at its null, far below its size
+_STEP = 1.0
 #: so far inside its bounds an effect's parameter begins, as a share of their distance
 _ROOM = 1e-6
 
@@ -86,7 +88,7 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | Non
         problem = fitted.problem.rebuilt(model)
         known = fitted if begin is None else begin
         problem = problem.with_shared(_started(problem, known))
-        found = fit(problem, fitted.held_out, local=known.local, cost=_COST)
+        found = fit(problem, fitted.held_out, local=known.local, cost=_COST, largest_step=_STEP)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     assert found.solution is not None  # noqa: S101 - there is something to fit

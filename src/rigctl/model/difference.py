@@ -112,5 +112,6 @@ def _same(one: StatedValue, other: StatedValue) -> bool:
     return (
         math.isclose(one.si, other.si, rel_tol=1e-12)
         and one.fit == other.fit
+        and one.prior == other.prior
         and math.isclose(one.std or 0.0, other.std or 0.0, rel_tol=1e-12)
     )

@@ -12,6 +12,7 @@ from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect
 from rigctl.effects.option import read_parameter
 from rigctl.effects.user.load import load_effect
+from rigctl.engine.least_squares.unknown import Prior
 from rigctl.errors import RigctlError
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
@@ -19,7 +20,7 @@ from rigctl.files.version_suffix import split_version, with_version
 from rigctl.files.yaml import Document, parse_document, read_document
 from rigctl.model.history.store import read_version
 from rigctl.model.model import Model, Value
-from rigctl.model.schema import ModelFile, Setting
+from rigctl.model.schema import Known, ModelFile, Setting
 from rigctl.model.values import parameter_values
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily, ParameterDeclaration
@@ -120,8 +121,9 @@ def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iter
             reader.refuse((*keys, "fit"), fixed)
         read_std = partial(_std, setting.std, declared.unit)
         std = reader.read((*keys, "std"), read_std)
+        prior = reader.read((*keys, "prior"), partial(_prior, declared, setting.prior))
         if value is not None:
-            yield name, _stated(value, setting, std)
+            yield name, replace(_stated(value, setting, std), prior=prior)
 
 
 def _value(declared: ParameterDeclaration, written: Quantity) -> float:
@@ -130,6 +132,15 @@ def _value(declared: ParameterDeclaration, written: Quantity) -> float:
         ends = [show(end, declared.unit) for end in (declared.low, declared.high) if math.isfinite(end)]
         raise RigctlError(f"{declared.name} is out of bounds", value=str(written), expected=" to ".join(ends))
     return value
+
+
+def _prior(declared: ParameterDeclaration, written: Known | None) -> Prior | None:
+    if written is None:
+        return None
+    std = _std(written.std, declared.unit)
+    if not std:
+        raise RigctlError("a prior's standard deviation is above zero", value=str(written.std))
+    return Prior(_value(declared, written.value), std)
 
 
 def _effects(

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.registry import find_effect, library
+from rigctl.engine.least_squares.unknown import Prior
 from rigctl.engine.system import System
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.version_suffix import split_version
@@ -30,6 +31,7 @@ class Value:
     std: its standard deviation, SI; None when nobody has said.
     source: where it comes from, in words.
     unit: the unit in which the model file has it; empty when the file does not say it.
+    prior: what was known before any fit, SI: every fit weighs it with the data.
     """
 
     si: float
@@ -37,6 +39,7 @@ class Value:
     std: float | None = None
     source: str = ""
     unit: str = ""
+    prior: Prior | None = None
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ class Model:
             given = Value(float(value), std=(std or {}).get(name), source=source)
             old = place.get(key, Value(self.values[name]))
             if key not in place or given != Value(old.si):
-                place[key] = replace(given, fit=old.fit, unit=old.unit)
+                place[key] = replace(given, fit=old.fit, unit=old.unit, prior=old.prior)
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
 
     def _knowing(self, effect: Effect) -> Model:

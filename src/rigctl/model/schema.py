@@ -18,6 +18,13 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class Known(_Part):
+    """What is known of a parameter before any measurement: ``{value: 12 kg, std: 3 kg}``."""
+
+    value: AnyQuantity = Field(description="the data sheet's or the scales', with its unit")
+    std: AnyQuantity = Field(description="how far it is trusted: a standard deviation, with its unit")
+
+
 class Setting(_Part):
     """A parameter's value: ``4.05 mm^2``, or ``{value: 4.05 mm^2, fit: true, std: 0.01 mm^2, from: ...}``."""
 
@@ -25,6 +32,9 @@ class Setting(_Part):
     fit: bool = Field(default=False, description="whether a fit or a diagnosis may change it")
     std: AnyQuantity | None = Field(
         default=None, description="standard deviation of the value, with its unit"
+    )
+    prior: Known | None = Field(
+        default=None, description="what is known before any fit, which every fit weighs with the data"
     )
     source: str = Field(
         default="", alias="from", description="where the value comes from: a fit, a data sheet"

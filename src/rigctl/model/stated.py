@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from rigctl.effects.declaration import qualified
+from rigctl.engine.least_squares.unknown import Prior
 from rigctl.model.model import Model, Value
 from rigctl.model.values import parameter_origins
 from rigctl.units import parse_unit
@@ -27,6 +28,7 @@ class StatedValue:
     fixed: it is a dimension, which no fit changes.
     origin: who says the value: the model file, the rig file, the oil, or the family's or the effect's own.
     source: where the model file has it from, in words.
+    prior: what was known of it before any fit, SI.
     """
 
     name: str
@@ -39,6 +41,7 @@ class StatedValue:
     source: str
     meaning: str
     difference: bool = False
+    prior: Prior | None = None
 
     @property
     def value(self) -> float:
@@ -56,6 +59,14 @@ class StatedValue:
         if self.std is None:
             return None
         return rounded(parse_unit(self.std_unit).from_si(self.std, difference=True))
+
+    @property
+    def prior_values(self) -> tuple[float, float] | None:
+        """The prior's value in `unit` and its standard deviation in `std_unit`."""
+        if self.prior is None:
+            return None
+        mean = parse_unit(self.unit).from_si(self.prior.mean, difference=self.difference)
+        return rounded(mean), rounded(parse_unit(self.std_unit).from_si(self.prior.std, difference=True))
 
 
 def rounded(value: float) -> float:
@@ -82,6 +93,7 @@ def _of_family(model: Model) -> Iterator[StatedValue]:
             origin=origins[declared.name],
             source=given.source,
             meaning=declared.meaning,
+            prior=given.prior,
         )
 
 

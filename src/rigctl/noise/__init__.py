@@ -1,5 +1,6 @@
 """Noise of the measurements, learned without a model: arrays in, arrays out."""
 
+from rigctl.noise.edges import find_edges
 from rigctl.noise.estimate import estimate_noise, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.record import NoiseRecord
@@ -18,6 +19,7 @@ __all__ = [
     "Whitener",
     "estimate_noise",
     "estimate_scatter",
+    "find_edges",
     "find_spikes",
     "find_spikes_in_records",
     "row_noise",

@@ -36,6 +36,7 @@ class ChannelNoise:
         signal there is no such part.
     degrees: of freedom behind sigma: a whitened sum of squares over n rows, divided by n, is distributed like
         F(n, degrees), not χ²(n)/n; 0 when guessed.
+    edges: samples on edges that the sampling does not resolve, left out (see `edges.find_edges`).
     share: where it is not 0, the standard deviation of a value is this share of its size, and sigma is that
         of a typical one.
     """
@@ -51,6 +52,7 @@ class ChannelNoise:
     white: float = 0.0
     bias: float = 0.0
     degrees: int = 0
+    edges: int = 0
     share: float = 0.0
 
     def __post_init__(self) -> None:

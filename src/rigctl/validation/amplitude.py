@@ -25,7 +25,7 @@ Clean: TypeAlias = list[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]
 SizeOf: TypeAlias = Callable[[Clean, Clean], float]
 
 #: how near λ must come to what is wanted
-_CLOSE = 0.02
+_CLOSE = 0.05
 _MOST_TRIALS = 14
 #: largest change of the amplitude from one trial to the next
 _LEAP = 30.0

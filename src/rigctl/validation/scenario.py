@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+
 from rigctl.validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter
+from rigctl.validation.bench.parameters import Bench
 from rigctl.validation.bench.sensing import TEN_BITS, Noise
 from rigctl.validation.hidden_effect import Shape, hide
 from rigctl.validation.hidden_effects import find_hidden
@@ -19,6 +22,10 @@ NOISES: tuple[NoiseVariant, ...] = ("white", "coloured", "ten_bits", "scatter", 
 CORRELATION = 0.6
 #: how well the pressure setting is repeated, as a share
 SCATTER = 0.002
+
+#: standard deviations of what drawings, scales and data sheets tell of the bench: what the textbook model's
+#: priors say of it, so that they are as good as they claim to be, and no better
+TOLERANCES = {"mass": 2.0, "spool_time": 8e-3, "dead_a": 15e-6, "dead_b": 15e-6}
 
 
 @dataclass(frozen=True)
@@ -96,9 +103,21 @@ class Scenario:
         )
 
     def campaign(self, amplitudes: Sequence[float]) -> Campaign:
-        """The campaign that hides its effects with these amplitudes (SI, signed), one for each."""
+        """The campaign that hides its effects with these amplitudes (SI, signed), one for each.
+
+        The bench is one of many that its drawings fit: see `TOLERANCES`.
+        """
         pairs = [(find_hidden(w.effect), a) for w, a in zip(self.hidden, amplitudes, strict=True)]
-        return hide(self.plain, pairs, self.shape)
+        return hide(replace(self.plain, bench=self._bench()), pairs, self.shape)
+
+    def _bench(self) -> Bench:
+        """The bench as it was built: off its drawings by up to two standard deviations."""
+        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(self.seed, spawn_key=(0,))))
+        drawn = Bench()
+        for name, std in TOLERANCES.items():
+            off = float(np.clip(rng.standard_normal(), -2.0, 2.0))
+            drawn = drawn._replace(**{name: getattr(drawn, name) + std * off})
+        return drawn
 
     def document(self) -> dict[str, Any]:
         """The scenario as plain data."""

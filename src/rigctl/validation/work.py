@@ -22,7 +22,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.load import load_model
-from rigctl.model.measured.noise import DataNoise, noise_of
+from rigctl.model.measured.noise import DataNoise, noise_of, without_edges
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 from rigctl.noise import ChannelNoise, NoiseModel
@@ -40,6 +40,8 @@ from rigctl.validation.scenario import Scenario, Wanted
 
 Floats = NDArray[np.float64]
 
+#: sizes are wanted to some percent, and so is the misfit that they are read from
+_COST = 1e-3
 #: a normal distribution's two-sided 95 %
 _WIDTH = 1.959963984540054
 
@@ -147,7 +149,7 @@ def refitted(fitted: FitResult, clean: Clean) -> FitResult:
         for unknown, value in zip(problem.shared, fitted.values, strict=True)
     ]
     other = replace(problem, measurements=replace(problem.measurements, records=records))
-    return fit(other.with_shared(shared), local=fitted.local)
+    return fit(other.with_shared(shared), local=fitted.local, cost=_COST, largest_step=1.0)
 
 
 def _squares(fitted: FitResult) -> float:
@@ -179,9 +181,8 @@ def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
         ChannelNoise(name, sigma[name], source="rig", guessed=False, statement="known")
         for name in measurements.outputs
     )
-    return DataNoise(
-        NoiseModel(channels, 1.0 / RATE, "known"), tuple(record.here for record in measurements.records)
-    )
+    here = tuple(record.here for record in measurements.records)
+    return without_edges(DataNoise(NoiseModel(channels, 1.0 / RATE, "known"), here), measurements)
 
 
 def _diagnose(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:

@@ -24,6 +24,7 @@ _SQUARES = Squares()
 _FIRST_DAMPING = 1e-2
 _STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a longer step
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
+_PATIENCE = 4  # iterations that together must lower the cost by the share at which a fit is done
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,7 @@ class _Search:
         self.damping, self.growth = _FIRST_DAMPING, 2.0
         self.evaluations = self.iterations = 0
         self.column_size = np.zeros(len(self.all))
+        self.falls: list[float] = []
 
     def run(self) -> LeastSquaresResult:
         """Iterate to an end and conclude."""
@@ -123,7 +125,10 @@ class _Search:
             if ended is not None:
                 outcome, message = ended
                 break
+            before = self.cost
             eager, stalled = self._try(found, eager)
+            self.falls.append(before - self.cost)
+            stalled = stalled or self._out_of_patience()
             if stalled is not None:
                 outcome, message = stalled
                 break
@@ -227,6 +232,12 @@ class _Search:
                 return Outcome.STALLED, "No step lowers the cost"
             return Outcome.STEP, "No parameter moves any more"
         if self.damping < 1.0 and 0.0 <= self._expected(found.step) <= self.options.cost * self.cost:
+            return Outcome.COST, "The cost does not fall any more"
+        return None
+
+    def _out_of_patience(self) -> tuple[Outcome, str] | None:
+        """Steps that promise more than they bring: the model is not exact enough for the rest."""
+        if len(self.falls) >= _PATIENCE and sum(self.falls[-_PATIENCE:]) <= self.options.cost * self.cost:
             return Outcome.COST, "The cost does not fall any more"
         return None
 

@@ -21,6 +21,7 @@ from rigctl.engine.least_squares import (
     multi_start,
 )
 from rigctl.errors import RigctlError
+from rigctl.model.fit.approach import approach
 from rigctl.model.fit.errors import ChannelError, channel_errors
 from rigctl.model.fit.problem import Problem
 from rigctl.model.model import Model
@@ -126,6 +127,7 @@ def fit(
     seed: int = 0,
     local: Sequence[Floats] | None = None,
     cost: float = _COST,
+    largest_step: float = Options.largest_step,
     progress: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """Fit the shared unknowns on all records but `hold_out`; the records' own ones on each record.
@@ -135,6 +137,7 @@ def fit(
     refit: False keeps the shared unknowns at their starts.
     starts: how many points to begin at; more than one is for costs with several minima.
     local: where the records' own unknowns begin, when something better than their priors is known.
+    cost, largest_step: as in `rigctl.engine.least_squares.Options`.
 
     Raises
     ------
@@ -142,7 +145,8 @@ def fit(
         nothing is left to fit on, there are fewer values than parameters, or the model has no value at the
         start.
     """
-    plan = _Plan(refit, starts, seed, Options(cost=cost), progress)
+    options = Options(cost=cost, largest_step=largest_step)
+    plan = _Plan(refit, starts, seed, options, progress)
     found = _fit(problem, hold_out, plan, local)
     sized = _sized(problem, found)
     return found if sized is None else _fit(sized, hold_out, plan, found.local)
@@ -172,8 +176,11 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     if plan.refit and problem.shared:
         _check_enough(inner)
         inside = _started(inner, None if local is None else [local[k] for k in fitted])
+        begun: Sequence[Unknown] = inner.shared
+        if local is None:
+            begun, inside = approach(inner.evaluate, inner.shared, inside, plan.progress)
         solution = (
-            least_squares(inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress)
+            least_squares(inner.evaluate, begun, inside, options=plan.options, progress=plan.progress)
             if plan.starts <= 1
             else multi_start(
                 inner.evaluate, inner.shared, inside, count=plan.starts, seed=plan.seed, options=plan.options

@@ -51,7 +51,16 @@ def parameter_unknown(model: Model, name: str) -> Unknown:
     declared = model.family.parameter(name)
     low = max(declared.low, _NARROW * value) if declared.low == 0.0 and value > 0.0 else declared.low
     high = declared.high if math.isfinite(declared.high) or not value else _WIDE * abs(value)
-    return Unknown(name, value, low, max(high, value), scale=abs(value) or 1.0, unit=si_unit(declared.unit))
+    given = model.parameters.get(name)
+    return Unknown(
+        name,
+        value,
+        low,
+        max(high, value),
+        scale=abs(value) or 1.0,
+        prior=given.prior if given is not None else None,
+        unit=si_unit(declared.unit),
+    )
 
 
 def effect_unknown(effect: Effect, name: str, start: float | None = None) -> Unknown:

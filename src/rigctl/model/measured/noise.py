@@ -16,6 +16,7 @@ from rigctl.noise import (
     NoiseRecord,
     RowNoise,
     estimate_noise,
+    find_edges,
     find_spikes_in_records,
     row_noise,
 )
@@ -29,7 +30,7 @@ class DataNoise:
     Attributes
     ----------
     model: of all channels.
-    ok: (n, outputs) of each record: read, and no spike.
+    ok: (n, outputs) of each record: read, no spike, and on no edge that the sampling does not resolve.
     """
 
     model: NoiseModel
@@ -55,9 +56,24 @@ def noise_of(measurements: Measurements) -> DataNoise:
     ]
     spikes = find_spikes_in_records(records)
     ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
-    return DataNoise(
-        estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes), ok
+    noise = estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes)
+    return without_edges(DataNoise(noise, ok), measurements)
+
+
+def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
+    """Leave out the samples on edges that the sampling does not resolve, and count them."""
+    sigma = np.array([channel.sigma for channel in noise.model.channels])
+    found = [
+        good & find_edges(record.times, np.where(good, record.values, np.nan), sigma)
+        for record, good in zip(measurements.records, noise.ok, strict=True)
+    ]
+    counts = np.sum([mask.sum(axis=0) for mask in found], axis=0)
+    channels = tuple(
+        replace(channel, edges=int(count))
+        for channel, count in zip(noise.model.channels, counts, strict=True)
     )
+    ok = tuple(good & ~mask for good, mask in zip(noise.ok, found, strict=True))
+    return DataNoise(replace(noise.model, channels=channels), ok)
 
 
 def _known(measurements: Measurements) -> dict[str, float]:

@@ -1,0 +1,90 @@
+"""What a trial's fit leaves: its linearisation, from which every question about the trial is answered."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from rigctl.compare.adequacy import Adequacy, adequacy
+from rigctl.compare.candidates import Candidate, candidates
+from rigctl.compare.linearise import Linearisation, linearise
+from rigctl.compare.projected import Projected, project
+from rigctl.compare.scores import Screening, screen
+from rigctl.diagnose.trial import Trial
+from rigctl.model.fit.problem import Problem
+
+
+@dataclass(frozen=True)
+class Point:
+    """A trial's fit, linearised once with its own effects among the candidates.
+
+    Attributes
+    ----------
+    whole: the data with the whole library at its null.
+    excluded: effects that are not to be looked at.
+    """
+
+    trial: Trial
+    whole: Problem = field(repr=False)
+    excluded: Collection[str] = ()
+
+    @cached_property
+    def linearisation(self) -> Linearisation:
+        """The trial's effects among the nuisances, every effect that could join them among the candidates."""
+        contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
+        return self._everything.rearranged(
+            self._members, [place for place in self._others if self._name(place) not in contradicted]
+        )
+
+    @cached_property
+    def projected(self) -> Projected:
+        """The linearisation without what the fitted unknowns can do."""
+        return project(self.linearisation)
+
+    @cached_property
+    def screening(self) -> Screening:
+        """Scores of the effects that could join."""
+        return screen(self.projected)
+
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Whether anything is left to explain."""
+        return adequacy(self.projected, self.screening)
+
+    def without(self, member: Candidate) -> tuple[Projected, int]:
+        """The linearisation in which one of the trial's effects is a candidate again, and its place there."""
+        own = next(place for place in self._members if self._name(place) == member.name)
+        rest = [place for place in self._members if place != own]
+        return project(self._everything.rearranged(rest, [own, *self._others])), 0
+
+    def _name(self, place: int) -> str:
+        return self._everything.candidates[place].name
+
+    @property
+    def _members(self) -> range:
+        return range(len(self.trial.candidates))
+
+    @property
+    def _others(self) -> range:
+        return range(len(self.trial.candidates), len(self._everything.candidates))
+
+    @cached_property
+    def _everything(self) -> Linearisation:
+        """The model's own unknowns are the nuisances, every effect is a candidate: the trial's come first."""
+        trial = self.trial
+        problem, present = trial.fit.problem, set(trial.effects)
+        effects = {column for one in trial.candidates for column in one.columns}
+        keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in effects]
+        base = problem.base.copy()
+        names = problem.compiled.system.parameter_names
+        for unknown, value in zip(problem.shared, trial.fit.values, strict=True):
+            base[names.index(unknown.name)] = value
+        fixed = replace(
+            trial.fit,
+            problem=problem.with_shared([problem.shared[k] for k in keep], base),
+            values=trial.fit.values[keep],
+        )
+        members = [replace(one, shapes={}) for one in trial.candidates]
+        others = [one for one in candidates(self.whole.model, self.excluded) if one.name not in present]
+        return replace(linearise(fixed, self.whole, [*members, *others]), fit=trial.fit)
