@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
 
 #: so many bad rows are told one by one
 _TOLD = 20
+#: the rig that a model file names
+_RIG = re.compile(r"^rig:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
 
 
 def import_(
@@ -70,6 +73,27 @@ def import_(
         counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
         document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
         typer.echo(to_json(document))
+    else:
+        _lead_on(rig)
+
+
+def _lead_on(rig: Path | None) -> None:
+    """What to type next, on stderr: compare it with a model of this bench, else look at it."""
+    model = _model_of(rig)
+    command = "rigctl report latest" if model is None else f"rigctl compare latest --model {model}"
+    typer.echo(f"Next: {command}", err=True)
+
+
+def _model_of(rig: Path | None) -> str | None:
+    """A model of the project that names this rig file; without a rig, one that names none."""
+    from rigctl.project import find_project
+
+    root = find_project().root
+    for path in sorted((root / "models").glob("*.yaml")):
+        named = _RIG.search(path.read_text(encoding="utf-8", errors="replace"))
+        if (named.group(1) if named else None) == (rig.as_posix() if rig is not None else None):
+            return path.relative_to(root).as_posix()
+    return None
 
 
 def _tell(done: Imported, file: Path) -> None:

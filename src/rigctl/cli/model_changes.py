@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from rigctl.cli.compare import open_runs
 from rigctl.cli.model_views import show_errors
+from rigctl.cli.next_command import analysis, show_next
 from rigctl.cli.plans import find_file
 from rigctl.cli.tables import console, print_json, table
 from rigctl.cli.telling import telling
@@ -132,6 +133,9 @@ def _show(made: Model, version: Version) -> None:
         typer.echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
         _show_values(made)
     typer.echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
+    if done.runs:
+        command = analysis("compare", done.runs, str(head), hold_out=done.hold_out)
+        show_next(f"{command} --no-fit", "says whether it agrees with them now")
 
 
 def _show_values(made: Model) -> None:

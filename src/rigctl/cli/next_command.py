@@ -10,8 +10,8 @@ from rigctl.cli.tables import console
 
 
 def show_next(command: str, why: str) -> None:
-    """One line: the command, and what it does."""
-    console().print(f"\nNext: [bold]{escape(command)}[/] {escape(why)}", soft_wrap=True)
+    """The command, and below it what it does."""
+    console().print(f"\nNext: [bold]{escape(command)}[/]\n  {escape(why)}", soft_wrap=True)
 
 
 def analysis(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 
 from rigctl.compare.localise import variable_units
-from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain, cosine
 from rigctl.diagnose.search import Search
 from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.fit import FitResult
@@ -84,7 +84,31 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
             difference = search.mbic(trial) - search.mbic(best)
             differs = where_they_differ(search.none.fit, best.fit, trial.fit)
             found.append(Rival(member.name, other, trial, cos, told, difference, differs))
+    if len(best.candidates) == 1:
+        found += _known(search, best, {rival.name for rival in found})
     return found
+
+
+def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
+    """The best of the other effects that were refitted by themselves: told apart, and worth a word."""
+    others = [
+        trial
+        for trial in search.trials.values()
+        if len(trial.candidates) == 1 and trial.effects[0] not in (*best.effects, *seen)
+    ]
+    if not others:
+        return []
+    trial = min(others, key=search.mbic)
+    lin = search.before.linearisation
+    member, other = best.candidates[0], trial.candidates[0]
+    if member not in lin.candidates or other not in lin.candidates:
+        return []
+    cos = cosine(search.before.projected, lin.candidates.index(member), lin.candidates.index(other))
+    difference = search.mbic(trial) - search.mbic(best)
+    told = 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
+    differs = where_they_differ(search.none.fit, best.fit, trial.fit)
+    rival = Rival(member.name, other.name, trial, cos, told, difference, differs)
+    return [rival] if rival.told else []
 
 
 def classes_of(best: Trial, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:

@@ -48,7 +48,7 @@ def verdict_text(
     if verdict is Verdict.MISSING_EFFECT:
         text = described
         if rivals:
-            text += f". {_begun_high(rival_text(max(rivals, key=lambda rival: rival.cos)))}"
+            text += f". {_begun_high(rival_text(min(rivals, key=lambda rival: rival.difference)))}"
         if left > _LEFT:
             text += (
                 f". A remainder of {100 * left:.0f} % of the misfit stays: its shape is not exactly this one"
@@ -113,7 +113,7 @@ def evidence_for(
             f"against {name}: {100 * (1 - ranked.kappa):.0f} % of what it does the fitted {ranked.hidden_in} "
             f"can do too; the verdict rests on the other {100 * ranked.kappa:.0f} %"
         )
-    own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: -rival.cos)
+    own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
     found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.told]
     found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told][:1]
     return found
