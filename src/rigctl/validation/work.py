@@ -61,7 +61,7 @@ def carry_out(scenario: Scenario) -> Outcome:
         the bench cannot be simulated with what is hidden in it.
     """
     began = time.process_time()
-    amplitudes = [_reference(_plain_of(scenario)).find(scenario, wanted) for wanted in scenario.hidden]
+    amplitudes = hidden_amplitudes(scenario)
     made = Outcome(
         scenario,
         sizes=tuple(each.size for each in amplitudes),
@@ -83,6 +83,11 @@ def carry_out(scenario: Scenario) -> Outcome:
         intervals=tuple(_intervals(scenario, made.amplitudes, diagnosis)),
         seconds=time.process_time() - began,
     )
+
+
+def hidden_amplitudes(scenario: Scenario) -> list[Amplitude]:
+    """The amplitude of each hidden effect of a scenario that has the size wanted."""
+    return [_reference(_plain_of(scenario)).find(scenario, wanted) for wanted in scenario.hidden]
 
 
 @dataclass(frozen=True)

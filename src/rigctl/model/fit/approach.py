@@ -22,11 +22,11 @@ Floats = NDArray[np.float64]
 #: misfit in sigmas, root mean square, from which on the noise is taken as it is
 _NEAR = 1.5
 #: a round must bring the misfit below this share of what it was
-_FALL = 0.7
+_FALL = 0.95
 _ROUNDS = 8
 _OPTIONS = Options(cost=1e-2, iterations=12)
 #: how far a parameter of which nothing is known may be off, as a share of its size
-_UNKNOWN = 0.5
+_UNKNOWN = 1.0
 
 
 def approach(

@@ -1,0 +1,1 @@
+"""How often `compare` calls a model adequate that is, and one that is not."""

@@ -1,0 +1,50 @@
+"""Edges that the sampling does not resolve are found; steps of the noise, ramps and slow swings are not."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigctl.noise.edges import THRESHOLD, find_edges
+
+SIGMA = 0.1
+TIMES = np.arange(300) * 0.01
+
+
+def edges(values: np.ndarray, times: np.ndarray = TIMES) -> np.ndarray:
+    return np.flatnonzero(find_edges(times, values[:, None], np.array([SIGMA]))[:, 0])
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), ramp=st.floats(-50.0, 50.0), swing=st.floats(0.0, 20.0))
+def test_noise_ramps_and_what_the_sampling_resolves_are_no_edges(seed: int, ramp: float, swing: float) -> None:
+    rng = np.random.default_rng(seed)
+    slow = swing * np.sin(2 * np.pi * 1.0 * TIMES)  # a hundred samples each period
+    assert not edges(SIGMA * rng.standard_normal(300) + ramp * TIMES + slow).size
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    place=st.integers(3, 296),
+    height=st.floats(2.0 * THRESHOLD * 6**0.5 * SIGMA, 1e3),
+)
+def test_a_jump_is_an_edge_and_what_is_beside_it_is_not(seed: int, place: int, height: float) -> None:
+    values = SIGMA * np.random.default_rng(seed).standard_normal(300)
+    values[place:] += height
+    assert set(edges(values)) == set(range(place - 2, place + 2))
+
+
+def test_a_gap_is_no_edge() -> None:
+    times = np.where(np.arange(300) < 150, TIMES, TIMES + 10.0)
+    values = np.where(np.arange(300) < 150, 0.0, 50.0)
+    assert not edges(values, times).size
+
+
+def test_missing_values_and_short_records_are_taken_as_they_are() -> None:
+    values = np.zeros(300)
+    values[150:] = 50.0
+    values[149] = np.nan
+    assert set(edges(values)) <= {150, 151}
+    assert not edges(np.array([0.0, 50.0]), np.array([0.0, 0.01])).size
