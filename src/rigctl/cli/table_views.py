@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from rigctl.cli.tables import console, table
 from rigctl.compare.result import ModelComparison
-from rigctl.compare.table_rows import TableRow
+from rigctl.compare.table_rows import TableRow, shows_unfitted
 
 #: standard deviations beyond which a value is marked
 _FAR = 3.0
@@ -24,12 +24,12 @@ def show_rows(model: ModelComparison) -> None:
 def _show_quantity(rows: Sequence[TableRow]) -> None:
     unit = rows[0].unit
     beside = list(dict.fromkeys(name for row in rows for name in row.beside))
-    fitted = any(row.unfitted is not None for row in rows)
+    fitted = shows_unfitted(rows)
     heads = [
         "at",
         f"{rows[0].quantity} {escape(f'[{unit}]')}",
         "noise",
-        "model, fitted" if fitted else "model",
+        "model" if rows[0].unfitted is None else "model, fitted",
     ]
     heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else []), *beside]
     made = table(*heads)

@@ -29,10 +29,13 @@ class CellMap:
         record has no reading there, or the fit leaves none.
     draws: (draws, cells) what chance makes of the cells that are not NaN, in order; empty when there are too
         many of them.
+    noise_degrees: degrees of freedom behind the noise of a table, which the draws know of; 0 where it counts
+        as known.
     """
 
     z: Floats
     draws: Floats = field(repr=False)
+    noise_degrees: int = 0
 
     @property
     def here(self) -> NDArray[np.bool_]:
@@ -52,6 +55,8 @@ class CellMap:
             return float(bound)
         drawn = np.abs(self.draws[:, used[self.here]]).max(axis=1)
         reached = float((drawn >= largest).mean())
+        if self.noise_degrees:
+            return max(reached, 1.0 / len(drawn))
         return reached if reached * len(drawn) >= 20 else min(float(bound), max(reached, 20.0 / len(drawn)))
 
     def share(self, chosen: NDArray[np.bool_]) -> float:
@@ -83,7 +88,11 @@ def cell_map(projected: Projected, seed: int = 0) -> CellMap:
     here = variance > _LEAST_VARIANCE
     root = np.sqrt(np.where(here, variance, 1.0))
     z = np.where(here, np.array(sums) / root, np.nan)
-    return CellMap(z, _draws(squares, couplings, here, root, seed))
+    draws, degrees = _draws(squares, couplings, here, root, seed), projected.noise_degrees
+    if degrees and draws.size:
+        generator = np.random.Generator(np.random.PCG64([seed, degrees]))
+        draws = draws * np.sqrt(degrees / generator.chisquare(degrees, (draws.shape[0], 1)))
+    return CellMap(z, draws, degrees)
 
 
 def _draws(

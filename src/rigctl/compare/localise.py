@@ -43,6 +43,9 @@ class Place:
 def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
     """All places, those of each kind in the order of their share of the error."""
     fit = linearisation.fit
+    if fit.problem.measurements.table:  # no phases, and each row is its own stretch
+        found = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
+        return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
     found = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
     found += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + _states(fit)
     return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
@@ -172,7 +175,9 @@ def _states(fit: FitResult) -> list[Place]:
 
 
 def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
-    """The record stretches (a phase of one channel) with the largest normalised error."""
+    """The record stretches (a phase of one channel) with the largest normalised error; none of a table."""
+    if fit.problem.measurements.table:
+        return ()
     found = []
     total = sum(float(np.nansum(values**2)) for values in _normalised(fit)) or 1.0
     for k, values in zip(fit.fitted, _normalised(fit), strict=True):

@@ -16,6 +16,9 @@ from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
+#: a model that is this far off somewhere, in standard deviations, had no values but starts in its file
+_START = 12.0
+
 
 @dataclass(frozen=True)
 class TableRow:
@@ -125,6 +128,12 @@ def _of_one_kind(rows: Sequence[TableRow]) -> list[TableRow]:
         replace(row, beside={name: value for name, value in row.beside.items() if name in kept})
         for row in rows
     ]
+
+
+def shows_unfitted(rows: Sequence[TableRow]) -> bool:
+    """Whether the parameters of the model's file are worth showing: they were no mere start for the fit."""
+    sizes = [abs(row.z_unfitted) if row.z_unfitted is not None else math.inf for row in rows]
+    return max(sizes, default=math.inf) < _START
 
 
 def unfitted_outputs(fit: FitResult) -> tuple[Floats, ...] | None:

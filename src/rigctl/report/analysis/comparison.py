@@ -12,6 +12,7 @@ from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import overlay_plot, typical_records
+from rigctl.report.analysis.table_section import table_body, table_parts
 from rigctl.report.heat_map import heat_map_table
 from rigctl.report.numbers import prose, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
@@ -25,6 +26,7 @@ _MOST_PLACES = 8
 def comparison_sections(comparison: Comparison) -> list[Section]:
     """The pictures first, then the numbers."""
     first = comparison.models[0]
+    tables = table_parts(comparison)
     plots = [
         overlay_plot(
             [(model.name, model.fit) for model in comparison.models],
@@ -32,21 +34,22 @@ def comparison_sections(comparison: Comparison) -> list[Section]:
             f"overlay-{number}",
             f"Measured and model: {name}, {_condition(first, k)}",
         )
-        for number, (name, k) in enumerate(typical_records(first.fit))
+        for number, (name, k) in enumerate(typical_records(first.fit) if not tables else ())
     ]
-    stroke = stroke_plot(comparison.models)
-    maps = channel_maps(first, "error-map")
+    stroke = stroke_plot(comparison.models) if not tables else None
+    maps = channel_maps(first, "error-map") if not tables else ()
     body = render(
         "comparison.html",
         comparison=comparison,
         models=[_model(model) for model in comparison.models],
+        tables=table_body(tables, first.findings) if tables else None,
         overlays=[(plot.caption, plot_slot(plot)) for plot in plots],
         stroke=None if stroke is None else plot_slot(stroke),
         maps=[heat_map_table(one) for one in maps],
         places=_places(first),
         slots=_slots(first),
     )
-    drawn = [*plots, *([] if stroke is None else [stroke])]
+    drawn = [*plots, *([] if stroke is None else [stroke]), *(part.plot for part in tables)]
     return [Section("comparison", "Model against measurement", body, (*drawn, *maps))]
 
 
@@ -102,6 +105,8 @@ def _places(model: ModelComparison) -> list[Markup]:
         ("channel", "… by channel"),
         ("condition", "… by condition"),
     ):
+        if model.rows and (model.adequate or by != "condition"):
+            continue
         places = [place for place in model.where if place.by == by][:_MOST_PLACES]
         largest = max((place.share_of_error for place in places), default=0.0) or 1.0
         shown = [
@@ -115,13 +120,13 @@ def _places(model: ModelComparison) -> list[Markup]:
             for place in places
         ]
         if shown:
-            found.append(bars(title, shown))
+            found.append(bars("Systematic error by condition" if model.rows else title, shown))
     return found
 
 
 def _slots(model: ModelComparison) -> Markup | None:
     """Which equation wants a term."""
-    if model.adequate or not model.slots:
+    if model.adequate or not model.slots or (model.rows and len(model.slots[0].alike) > 1):
         return None
     best = max(slot.log_evidence for slot in model.slots)
     if best <= 0.0:

@@ -39,7 +39,7 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
 
     `after` is the model with what was found, compared with the same data, when that was done.
     """
-    signature = signature_plot(diagnosis)
+    signature = None if diagnosis.before.rows else signature_plot(diagnosis)
     maps: list[tuple[HeatMap, HeatMap]] = []
     if after is not None:
         before_maps, after_maps = (
@@ -47,12 +47,14 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
             for model, key, title in ((diagnosis.before, "before", "before: "), (after, "after", "after: "))
         )
         maps = list(zip(before_maps, after_maps, strict=False))
+    ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a table's few rows rank by chance
     body = render(
         "diagnosis.html",
         diagnosis=diagnosis,
         heading=_VERDICTS[diagnosis.verdict.value],
-        ranking=_ranking(diagnosis),
-        table=[_row(one) for one in diagnosis.ranking[:_SHOWN]],
+        ranking=_ranking(diagnosis) if ranked else Markup(),
+        table=[_row(one) for one in diagnosis.ranking[:_SHOWN]] if ranked else [],
+        remarks=render("table_remarks.html", excluded=diagnosis.excluded_because, steps=diagnosis.next_steps),
         classes=[names for names in diagnosis.classes if len(names) > 1],
         signature=None if signature is None else plot_slot(signature),
         falls=_falls(diagnosis) if after is None else [],  # the versions tell of it

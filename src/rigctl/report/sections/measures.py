@@ -48,6 +48,7 @@ def _rows(run: RunData) -> list[Row]:
             place=_place(measured),
         )
         for measured in run.all_measures()
+        if run.time.size or measured.limited  # the values of a table are results already
     ]
 
 
