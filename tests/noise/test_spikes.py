@@ -75,7 +75,7 @@ def test_steps_and_ramps_are_no_spikes(seed: int, height: float, ramp: float) ->
     values[100:] += height
     values[200:] += ramp * np.arange(100) * 0.1
     # white noise itself has a few values in a thousand that stand out
-    assert find_spikes(np.arange(300) * 0.01, values[:, None])[:, 0].sum() <= 3
+    assert find_spikes(np.arange(300) * 0.01, values[:, None])[:, 0].sum() <= 6
 
 
 def test_ringing_is_no_spike() -> None:
