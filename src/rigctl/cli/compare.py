@@ -102,7 +102,10 @@ def _lead_on(found: Comparison, runs: list[str], model: str, hold_out: str | Non
     """What to type next: find what is missing, or make the page."""
     from rigctl.cli.next_command import analysis, show_next
 
-    if found.models[-1].adequate:
+    if found.models[-1].adequate and found.models[-1].rows:
+        command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
+        show_next(command, "says what so few values could have shown, and what to measure next")
+    elif found.models[-1].adequate:
         show_next(analysis("report", runs, model), "makes the page of it; these data ask for nothing more")
     else:
         command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)

@@ -92,7 +92,10 @@ def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | Non
     from rigctl.diagnose.result import Verdict
 
     again = analysis("diagnose", runs, str(model), only=only, hold_out=hold_out)
-    if found.verdict is Verdict.ADEQUATE:
+    if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
+        command = analysis("report", runs, str(model))
+        show_next(f"{command} --diagnose", "makes the page of it, with what to measure next")
+    elif found.verdict is Verdict.ADEQUATE:
         command = analysis("report", runs, str(model))
         show_next(command, "makes the page of it; these data ask for nothing more")
     elif found.best.candidates:

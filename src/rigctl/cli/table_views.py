@@ -31,7 +31,8 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
         "noise",
         "model" if rows[0].unfitted is None else "model, fitted",
     ]
-    heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else []), *beside]
+    heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else [])]
+    heads += [name.removeprefix(f"{rows[0].quantity}_") for name in beside]
     made = table(*heads)
     for column in made.columns[1:]:
         column.justify = "right"

@@ -54,7 +54,12 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
         heading=_VERDICTS[diagnosis.verdict.value],
         ranking=_ranking(diagnosis) if ranked else Markup(),
         table=[_row(one) for one in diagnosis.ranking[:_SHOWN]] if ranked else [],
-        remarks=render("table_remarks.html", excluded=diagnosis.excluded_because, steps=diagnosis.next_steps),
+        remarks=render(
+            "table_remarks.html",
+            findings=diagnosis.before.findings,
+            excluded=diagnosis.excluded_because,
+            steps=diagnosis.next_steps,
+        ),
         classes=[names for names in diagnosis.classes if len(names) > 1],
         signature=None if signature is None else plot_slot(signature),
         falls=_falls(diagnosis) if after is None else [],  # the versions tell of it

@@ -179,8 +179,8 @@ def _text(
     for model in models:
         name = model.name if len(models) > 1 else "model, fitted" if own[0].unfitted is not None else "model"
         head += [name, "model − measured", "in sigma"]
-    head += ["with the constants of its file", "in sigma"] if fitted and len(models) == 1 else []
-    head += [plain_name(name) for name in beside]
+    head += ["as in its file", "in sigma"] if fitted and len(models) == 1 else []
+    head += [plain_name(name.removeprefix(f"{quantity}_")) for name in beside]
     by_model = [{row.place: row for row in _rows(model, quantity)} for model in models]
     rows = []
     for row in own:
