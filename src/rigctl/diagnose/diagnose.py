@@ -123,7 +123,12 @@ def _verdict(
         return Verdict.ADEQUATE
     if not best.candidates or left > SHAPE:
         return Verdict.OUTSIDE_LIBRARY
-    if close or any(check is not None and check.folds >= 2 and not check.passed for check in checks.values()):
+    failed = any(check is not None and check.folds >= 2 and not check.passed for check in checks.values())
+    if failed and left > 0.0 and len(best.candidates) > 1:
+        # several effects that neither explain all of it nor predict what they were not fitted on make up
+        # together for one that is not in the library
+        return Verdict.OUTSIDE_LIBRARY
+    if close or failed:
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
 
