@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import statistics
+import sys
 import time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from rigctl.backends.emulated.avr import FREQUENCY, Avr
-from rigctl.backends.emulated.board import millivolt
 from rigctl.backends.emulated.create import create
-from rigctl.backends.emulated.image import read_intel_hex, shipped_image
+from rigctl.backends.emulated.image import shipped_image
 from rigctl.clock import VirtualClock
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # the chip is the tests' own
+from board_chip import Chip
+
 TITLE = "the board and its line, in board time"
 RATE = 100.0  # Hz
 BITS = 11  # of an emulated character
-NORMAL, OVER = (200, 500, 300), (680, 500, 300)  # counts of A0, A1, A2; over-pressure
+OVER = (680, 500, 300)  # counts of A0, A1, A2: over-pressure
 #: bauds, and rates from what always fits to what does not
 RATES = {115200: (100, 200, 283, 285, 290, 293, 300), 500000: (500, 1000, 1170, 1180, 1200, 1210, 1250)}
 WARM_UP = 10.6  # s; from then on the board's microseconds have eight digits, and lines their full length
@@ -97,13 +99,13 @@ def capacity(baud: int, seconds: float = 10.0) -> dict[str, Any]:
     """Rates with the load that they put on the line, and how many of their samples did not come."""
     found = []
     for rate in RATES[baud]:
-        chip = _Chip(baud)
-        chip.send(f"STRM {rate}")
+        chip = chip_at(baud)
+        chip.tell(f"STRM {rate}")
         chip.run(WARM_UP)
         chip.avr.take()
         began, sent = chip.time, b""
         for number in range(int(2 * seconds)):
-            chip.send(f"#{number} SYST:TIME?")  # as a host does
+            chip.tell(f"#{number} SYST:TIME?")  # as a host does
             chip.run(0.5)
             sent += chip.avr.take()
         load = len(sent) * BITS / chip.avr.baud / (chip.time - began)
@@ -122,7 +124,7 @@ def capacity(baud: int, seconds: float = 10.0) -> dict[str, Any]:
 
 def baud_of(baud: int) -> float:
     """What the board's divider makes of a speed: 117647 of 115200, as on every Uno."""
-    chip = _Chip(baud)
+    chip = chip_at(baud)
     real = chip.avr.baud
     chip.avr.close()
     return real
@@ -130,59 +132,40 @@ def baud_of(baud: int) -> float:
 
 def silent_host() -> float:
     """s from the last byte of a host to the heater off."""
-    chip = _Chip(115200)
-    chip.send("OUTP:HEAT ON")
+    chip = chip_at(115200)
+    chip.tell("OUTP:HEAT ON")
     chip.run(1.0)
-    chip.send("SYST:PING")
+    chip.tell("SYST:PING")
     chip.run(0.002)
     last = chip.time
     chip.run(2.5)
-    return chip.off["D", 4] - last
+    return last_off(chip)["heater"] - last
 
 
 def over_limit() -> float:
     """s from a pressure over the limit to the last output off; the worst of 50 moments."""
     worst = 0.0
     for number in range(50):
-        chip = _Chip(115200)
-        chip.send("OUTP:HEAT ON\nVALV EXT\nSTRM 100")
+        chip = chip_at(115200)
+        chip.tell("OUTP:HEAT ON\nVALV EXT\nSTRM 100")
         chip.run(0.1 + number * 0.000217)
         began = chip.time
         chip.put(*OVER)
         chip.run(0.05)
-        worst = max(worst, max(chip.off.values()) - began)
-        assert len(chip.off) == 2
+        off = last_off(chip)
+        worst = max(worst, max(off.values()) - began)
+        assert len(off) == 2
         chip.avr.close()
     return worst
 
 
-class _Chip:
-    """A microcontroller with the firmware, and when its outputs went off, s."""
+def chip_at(baud: int) -> Chip:
+    """A chip that has begun, with nothing wrong on its inputs."""
+    chip = Chip(shipped_image(baud))
+    chip.run(0.03)
+    return chip
 
-    def __init__(self, baud: int) -> None:
-        self.off: dict[tuple[str, int], float] = {}
-        on: set[tuple[str, int]] = set()
 
-        def changed(port: str, bit: int, level: bool, cycle: int) -> None:
-            if level:
-                on.add((port, bit))
-            elif (port, bit) in on and (port, bit) in (("D", 4), ("D", 7), ("B", 0)):
-                self.off[port, bit] = cycle / FREQUENCY
-
-        self.avr = Avr(read_intel_hex(Path(shipped_image(baud))), changed)
-        self.put(*NORMAL)
-        self.run(0.05)
-
-    @property
-    def time(self) -> float:
-        return self.avr.cycle / FREQUENCY
-
-    def put(self, *counts: int) -> None:
-        for channel, code in enumerate(counts):
-            self.avr.put_voltage(channel, millivolt(code))
-
-    def run(self, seconds: float) -> None:
-        self.avr.run_to(self.avr.cycle + round(seconds * FREQUENCY))
-
-    def send(self, text: str) -> None:
-        self.avr.send(text.encode("ascii") + b"\n")
+def last_off(chip: Chip) -> dict[str, float]:
+    """When each output last went off, s."""
+    return {name: when for when, name, level in chip.edges if not level}

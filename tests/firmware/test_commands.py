@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from tests.firmware.conftest import Chip
+    from board_chip import Chip
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from firmware_build import FIRMWARE, needs_compiler
 
 if TYPE_CHECKING:
-    from tests.firmware.conftest import Chip
+    from board_chip import Chip
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from firmware_build import FIRMWARE
 from rigctl.rig import Rig
 
 if TYPE_CHECKING:
-    from tests.firmware.conftest import Chip
+    from board_chip import Chip
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -15,6 +15,7 @@ from rigctl.backends.lines.setting import Setter
 from rigctl.backends.lines.talk import Refused, Talk
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.port import Connect, PortLost
+from rigctl.backends.serial.reaching import reach
 from rigctl.backends.serial.reconnection import Reconnection
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
@@ -83,18 +84,8 @@ class LineBench:
 
     def open(self) -> None:
         """Reach the device, check what it is, and make its outputs safe."""
-        try:
-            port = self._connect()
-        except PortLost as error:
-            raise BackendLost(f"the bench cannot be reached: {error}") from None
-        try:
+        with reach(self._connect, Refused) as port:
             self._begin(greet(port, self.clock, self._lines))
-        except (PortLost, Refused) as error:
-            port.close()
-            raise BackendLost(f"the bench cannot be reached: {error}") from None
-        except BaseException:
-            port.close()
-            raise
         self._opened = True
 
     def close(self) -> None:

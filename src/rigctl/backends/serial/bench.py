@@ -15,6 +15,7 @@ from rigctl.backends.serial.heartbeat import Heartbeat
 from rigctl.backends.serial.intake import Intake
 from rigctl.backends.serial.line import Line, Refused
 from rigctl.backends.serial.port import Connect, NoAnswer, PortLost
+from rigctl.backends.serial.reaching import reach
 from rigctl.backends.serial.reconnection import Reconnection
 from rigctl.backends.serial.translation import Translation
 from rigctl.backends.serial.wiring import Wiring
@@ -87,19 +88,8 @@ class SerialBench:
 
     def open(self) -> None:
         """Reach the board, check what it is, make its outputs safe, and learn its clock."""
-        try:
-            port = self._connect()
-        except PortLost as error:
-            raise BackendLost(f"the bench cannot be reached: {error}") from None
-        line = Line(port, self.clock, self._baud)
-        try:
-            self._begin(greet(line, self.clock, self._patience))
-        except PortLost as error:
-            port.close()
-            raise BackendLost(f"the bench cannot be reached: {error}") from None
-        except BaseException:
-            port.close()
-            raise
+        with reach(self._connect) as port:
+            self._begin(greet(Line(port, self.clock, self._baud), self.clock, self._patience))
         self._opened = True
 
     def close(self) -> None:
