@@ -125,7 +125,7 @@ def judge(
         whole=whole,
         excluded=frozenset(excluded),
         rows=rows,
-        findings=table_findings(fitted, tests, screening, rows) if rows else (),
+        findings=table_findings(linearisation, tests, screening, rows) if rows else (),
     )
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.compare.adequacy import LEVEL, Adequacy
+from rigctl.compare.adequacy import LEVEL, Adequacy, chi2_tail
+from rigctl.compare.linearise import Linearisation
 from rigctl.compare.localise import variable_units
 from rigctl.compare.scores import Screening
 from rigctl.compare.table_rows import TableRow
@@ -25,8 +26,9 @@ _NOTABLE = 2.5
 
 def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], direction: str) -> str:
     """The verdict of a comparison with a table, with the largest misfit by its operating point."""
-    worst = max(rows, key=lambda row: abs(row.z))
-    count = f"the {len(rows)} values of {_quantities(rows)}"
+    fitted = [row for row in rows if row.fitted]
+    worst = max(fitted, key=lambda row: abs(row.z))
+    count = f"the {len(fitted)} values of {_quantities(fitted)}"
     chance = "p < 1e-6" if adequacy.p_value < 1e-6 else f"p = {adequacy.p_value:.2g}"
     largest = f"the largest misfit is at {worst.condition}: {off(worst, worst.predicted)}"
     if adequacy.adequate:
@@ -36,14 +38,17 @@ def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], dir
 
 
 def table_findings(
-    fit: FitResult, adequacy: Adequacy, screening: Screening, rows: Sequence[TableRow]
+    linearisation: Linearisation, adequacy: Adequacy, screening: Screening, every: Sequence[TableRow]
 ) -> tuple[str, ...]:
     """Sentences on the ends of the table, on the model as its file has it, and on what cannot be told."""
-    found = []
+    fit, found = linearisation.fit, []
+    rows = [row for row in every if row.fitted]
     for quantity in dict.fromkeys(row.quantity for row in rows):
         own = [row for row in rows if row.quantity == quantity]
         found += _ends(fit, own)
         found += _before(own)
+    found += end_left_out(linearisation, rows)
+    found += _held_out([row for row in every if not row.fitted])
     found += _levels(fit)
     found += _power(fit, rows)
     if adequacy.adequate:
@@ -74,6 +79,55 @@ def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
         f"at {row.condition} {off(row, row.predicted).replace('the model', model)}" for row in (high, low)
     ]
     return [f"At the ends of the table: {said[0]}; {said[1]}"]
+
+
+def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list[str]:
+    """Whether a curve that is fitted to the other rows leads to those at an end of it.
+
+    With J and r the whitened derivatives and residuals, those of the rows left out are off by
+    ``e = r₂ − J₂·J₁⁺·r₁``, which has the covariance ``I + J₂·(J₁ᵀJ₁)⁻¹·J₂ᵀ`` by chance.
+    """
+    fit, records = linearisation.fit, linearisation.records
+    over = curve_variable(fit.problem.measurements)
+    count = max(2, len(rows) // 4)
+    single = all(one.residual.size == 1 for one in records) and len(records) == len(rows)
+    if fit.solution is None or over is None or not single or len(rows) < 2 * count + 2:
+        return []
+    if len(fit.problem.measurements.variables) > 1 or linearisation.prior[0].any():
+        return []
+    order = np.argsort([fit.problem.records[row.place].condition[over] for row in rows], kind="stable")
+    return [_end_off(linearisation, rows, sorted(end.tolist())) for end in (order[-count:], order[:count])]
+
+
+def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequence[int]) -> str:
+    """What a fit to the other rows predicts of those at `out`."""
+    matrix = np.vstack([one.nuisance for one in linearisation.records])
+    residual = np.concatenate([one.residual for one in linearisation.records])
+    matrix = matrix / np.where((norms := np.linalg.norm(matrix, axis=0)) > 0.0, norms, 1.0)
+    rest = [k for k in range(len(rows)) if k not in out]
+    inverse = np.linalg.pinv(matrix[rest], rcond=1e-9)
+    off_by = residual[out] - matrix[out] @ inverse @ residual[rest]
+    lead = matrix[out] @ inverse
+    covariance = np.eye(len(out)) + lead @ lead.T
+    degrees = min((c.degrees for c in linearisation.fit.problem.noise.channels if c.degrees), default=0)
+    chance = chi2_tail(float(off_by @ np.linalg.solve(covariance, off_by)), len(out), degrees)
+    worst = int(np.argmax(np.abs(off_by) / np.sqrt(np.diag(covariance))))
+    row, wide = rows[out[worst]], float(np.sqrt(covariance[worst, worst]))
+    share = 100.0 * abs(float(off_by[worst])) * row.noise / abs(row.measured)
+    side = "below" if off_by[worst] > 0.0 else "above"
+    return (
+        f"Fitted without the {len(out)} values from {rows[out[0]].condition} to {rows[out[-1]].condition}, "
+        f"the model leads {share:.1f} % {side} the measured value at {row.condition}, "
+        f"{abs(float(off_by[worst])) / wide:.1f} sigma of what noise and extrapolation do together; chance "
+        f"makes all {len(out)} as far off in {100 * chance:.2g} % of such tables"
+    )
+
+
+def _held_out(rows: Sequence[TableRow]) -> list[str]:
+    if not rows:
+        return []
+    worst = max(rows, key=lambda row: abs(row.z))
+    return [f"Of the {len(rows)} values held out, at {worst.condition} {off(worst, worst.predicted)}"]
 
 
 def _before(rows: Sequence[TableRow]) -> list[str]:
