@@ -15,10 +15,12 @@ from rigctl.diagnose.search import Search
 from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.read import condition_text
+from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import parse_unit
 
 #: a phase in which an effect does less than this share of all that it does has no likeness
 _SHOWS = 0.01
+_MOST_VARIABLES = 2
 
 
 @dataclass(frozen=True)
@@ -140,11 +142,17 @@ def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Diff
     return Differs(
         channel=measurements.titles.get(measurements.outputs[best[0]], measurements.outputs[best[0]]),
         phase="" if measurements.table else best[1],
-        condition=condition_text(problem.records[k].condition, variable_units(measurements)),
+        condition=_point(problem.records[k], measurements),
         largest=_largest(one, other, k, best) / unit.factor,
         unit="K" if unit.offset else unit.text,
         alike=_alike(changes, best[0]),
     )
+
+
+def _point(record: MeasuredRecord, measurements: Measurements) -> str:
+    """The operating point by the first of the variables that tell records apart."""
+    known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
+    return condition_text(dict(list(known.items())[:_MOST_VARIABLES]), variable_units(measurements))
 
 
 #: by (channel, phase): the squares of what one changes, of what the other does, and of their difference

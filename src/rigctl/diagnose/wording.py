@@ -18,6 +18,8 @@ _MOVED = 0.02
 _LEFT = 0.01
 #: phases in which two effects are less alike by this are told
 _UNLIKE = 0.15
+#: an effect that is told apart is worth a word where its signature is more alike than this
+_ALIKE = 0.5
 
 
 def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
@@ -47,8 +49,9 @@ def verdict_text(
     described = "; ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
     if verdict is Verdict.MISSING_EFFECT:
         text = described
-        if rivals:
-            text += f". {_begun_high(rival_text(min(rivals, key=lambda rival: rival.difference)))}"
+        alike = [rival for rival in rivals if rival.cos > _ALIKE]
+        if alike:
+            text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
         if left > _LEFT:
             text += (
                 f". A remainder of {100 * left:.0f} % of the misfit stays: its shape is not exactly this one"
@@ -115,7 +118,7 @@ def evidence_for(
         )
     own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
     found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.told]
-    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told][:1]
+    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told and rival.cos > _ALIKE][:1]
     return found
 
 

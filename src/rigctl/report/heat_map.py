@@ -11,6 +11,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from rigctl.files.write import write_bytes
+from rigctl.report.numbers import prose
 from rigctl.report.section import render
 
 #: blue below, orange above: told apart by most colour-blind readers
@@ -89,7 +90,7 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
     path = folder / f"{shown.id}.{form}"
     colours = [tuple(c / 255 for c in _BELOW), (1.0, 1.0, 1.0), tuple(c / 255 for c in _ABOVE)]
     width = 1.6 + 0.9 * len(shown.columns)
-    title = textwrap.wrap(shown.caption, max(20, int(_LETTERS * width)))
+    title = textwrap.wrap(prose(shown.caption), max(20, int(_LETTERS * width)))
     height = 1.2 + 0.2 * len(title) + 0.42 * len(shown.rows)
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots()
@@ -109,7 +110,10 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
         for j, value in enumerate(row):
             if math.isfinite(value):
                 weight = "bold" if shown.strong[i][j] else "normal"
-                axes.text(j, i, f"{value:+.1f}", ha="center", va="center", fontsize=8, fontweight=weight)
+                mark = " *" if shown.strong[i][j] else ""
+                axes.text(
+                    j, i, f"{value:+.1f}{mark}", ha="center", va="center", fontsize=8, fontweight=weight
+                )
     figure.colorbar(image, ax=axes, label="sigma")
     figure.suptitle("\n".join(title), fontsize=10)
     content = io.BytesIO()

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.files.write import write_bytes
+from rigctl.report.numbers import prose
 from rigctl.report.plot import COLOURS, Look, Panel, Plot, Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FORMATS: Final = ("png", "svg")
+_LEGEND_COLUMNS = 4
 _MARKERS = ("o", "s", "D", "^", "P", "v", "X", "*")
 _STYLE: Final[dict[Any, Any]] = {
     "axes.spines.top": False,
@@ -51,7 +53,7 @@ def write_figure(plot: Plot, folder: Path, form: str = "png") -> Path:
             for mark in plot.marks:
                 axes.axvline(mark.x, color="#c9504c", linestyle="--", linewidth=1)
         grid[-1, 0].set_xlabel(plot.x_title)
-        figure.suptitle(plot.caption, fontsize=10)
+        figure.suptitle(prose(plot.caption), fontsize=10)
         content = io.BytesIO()
         # a date would make equal plots differ; PNG files hold none
         metadata = {"Date": None} if form == "svg" else {}
@@ -70,8 +72,15 @@ def _draw(panel: Panel, axes: Axes) -> None:
         axes.set_yticks([value for value, _ in panel.ticks], [name for _, name in panel.ticks])
     labelled = sum(trace.in_legend for trace in panel.traces)
     if labelled > 1:
-        # beside the axes, where it hides nothing
-        axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        # above the axes, where it hides nothing
+        axes.legend(
+            frameon=False,
+            fontsize=8,
+            ncols=_LEGEND_COLUMNS,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            borderaxespad=0.1,
+        )
 
 
 def _draw_trace(trace: Trace, axes: Axes) -> None:

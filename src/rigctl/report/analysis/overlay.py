@@ -78,7 +78,7 @@ def overlay_plot(models: Sequence[tuple[str, FitResult]], k: int, key: str, capt
         panels.append(Panel(f"{plain_name(name)} [{shown}]", tuple(traces), height=1.2))
     residuals = [
         Trace(
-            f"{plain_name(name)}, model − measured",
+            plain_name(name),
             times,
             normalised_error(first, k)[rows, c],
             Look.LINE,
@@ -88,7 +88,7 @@ def overlay_plot(models: Sequence[tuple[str, FitResult]], k: int, key: str, capt
         for c, name in enumerate(measurements.outputs)
         if first.problem.ok[k][:, c].any()
     ]
-    panels.append(Panel("residual [sigma]", tuple(residuals), height=1.2))
+    panels.append(Panel("model − measured [sigma]", tuple(residuals), height=1.2))
     return Plot(key, caption, "time in the record [s]", tuple(panels), _spans(record.times, record.phase))
 
 
