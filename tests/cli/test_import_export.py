@@ -49,6 +49,30 @@ def test_bad_rows_are_told_on_stderr(file: Path) -> None:
     assert "10 more rows" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (
+            b"Zeit;Druck;positon\n0;1;2\n",
+            "log.csv:1:1: 3 columns are unknown: Zeit, Druck, positon; expected some of ambient_tem.*"
+            "Say what each of them is: --columns 'Zeit=time \\[s\\],Druck=-'",
+        ),
+        (
+            b"time [s],oil_temp [degC],foo\n0,1,2\n",
+            "2 columns are unknown: oil_temp \\(oil_temperature\\?\\), foo;.*'oil_temp=oil_tem.*,foo=-'",
+        ),
+        (b"time [s],\xd6l [degC]\n0,1\n", "log.csv:1: the file is not UTF-8 text; .*'CSV UTF-8'"),
+        (b"time [s],position [mm]\n12:30,1\n", "log.csv:2:1: time: not a number, got '12:30'; .* s, ms, min"),
+        (b"time [s],position [mm]\n", "log.csv: there is nothing to import; expected rows of values"),
+    ],
+)
+def test_files_of_other_programs_are_told_what_they_lack(file: Path, content: bytes, says: str) -> None:
+    log = file.with_name("log.csv")
+    log.write_bytes(content)
+    with pytest.raises(RigctlError, match=says):
+        CliRunner().invoke(app, ["import", str(log), "--rig", "rigs/hl32-bench.yaml"], catch_exceptions=False)
+
+
 @pytest.mark.parametrize("command", ["import", "export"])
 def test_the_help_shows_an_example(command: str) -> None:
     result = CliRunner().invoke(app, [command, "--help"], catch_exceptions=False)

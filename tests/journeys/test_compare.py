@@ -35,6 +35,8 @@ def test_a_model_agrees_once_it_is_fitted() -> None:
     assert (second["model"], second["adequate"]) == ("other", True)
     assert set(second["tests"]) == {"score", "plane", "chi2"}
     assert first["where"][0]["share_of_error"] > 0.3
+    assert first["slots"][0]["log_evidence"] >= first["slots"][-1]["log_evidence"]
+    assert set(first["slots"][0]) == {"slot", "meaning", "log_evidence", "share_of_error", "when", "alike"}
     assert set(second["channels"]) == {"oil_temperature", "supply_pressure", "position"}
     told = call("compare", "latest", *two).stdout
     for words in ("other@1 does not agree", "other agrees", "p of plane test", "adequate"):

@@ -101,7 +101,7 @@ class ModelComparison:
             "parameters": parameters,
             "where": [_place(place) for place in self.where],
             "trends": [_trend(trend) for trend in self.trends],
-            "slots": [{"slot": slot.slot, "log_evidence": slot.log_evidence} for slot in self.slots],
+            "slots": [_slot(slot) for slot in self.slots],
             "rows": [row.document() for row in self.rows],
             "findings": list(self.findings),
             "statement": self.statement,
@@ -212,6 +212,17 @@ def _place(place: Place) -> dict[str, Any]:
         "share_of_error": place.share_of_error,
         "rmse": place.rmse,
         "p_value": place.p_value,
+    }
+
+
+def _slot(slot: SlotEvidence) -> dict[str, Any]:
+    return {
+        "slot": slot.slot,
+        "meaning": slot.meaning,
+        "log_evidence": slot.log_evidence,
+        "share_of_error": slot.share,
+        "when": slot.when,
+        "alike": list(slot.alike),
     }
 
 

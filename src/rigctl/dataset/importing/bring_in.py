@@ -76,7 +76,7 @@ def import_file(
     if found.bad_rows and not keep_good:
         raise refuse(path, found.faults, found.bad_rows)
     if not taken.rows:
-        raise RigctlError("there is nothing to import", where=Location(path))
+        raise RigctlError("there is nothing to import", expected="rows of values", where=Location(path))
     said = taken.source.remarks
     if isinstance(taken, Samples) and rig is not None:
         said += tuple(notes(found, taken.layout, rig))

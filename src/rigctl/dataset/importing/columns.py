@@ -96,14 +96,39 @@ def assign(headings: Sequence[Heading], rig: Rig | None, mapping: Mapping[str, s
             raise unknown_name("column", theirs, (heading.name for heading in headings))
     samples = any(heading.name == "time" for heading in renamed)
     found: dict[str, Assigned] = {}
+    unknown: list[UnknownColumn] = []
     for place, heading in enumerate(renamed):
         if heading.name == LEAVE_OUT:
             continue
-        column = _assign(place, heading, rig, samples=samples)
+        try:
+            column = _assign(place, heading, rig, samples=samples)
+        except UnknownColumn as error:
+            unknown.append(error)
+            continue
         if column.name in found:
             raise RigctlError("the column is there twice", value=heading.name, where=heading.where)
         found[column.name] = column
+    if unknown:
+        raise unknown[0] if len(unknown) == 1 else _several_unknown(unknown, rig, samples=samples)
     return list(found.values())
+
+
+class UnknownColumn(RigctlError):
+    """The name of a column says nothing, or not enough."""
+
+
+def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, samples: bool) -> RigctlError:
+    """A file of another program: what its columns are called, and how to say what they are."""
+    first, second = errors[0].value, errors[1].value
+    said = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors]
+    example = errors[0].nearest or "position [mm]" if samples else "time [s]"
+    return RigctlError(
+        f"{len(errors)} columns are unknown: {', '.join(said)}",
+        expected=f"some of {', '.join(sorted(_names(rig)))}",
+        hint=f"Say what each of them is: --columns '{first}={example},{second}={LEAVE_OUT}', "
+        f"where '{LEAVE_OUT}' leaves one out",
+        where=errors[0].where,
+    )
 
 
 def _rename(heading: Heading, mapping: Mapping[str, str]) -> Heading:
@@ -147,7 +172,7 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
     if samples:
         raise _unknown(heading, rig)
     if heading.unit is None:
-        raise RigctlError(
+        raise UnknownColumn(
             f"{name}: no unit, in a table without a column 'time'",
             value=name,
             expected=f"'time', or the unit of something that was observed: '{name} [1]'",
@@ -201,12 +226,15 @@ def _unit_missing(heading: Heading, unit: str) -> RigctlError:
     )
 
 
-def _unknown(heading: Heading, rig: Rig | None) -> RigctlError:
-    names = {"time", "record", *_COMMON}
-    if rig is not None:
-        names |= {*rig.channels, *rig.actuators}
+def _names(rig: Rig | None) -> set[str]:
+    """What a column can be called."""
+    return {"time", "record", *(_COMMON if rig is None else (*_COMMON, *rig.channels, *rig.actuators))}
+
+
+def _unknown(heading: Heading, rig: Rig | None) -> UnknownColumn:
+    names = _names(rig)
     near = nearest_name(heading.name, names)
-    return RigctlError(
+    return UnknownColumn(
         "unknown column",
         value=heading.name,
         expected=None if near else f"one of {', '.join(sorted(names))}",

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final, cast
 
-from rigctl.dataset.importing.csv_rows import Cells, cell_place, read_rows
+from rigctl.dataset.importing.csv_rows import Cells, cell_place, decode, read_rows
 from rigctl.dataset.importing.headings import split_heading
 from rigctl.dataset.importing.table import MISSING, Heading, Labels, Part
 from rigctl.errors import Location, RigctlError
@@ -136,7 +136,7 @@ def _find_heading(path: Path, file: IO[bytes]) -> tuple[int, str]:
     number = 0
     while line := file.readline(_LONGEST_HEADING):
         number += 1
-        text = _text(path, number, line.removeprefix(b"\xef\xbb\xbf") if number == 1 else line)
+        text = decode(path, line.removeprefix(b"\xef\xbb\xbf") if number == 1 else line, number)
         if text.strip() and not text.startswith("#"):
             return number, text.rstrip("\r\n")
     raise RigctlError(
@@ -144,15 +144,6 @@ def _find_heading(path: Path, file: IO[bytes]) -> tuple[int, str]:
         expected="a first line such as 'time [s],position [mm]'",
         where=Location(path),
     )
-
-
-def _text(path: Path, line: int, content: bytes) -> str:
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError as problem:
-        raise RigctlError(
-            "the file is not UTF-8 text", expected="UTF-8", where=Location(path, line)
-        ) from problem
 
 
 @contextmanager

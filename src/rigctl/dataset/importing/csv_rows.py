@@ -47,7 +47,7 @@ def read_rows(
     lines: list[int] = []
     texts: list[str] = []
     faults: list[Fault] = []
-    for at, found in _rows(_decode(path, piece, line), line, cells.delimiter):
+    for at, found in _rows(decode(path, piece, line), line, cells.delimiter):
         row = _read_row(at, found, headings, cells, wanted)
         if isinstance(row, Fault):
             faults.append(row)
@@ -68,13 +68,23 @@ def cell_place(line: str, delimiter: str, number: int) -> int | None:
     return sum(len(cell) + 1 for cell in line.split(delimiter)[: number - 1]) + 1
 
 
-def _decode(path: Path, piece: bytes, line: int) -> str:
+def decode(path: Path, piece: bytes, line: int) -> str:
+    """The text of a piece of the file that begins on line `line`.
+
+    Raises
+    ------
+    RigctlError
+        it is not UTF-8.
+    """
     try:
         return piece.decode("utf-8")
     except UnicodeDecodeError as problem:
         at = line + piece.count(b"\n", 0, problem.start)
         raise RigctlError(
-            "the file is not UTF-8 text", expected="UTF-8", where=Location(path, at)
+            "the file is not UTF-8 text",
+            expected="UTF-8",
+            hint="Save it again with that encoding (a spreadsheet calls it 'CSV UTF-8')",
+            where=Location(path, at),
         ) from problem
 
 
@@ -109,7 +119,8 @@ def _read_row(
         value = _read_number(cell, cells.decimal)
         if value is None:
             column = cell_place(cells.delimiter.join(found), cells.delimiter, place + 1)
-            return Fault(line, f"{headings[place].name}: not a number", cell, "a finite number", column)
+            number = "a number of s, ms, min or h" if ":" in cell else "a finite number"
+            return Fault(line, f"{headings[place].name}: not a number", cell, number, column)
         row.append(value)
     return row
 

@@ -58,7 +58,8 @@ def ending_of(path: Path) -> str:
         if name.endswith(ending):
             return ending
     expected = f"a name that ends in {', '.join(OPENERS)}"
-    raise RigctlError("unknown kind of file", value=path.name, expected=expected)
+    hint = "Save the spreadsheet as CSV" if name.endswith((".xls", ".xlsx", ".ods")) else None
+    raise RigctlError("unknown kind of file", value=path.name, expected=expected, hint=hint)
 
 
 def stem_of(path: Path) -> str:
