@@ -93,7 +93,7 @@ def drop_with(conductance: float, p1: float, p2: float = 0.0) -> float:
 
 
 def stribeck(v: float) -> float:
-    return (80 + 120 * math.exp(-((v / 0.01) ** 2))) * math.tanh(v / 2e-3)
+    return (80 + 120 * math.exp(-((v / 0.01) ** 2))) * 0.25
 
 
 def air(p: float) -> float:
@@ -120,9 +120,9 @@ TERMS_BY_HAND: list[tuple[str, str, dict[str, float], float]] = [
     ("entrained_air", "compliance", {"pressure": -0.5e5}, air(-0.5e5)),
     ("hose_compliance", "compliance", {"pressure": 20e5}, 3e-10),
     ("viscous_friction", "friction", {}, 500.0 * MU * 0.07),
-    ("coulomb_friction", "friction", {}, 100.0 * math.tanh(0.07 / 2e-3)),
+    ("coulomb_friction", "friction", {}, 100.0 * 0.25),
     ("stribeck_friction", "friction", {}, stribeck(0.07)),
-    ("pressure_friction", "friction", {}, 20e-6 * 13e5 * math.tanh(0.07 / 2e-3)),
+    ("pressure_friction", "friction", {}, 20e-6 * 13e5 * 0.25),
     ("load_mass", "mass", {}, 20.0),
     ("spring_load", "load", {}, 2e3 * 0.08),
     ("constant_load", "load", {}, 200.0),
@@ -215,6 +215,23 @@ def test_backlash_takes_a_side_and_keeps_it_at_rest() -> None:
     assert run(effect, lambda m: float(rate(m)), out, 400, 1e-4, velocity=-0.05) == pytest.approx(
         -0.5, abs=0.02
     )
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "stribeck_friction", "pressure_friction"])
+def test_a_seal_drags_against_the_motion_and_holds_at_rest(name: str) -> None:
+    """It bends over its presliding distance, 20 um, and stays bent when the piston stops."""
+    effect = find_effect(name, FAMILY.name)
+    rate = effect.bind(effect.states[0].rate)
+    assert effect.states[0].start == -1.0  # a record begins after a retraction
+
+    def bent(start: float, metres: float, velocity: float) -> float:
+        dt = 1e-7 / abs(velocity)
+        return run(effect, lambda m: float(rate(m)), start, round(metres / 1e-7), dt, velocity=velocity)
+
+    assert bent(0.0, 20e-6, 0.05) == pytest.approx(1.0 - math.exp(-1.0), abs=0.01)
+    assert bent(-1.0, 200e-6, 0.05) == pytest.approx(1.0, abs=1e-3)
+    assert bent(1.0, 200e-6, -0.05) == pytest.approx(-1.0, abs=1e-3)
+    assert run(effect, lambda m: float(rate(m)), 0.7, 100, 1.0, velocity=0.0) == 0.7
 
 
 def test_heaters_and_wall_follow_with_their_time_constants() -> None:

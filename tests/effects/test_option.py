@@ -17,7 +17,7 @@ def test_a_name_alone_takes_the_typical_size() -> None:
 def test_parameters_are_read_with_their_units() -> None:
     name, values = parse_effect_option("stribeck_friction: force=120 N, stribeck_velocity = 2 cm/s")
     assert name == "stribeck_friction"
-    assert values == {"force": 120.0, "static_force": 200.0, "stribeck_velocity": 0.02, "velocity": 2e-3}
+    assert values == {"force": 120.0, "static_force": 200.0, "stribeck_velocity": 0.02, "presliding": 20e-6}
 
 
 def test_a_gap_is_another_way_to_write_a_conductance() -> None:

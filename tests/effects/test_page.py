@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from rigctl.effects import Effect, library
+from rigctl.effects.declaration import EffectParameter
 from rigctl.effects.document import effect_document, family_document
 from rigctl.effects.equations import latex_of, terms_in_symbols, text_of
 from rigctl.effects.page import effects_page
 from rigctl.effects.user import load_effect
+from rigctl.engine.symbols import tanh
 from rigctl.files.shipped import shipped
 from rigctl.physics.families import FAMILIES, find_family
 
@@ -55,9 +57,21 @@ def test_a_gaps_viscosity_is_called_viscosity() -> None:
 
 
 def test_a_parameter_that_is_called_like_a_variable_keeps_its_full_name() -> None:
-    effect = library("hydraulic_cylinder")["coulomb_friction"]
+    effect = Effect(
+        name="drag",
+        family="hydraulic_cylinder",
+        summary="Drag.",
+        equation="F = F_c·tanh(v/v_s)",
+        source="none",
+        terms=(("friction", lambda m, p: p.force * tanh(m.velocity / p.velocity)),),
+        parameters=(
+            EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F_c"),
+            EffectParameter("velocity", "mm/s", None, 2e-3, 1e-4, 50e-3, "v_s"),
+        ),
+        looks_like="Drag.",
+    )
     term = terms_in_symbols(effect, find_family(effect.family))["friction"]
-    assert "tanh(velocity/coulomb_friction.velocity)" in text_of(term, effect, find_family(effect.family))
+    assert "tanh(velocity/drag.velocity)" in text_of(term, effect, find_family(effect.family))
 
 
 def test_a_document_holds_values_in_their_units() -> None:

@@ -63,7 +63,7 @@ def test_shares_of_one_slot_add() -> None:
     values = dict.fromkeys(("spool", "valve", "pump", "heater_power"), 1.0)
     values |= {"supply_pressure": 30e5, "pressure_a": 12e5, "pressure_b": 5e5, "position": 0.1}
     values |= {"oil_temperature": 320.0, "velocity": 0.1, "pressure_setpoint": 30e5}
-    values |= {"ambient_temperature": 295.0}
+    values |= {"ambient_temperature": 295.0, "coulomb_friction.bending": 1.0}
 
     def acceleration(*names: str) -> float:
         effects = {effect.name: effect.start for effect in (*LIBRARY, *OWN) if effect.name in names}

@@ -44,7 +44,7 @@ def test_with_the_library_the_system_holds_every_effect_at_null() -> None:
     system = load_model(TEXTBOOK).system(library=True)
     nominal = dict(zip(system.parameter_names, system.nominal, strict=True))
     assert nominal["piston_leakage.conductance"] == 0.0
-    assert nominal["coulomb_friction.velocity"] == 2e-3
+    assert nominal["coulomb_friction.presliding"] == 20e-6
 
 
 def test_the_rig_counts_more_than_the_family_and_the_file_more_than_the_rig() -> None:
@@ -61,7 +61,7 @@ def test_effects_are_read_with_their_units() -> None:
         "  piston_leakage: {clearance: 30 um}\n"
     )
     assert found.values["coulomb_friction.force"] == 80.0
-    assert found.values["coulomb_friction.velocity"] == 2e-3  # its typical size
+    assert found.values["coulomb_friction.presliding"] == 20e-6  # its typical size
     assert found.values["piston_leakage.conductance"] == pytest.approx(1.767e-14, rel=1e-3)
     assert found.fitted == ("coulomb_friction.force",)
     assert "piston_leakage.conductance" in found.system().parameter_names

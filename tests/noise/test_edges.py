@@ -18,7 +18,9 @@ def edges(values: np.ndarray, times: np.ndarray = TIMES) -> np.ndarray:
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), ramp=st.floats(-50.0, 50.0), swing=st.floats(0.0, 20.0))
-def test_noise_ramps_and_what_the_sampling_resolves_are_no_edges(seed: int, ramp: float, swing: float) -> None:
+def test_noise_ramps_and_what_the_sampling_resolves_are_no_edges(
+    seed: int, ramp: float, swing: float
+) -> None:
     rng = np.random.default_rng(seed)
     slow = swing * np.sin(2 * np.pi * 1.0 * TIMES)  # a hundred samples each period
     assert not edges(SIGMA * rng.standard_normal(300) + ramp * TIMES + slow).size

@@ -155,8 +155,8 @@ def _notes(fitted: FitResult) -> list[str]:
         if channel.masked
     ]
     edges = [
-        f"{channel.edges} readings of {channel.name} lie on edges that are shorter than the sampling: they tell "
-        "of the moment more than of the value, and are left out"
+        f"{channel.edges} readings of {channel.name} lie on edges that are shorter than the sampling: they "
+        "tell of the moment more than of the value, and are left out"
         for channel in problem.noise.channels
         if channel.edges
     ]

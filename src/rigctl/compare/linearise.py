@@ -68,7 +68,7 @@ class Linearisation:
         return slice(self.starts[place], self.starts[place] + len(self.candidates[place].columns))
 
     def rearranged(self, fitted: Sequence[int], kept: Sequence[int]) -> Linearisation:
-        """The same point with the candidates at `fitted` among the nuisances, and of the rest those at `kept`.
+        """The same point, the candidates at `fitted` among the nuisances, and of the rest those at `kept`.
 
         A parameter that the fit left at its bound is no nuisance.
         """

@@ -32,7 +32,7 @@ def diagnose(
     *,
     hold_out: str | None = None,
     only: str | None = None,
-    most: int = 4,
+    most: int = 2,
     excluded: Collection[str] = (),
     tell: Tell | None = None,
 ) -> Diagnosis:
@@ -42,7 +42,7 @@ def diagnose(
     ----------
     hold_out: a condition that chooses records which nothing here sees.
     only: a condition that chooses the records to look at.
-    most: effects in the largest set that is looked at.
+    most: effects in the largest set that is looked at: one or two.
     excluded: effects of the library that are not to be looked at.
 
     Raises
@@ -64,7 +64,7 @@ def diagnose_comparison(
     held_out: Sequence[str] = (),
     notes: Sequence[str] = (),
     *,
-    most: int = 4,
+    most: int = 2,
     tell: Tell | None = None,
 ) -> Diagnosis:
     """Diagnose a model that has been compared with data."""
@@ -85,7 +85,9 @@ def diagnose_comparison(
     evidence: list[str] = power_text(before.projected) if before.adequate else []
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
-    remarks = table_remarks(before, best, rivals, verdict, ranking, search.tell)
+    remarks = table_remarks(
+        before, best, rivals, verdict, ranking, tuple(search.trials.values()), search.tell
+    )
     after = search.at(best) if best.candidates else None
     return Diagnosis(
         runs=tuple(runs),

@@ -34,6 +34,9 @@ _FAR = 3.0 * LEAST_SEPARATION
 _MOST_RIVALS = 7
 _PAIRS = 2
 _SWAPS = 3
+#: never more effects in a set than these: three that are not missing explain almost anything together, and
+#: where three are, the loop finds them one after the other
+_TOGETHER = 2
 #: a set of another size must be better by this to be looked at, in χ²
 _WORTH = 6.0
 
@@ -51,7 +54,7 @@ class Search:
 
     before: ModelComparison
     whole: Problem
-    most: int = 4
+    most: int = _TOGETHER
     tell: Tell = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
@@ -88,7 +91,9 @@ class Search:
         self._singles()
         best = self._swapped(self._least([self.none, *self.trials.values()]))
         best = self._pairs(best)
-        while best.candidates and len(best.candidates) < self.most and self.left(best) > SHAPE:
+        while (
+            best.candidates and len(best.candidates) < min(self.most, _TOGETHER) and self.left(best) > SHAPE
+        ):
             longer = self._forward(best)
             if longer is None or self.mbic(longer) >= self.mbic(best):
                 break
@@ -170,7 +175,8 @@ class Search:
             if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
-        for effect in chosen[: _BEST + _MOST_RIVALS]:
+        few = self.before.fit.problem.measurements.table  # rows are quickly refitted, and many effects alike
+        for effect in chosen if few else chosen[: _BEST + _MOST_RIVALS]:
             score = next(one for one in scores if one.effect == effect)
             if score.gain > 0.0:
                 self.tell(f"Refitting with {effect}")

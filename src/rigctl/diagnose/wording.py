@@ -46,7 +46,7 @@ def verdict_text(
     """The statement of a verdict."""
     if verdict is Verdict.ADEQUATE:
         return before.statement
-    described = "; ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
+    described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
     if verdict is Verdict.MISSING_EFFECT:
         text = described
         alike = [rival for rival in rivals if rival.cos > _ALIKE]
@@ -63,8 +63,8 @@ def verdict_text(
         return ". ".join([text, *(_begun_high(rival_text(rival)) for rival in close)])
     if chosen:
         return (
-            f"What is missing is not in the library. The nearest is this, but with it the model still does "
-            f"not agree with the measurements ({100 * left:.0f} % of the misfit is left): {described}"
+            "What is missing is more than one or two effects of the library, or not in it. The nearest is "
+            f"this, but with it {100 * left:.0f} % of the misfit is left: {described}"
         )
     return "Something is missing that no effect of the library explains"
 

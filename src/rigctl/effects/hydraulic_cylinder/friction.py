@@ -1,38 +1,49 @@
 """Forces of the seals and of the oil film, against the motion.
 
-A force that flips with the direction is written with ``tanh(v / v_s)``: it creeps where real friction
-sticks, and cannot hold a load.
+A seal's force does not flip with the direction at once: its lip first bends, by a few hundredths of a
+millimetre, and while it is bent the piston sticks and the chambers keep a difference of pressure. Dahl's state z
+is how far it is bent, from -1 to 1 where it slides: ``dz/dt = (v − |v|·z)/s``.
 """
 
 from __future__ import annotations
 
-from rigctl.effects.declaration import Effect, EffectParameter, Own
-from rigctl.engine.symbols import Scalar, exp, positive_part, tanh
+from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own
+from rigctl.engine.symbols import Scalar, constant_like, exp, positive_part, tanh
 from rigctl.physics.scope import Scope
 
 _FAMILY = "hydraulic_cylinder"
 _JELALI = "Jelali & Kroll, Hydraulic Servo-systems (2003), section 3.4"
+_DAHL = _JELALI + "; P. Dahl, A solid friction model, Aerospace Corporation TOR-158 (1968)"
 
 #: chamber pressure below which a seal's load is rounded to zero, in Pa
 _SEAL_WIDTH = 1e4
 
 
-def _velocity() -> EffectParameter:
+#: speed below which a lip stays as it is bent, in m/s
+_REST = 1e-5
+
+
+def _presliding() -> EffectParameter:
     return EffectParameter(
-        "velocity",
-        "mm/s",
+        "presliding",
+        "mm",
         None,
-        2e-3,
-        1e-4,
-        50e-3,
-        "v_s, width of the change of direction",
-        grid=(0.5e-3, 10e-3),
+        20e-6,
+        1e-6,
+        1e-3,
+        "s, how far the seal's lip bends before it slides",
+        grid=(5e-6, 100e-6),
     )
 
 
-def direction(m: Scope, p: Own) -> Scalar:
-    """``tanh(v / v_s)``: the sign of the motion, rounded."""
-    return tanh(m.velocity / p.velocity)
+def _bending_rate(m: Scope, p: Own) -> Scalar:
+    speed = m.velocity * tanh(m.velocity / constant_like(_REST, m.velocity))
+    return (m.velocity - speed * p.bending) / p.presliding
+
+
+def _bending() -> EffectState:
+    """A record begins after a retraction."""
+    return EffectState("bending", "1", 0.1, _bending_rate, "z, of the seal's lip", start=-1.0)
 
 
 VISCOUS_FRICTION = Effect(
@@ -52,10 +63,11 @@ COULOMB_FRICTION = Effect(
     name="coulomb_friction",
     family=_FAMILY,
     summary="The seals drag with a constant force against the motion.",
-    equation="F = F_c·tanh(v/v_s)",
+    equation="F = F_c·z, dz/dt = (v − |v|·z)/s",
     source=_JELALI,
-    terms=(("friction", lambda m, p: p.force * direction(m, p)),),
-    parameters=(EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F_c; 20 to 400 N"), _velocity()),
+    terms=(("friction", lambda m, p: p.force * p.bending),),
+    parameters=(EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F_c; 20 to 400 N"), _presliding()),
+    states=(_bending(),),
     looks_like="A constant share of the pressure is lost, so that low supply pressures suffer most.",
     confused_with=("stribeck_friction", "constant_load"),
 )
@@ -63,14 +75,14 @@ COULOMB_FRICTION = Effect(
 
 def _stribeck(m: Scope, p: Own) -> Scalar:
     share = exp(-((m.velocity / p.stribeck_velocity) ** 2))
-    return (p.force + (p.static_force - p.force) * share) * direction(m, p)
+    return (p.force + (p.static_force - p.force) * share) * p.bending
 
 
 STRIBECK_FRICTION = Effect(
     name="stribeck_friction",
     family=_FAMILY,
     summary="The seals drag most at the start and less when they slide.",
-    equation="F = (F_c + (F_s − F_c)·exp(−(v/v_st)²))·tanh(v/v_s)",
+    equation="F = (F_c + (F_s − F_c)·exp(−(v/v_st)²))·z, dz/dt = (v − |v|·z)/s",
     source=_JELALI,
     terms=(("friction", _stribeck),),
     parameters=(
@@ -86,8 +98,9 @@ STRIBECK_FRICTION = Effect(
             "v_st, where the drag has fallen",
             grid=(3e-3, 40e-3),
         ),
-        _velocity(),
+        _presliding(),
     ),
+    states=(_bending(),),
     looks_like="As Coulomb friction, with a jerk at the start; shows at slow speeds only.",
     confused_with=("coulomb_friction", "pressure_friction"),
     needs="slow motion",
@@ -96,20 +109,21 @@ STRIBECK_FRICTION = Effect(
 
 def _seal_force(m: Scope, p: Own) -> Scalar:
     pressed = positive_part(m.pressure_a, _SEAL_WIDTH) + positive_part(m.pressure_b, _SEAL_WIDTH)
-    return p.area * pressed * direction(m, p)
+    return p.area * pressed * p.bending
 
 
 PRESSURE_FRICTION = Effect(
     name="pressure_friction",
     family=_FAMILY,
     summary="The seals are pressed against the bore by the chambers' pressures.",
-    equation="F = k·(p_A + p_B)·tanh(v/v_s)",
+    equation="F = k·(p_A + p_B)·z, dz/dt = (v − |v|·z)/s",
     source=_JELALI + "; seal makers' data",
     terms=(("friction", _seal_force),),
     parameters=(
         EffectParameter("area", "mm^2", 0.0, 20e-6, 0.0, 500e-6, "k, friction per pressure"),
-        _velocity(),
+        _presliding(),
     ),
+    states=(_bending(),),
     looks_like="Friction that grows with the supply pressure.",
     confused_with=("coulomb_friction", "stribeck_friction"),
     needs="chamber pressures",

@@ -237,8 +237,12 @@ class _Search:
         return None
 
     def _out_of_patience(self) -> tuple[Outcome, str] | None:
-        """Steps that promise more than they bring: the model is not exact enough for the rest."""
-        if len(self.falls) >= _PATIENCE and sum(self.falls[-_PATIENCE:]) <= self.options.cost * self.cost:
+        """Steps that promise more than they bring: the model is not exact enough for the rest.
+
+        Steps of which none is good are another matter: then the damping still has to find its size.
+        """
+        last = sum(self.falls[-_PATIENCE:])
+        if len(self.falls) >= _PATIENCE and 0.0 < last <= self.options.cost * self.cost:
             return Outcome.COST, "The cost does not fall any more"
         return None
 
