@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 #: a signature of which less than this share is left has no direction of its own
 HIDDEN = 1e-3
 _RANK = 1e-8
+#: at the end of a table's fit, squares that the unknowns could still take away: by steps so large that the
+#: linear problem does not hold for them, or past their bounds
+_STUCK = 9.0
 
 
 @dataclass(frozen=True)
@@ -92,10 +95,13 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
     left_over = signatures - basis @ (basis.T @ signatures)
     norms = np.linalg.norm(left_over, axis=0)
     sizes = linearisation.sizes
+    moved = basis @ (basis.T @ residual)
+    if linearisation.fit.problem.measurements.table and float(moved @ moved) > _STUCK:
+        moved = np.zeros_like(moved)
     return Projected(
         linearisation=linearisation,
         places=chosen,
-        residual=residual - basis @ (basis.T @ residual),
+        residual=residual - moved,
         signatures=left_over,
         lengths=norms,
         kappa=np.where(sizes > 0.0, norms / np.where(sizes > 0.0, sizes, 1.0), 0.0),

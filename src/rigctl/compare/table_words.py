@@ -11,13 +11,15 @@ from rigctl.compare.adequacy import LEVEL, Adequacy, chi2_tail
 from rigctl.compare.linearise import Linearisation
 from rigctl.compare.localise import variable_units
 from rigctl.compare.scores import Screening
-from rigctl.compare.table_rows import TableRow
+from rigctl.compare.table_rows import TableRow, shows_unfitted
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.table import curve_variable, set_variable
 from rigctl.units import show
 
 #: standard deviations beyond which a single value is worth a word, and below which it is none
 _FAR, _NEAR = 3.0, 2.0
+#: what chance does more often than this needs no figure
+_USUAL = 0.2
 #: with more than this share of it left, a misfit has not been taken away
 _MOST = 0.7
 #: effects that lower the misfit by so many standard deviations are worth a word
@@ -118,9 +120,18 @@ def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequen
     return (
         f"Fitted without the {len(out)} values from {rows[out[0]].condition} to {rows[out[-1]].condition}, "
         f"the model leads {share:.1f} % {side} the measured value at {row.condition}, "
-        f"{abs(float(off_by[worst])) / wide:.1f} sigma of what noise and extrapolation do together; chance "
-        f"makes all {len(out)} as far off in {100 * chance:.2g} % of such tables"
+        f"{abs(float(off_by[worst])) / wide:.1f} sigma of what noise and extrapolation do together: "
+        f"{_often(chance)}"
     )
+
+
+def _often(chance: float) -> str:
+    """A p-value in words."""
+    if chance > _USUAL:
+        return "no more than chance does"
+    if chance < 1e-6:
+        return "chance does so in less than one table of a million"
+    return f"chance does so in {100 * chance:.2g} % of such tables"
 
 
 def _held_out(rows: Sequence[TableRow]) -> list[str]:
@@ -132,6 +143,8 @@ def _held_out(rows: Sequence[TableRow]) -> list[str]:
 
 def _before(rows: Sequence[TableRow]) -> list[str]:
     """What fitting the constants again has done to the misfit that those of the file have."""
+    if not shows_unfitted(rows):
+        return []
     far = [row for row in rows if row.z_unfitted is not None and abs(row.z_unfitted) > _FAR]
     far.sort(key=lambda row: -abs(row.z_unfitted or 0.0))
     if not far:
@@ -200,11 +213,7 @@ def _undecided(fit: FitResult, screening: Screening) -> list[str]:
     near = [score for score in screening.scores if score.z > _NOTABLE and score.kappa > 0.05]
     if not near:
         return []
-    named = ", ".join(
-        f"{score.effect} (by {score.z:.1f} sigma; chance does as much in {100 * score.p_value:.2g} % "
-        "of such tables)"
-        for score in near
-    )
+    named = ", ".join(f"{score.effect} (by {score.z:.1f} sigma: {_often(score.p_value)})" for score in near)
     return [f"What would bring the model closer, and cannot be told from chance: {named}"]
 
 

@@ -14,10 +14,11 @@ from rigctl.compare.candidates import Candidate
 from rigctl.compare.direction import Trend, trends
 from rigctl.compare.result import ModelComparison
 from rigctl.compare.table_rows import TableRow, table_rows
-from rigctl.diagnose.alone import alone
+from rigctl.diagnose.alone import Alone, alone
 from rigctl.diagnose.confound import LEAST_DIFFERENCE
 from rigctl.diagnose.exclusion import Exclusion
 from rigctl.diagnose.search import Tell
+from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.fit import FitResult
 
 #: an effect that reaches less than this share of the change that is missing does not turn it
@@ -32,8 +33,17 @@ def main_trend(before: ModelComparison) -> Trend | None:
     return wrong[0] if wrong else None
 
 
+def _missed(trend: Trend) -> bool:
+    """Whether the model makes less than half of a change, or far too much of it, or the wrong way."""
+    return not 0.5 < trend.predicted / trend.measured < 1.5 if trend.measured else True
+
+
 def exclusions(
-    before: ModelComparison, kept: Collection[str], chi2: float, tell: Tell = lambda _: None
+    before: ModelComparison,
+    kept: Collection[str],
+    chi2: float,
+    trials: Sequence[Trial] = (),
+    tell: Tell = lambda _: None,
 ) -> tuple[Exclusion, ...]:
     """The effects of the library that cannot turn the main misfit of a table, or do so much less well.
 
@@ -43,16 +53,20 @@ def exclusions(
     ----------
     kept: the effects that can, of which nothing is asked.
     chi2: what the best of them leaves.
+    trials: what was fitted already.
     """
+    known = {trial.effects: trial for trial in trials}
     trend = main_trend(before)
-    if not before.rows or before.adequate or trend is None:
+    if not before.rows or before.adequate or trend is None or not _missed(trend):
         return ()
     found = []
     for candidate in _one_each(before):
         if candidate.name in kept:
             continue
-        tell(f"Asking what {candidate.name} could do alone")
-        tried = alone(before, candidate)
+        tried: Alone | Trial | None = known.get((candidate.name,))
+        if tried is None:
+            tell(f"Asking what {candidate.name} could do alone")
+            tried = alone(before, candidate)
         if tried is None:
             continue
         reached = _reached(trend, tried.fit)

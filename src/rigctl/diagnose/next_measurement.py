@@ -76,10 +76,11 @@ def more_rows(before: ModelComparison) -> list[str]:
     measurements = before.fit.problem.measurements
     units = variable_units(measurements)
     found = []
-    for name in measurements.variables:
-        points = sorted(
-            {record.condition[name] for record in measurements.records if name in record.condition}
-        )
+    conditions = [record.condition for record in measurements.records]
+    for name in dict.fromkeys(name for condition in conditions for name in condition):
+        points = sorted({condition[name] for condition in conditions if name in condition})
+        if len(points) == 1:
+            found.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
         if len(points) == 2:
             low, high = (show(point, units[name], digits=3) for point in points)
             found.append(

@@ -158,11 +158,16 @@ class Search:
         ]
         near.sort(key=lambda one: -one[0])
         found = []
-        for cos, candidate, d in near[:_MOST_RIVALS]:
+        for cos, candidate, d in near[: None if self._few else _MOST_RIVALS]:
             rival = self._try((*rest, candidate), without)
             if rival is not None:
                 found.append((rival, cos, d))
         return found
+
+    @property
+    def _few(self) -> bool:
+        """A table: its few rows are quickly refitted, and tell many effects apart by refits alone."""
+        return self.before.fit.problem.measurements.table
 
     def _singles(self) -> None:
         scores = self.before.screening.scores
@@ -175,8 +180,7 @@ class Search:
             if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
-        few = self.before.fit.problem.measurements.table  # rows are quickly refitted, and many effects alike
-        for effect in chosen if few else chosen[: _BEST + _MOST_RIVALS]:
+        for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:
             score = next(one for one in scores if one.effect == effect)
             if score.gain > 0.0:
                 self.tell(f"Refitting with {effect}")

@@ -40,9 +40,10 @@ def table_remarks(
     rivals: Sequence[Rival],
     verdict: Verdict,
     ranking: Sequence[Ranked],
+    trials: Sequence[Trial],
     tell: Tell,
 ) -> TableRemarks:
-    """The remarks on a verdict."""
+    """The remarks on a verdict; `trials` are the sets that were fitted."""
     if not before.rows:
         return TableRemarks()
     if verdict is Verdict.ADEQUATE:
@@ -50,7 +51,8 @@ def table_remarks(
     trend = main_trend(before)
     classes = classes_of(best, rivals)
     kept = {name for names in classes for name in names}
-    excluded = exclusions(before, kept, best.chi2, tell) if len(best.candidates) <= 1 else ()
+    single = len(best.candidates) <= 1
+    excluded = exclusions(before, kept, best.chi2, trials, tell) if single else ()
     members = dict.fromkeys(best.effects[:1], best.fit)
     members |= {rival.name: rival.trial.fit for rival in rivals if not rival.told}
     return TableRemarks(

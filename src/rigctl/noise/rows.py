@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 #: neighbouring points of one difference: with their quadratic taken out, one number is left
 POINTS = 4
 #: differences that a number can be read from
-FEWEST = 4
+FEWEST = 6
 #: values that span more than this factor are read with an error that is a share of the value
 _SPANS = 3.0
 

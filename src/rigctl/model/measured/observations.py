@@ -29,7 +29,7 @@ def titles(family: str) -> dict[str, str]:
 
 
 def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:
-    """The rows of a table as records of `model`.
+    """The rows of a table in which something was read, as records of `model`.
 
     Raises
     ------
@@ -38,8 +38,9 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
     """
     rows = [run.record(index) for index in run.usable]
     if model.family.states and not _is_static(model):
-        return [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
-    return _table(model, run, rows, outputs)
+        moving = [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
+        return [record for record in moving if record.here.any()]
+    return [record for record in _table(model, run, rows, outputs) if record.here.any()]
 
 
 def _is_static(model: Model) -> bool:

@@ -63,12 +63,12 @@ def curves(measurements: Measurements, but: str = "") -> tuple[Floats, NDArray[n
     """(rows) what the rows are ordered by, and the number of the curve on which each lies.
 
     That is the operating variable with the most different values, `but` left out; rows that agree in all
-    others lie on one curve.
+    others lie on one curve. Where nothing differs all are at one point.
     """
     over = curve_variable(measurements, but)
     records = measurements.records
     if over is None:
-        return np.arange(float(len(records))), np.zeros(len(records), dtype=np.intp)
+        return np.zeros(len(records)), np.zeros(len(records), dtype=np.intp)
     points = np.array([record.condition.get(over, np.nan) for record in records])
     others = [name for name in measurements.variables if name != over]
     seen: dict[tuple[str, ...], int] = {}
