@@ -138,6 +138,7 @@ def test_remove_writes_the_next_version() -> None:
         "effect": "piston_leakage",
         "runs": [],
         "hold_out": None,
+        "only": None,
         "before": None,
         "after": None,
     }

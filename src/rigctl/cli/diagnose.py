@@ -99,7 +99,8 @@ def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | Non
         command = analysis("report", runs, str(model))
         show_next(command, "makes the page of it; these data ask for nothing more")
     elif found.best.candidates:
-        show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version")
+        likely = ", the most probable, but these data cannot tell" * (found.verdict is Verdict.AMBIGUOUS)
+        show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")
     else:
         command = analysis("compare", runs, str(model), only=only, hold_out=hold_out)
         why = "draws where it fails; 'rigctl effects check FILE' reads an effect of your own"

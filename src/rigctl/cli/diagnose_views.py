@@ -63,7 +63,10 @@ def show_diagnosis(found: Diagnosis) -> None:
 
 def _show_verdict(found: Diagnosis) -> None:
     names = f" ({', '.join(found.effects)})" if found.effects else ""
-    title = f"[bold {_COLOURS[found.verdict]}]{_WORDS[found.verdict]}{escape(names)}[/]"
+    words, count = _WORDS[found.verdict], len(found.effects)
+    if found.verdict is Verdict.MISSING_EFFECT and count > 1:
+        words = f"{count} effects are missing"
+    title = f"[bold {_COLOURS[found.verdict]}]{words}{escape(names)}[/]"
     console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
 
 

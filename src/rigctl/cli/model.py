@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rigctl.cli.compare import HoldOut, Runs
+from rigctl.cli.compare import HoldOut, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.errors import RigctlError
 
@@ -94,6 +94,7 @@ def fit(
     model: ModelFile,
     runs: Runs,
     hold_out: HoldOut = None,
+    only: Only = None,
     *,
     family: FamilyOption = None,
     as_json: Json = False,
@@ -106,7 +107,7 @@ def fit(
     """
     from rigctl.cli.model_changes import Wanted, carry_out
 
-    wanted = Wanted("fit", lambda found: found, runs, hold_out, fit=True)
+    wanted = Wanted("fit", lambda found: found, runs, hold_out, only, fit=True)
     carry_out(own_model(model), wanted, as_json=as_json)
 
 
@@ -127,6 +128,7 @@ def add(
         bool, typer.Option("--fit/--no-fit", help="Fit the free parameters to the runs that are named.")
     ] = True,
     hold_out: HoldOut = None,
+    only: Only = None,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
@@ -153,6 +155,7 @@ def add(
         lambda one: one.with_effect(found, values),
         runs or (),
         hold_out,
+        only,
         fit=fitting,
         effect=found.name,
         effect_files=files,
@@ -170,6 +173,7 @@ def remove(
         bool, typer.Option("--fit/--no-fit", help="Fit the rest to the runs that are named.")
     ] = True,
     hold_out: HoldOut = None,
+    only: Only = None,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
@@ -183,7 +187,13 @@ def remove(
     from rigctl.cli.model_changes import Wanted, carry_out
 
     wanted = Wanted(
-        "remove", lambda one: one.without_effect(effect), runs or (), hold_out, fit=fitting, effect=effect
+        "remove",
+        lambda one: one.without_effect(effect),
+        runs or (),
+        hold_out,
+        only,
+        fit=fitting,
+        effect=effect,
     )
     carry_out(own_model(model), wanted, as_json=as_json)
 

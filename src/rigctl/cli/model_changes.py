@@ -33,7 +33,7 @@ class Wanted:
     ----------
     kind: what is done; `effect` is its name.
     changed: makes the new model out of the old one.
-    runs, hold_out: the records to fit to, and those to keep for the proof.
+    runs, only, hold_out: the records to fit to, which of them, and those to keep for the proof.
     fit: whether free parameters are fitted, those of the model before too, so that only the effect differs.
     effect_files: of the user's own effects.
     """
@@ -42,6 +42,7 @@ class Wanted:
     changed: Callable[[Model], Model]
     runs: Sequence[str]
     hold_out: str | None
+    only: str | None
     fit: bool
     effect: str = ""
     effect_files: tuple[Path, ...] = ()
@@ -68,8 +69,9 @@ def carry_out(path: Path, wanted: Wanted, *, as_json: bool) -> None:
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
     """A change that no record is asked about."""
-    if wanted.hold_out:
-        raise RigctlError("--hold-out chooses among the records of runs, and none was named")
+    for option, value in (("--hold-out", wanted.hold_out), ("--only", wanted.only)):
+        if value:
+            raise RigctlError(f"{option} chooses among the records of runs, and none was named")
     return wanted.changed(model), Change(wanted.kind, effect=wanted.effect)
 
 
@@ -78,7 +80,7 @@ def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
     runs = open_runs(wanted.runs)
     with telling("nothing was saved") as tell:
         refit = wanted.fit and wanted.kind != "fit"
-        data = read_runs(model, runs, hold_out=wanted.hold_out, tell=tell)
+        data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, tell=tell)
         before = fit_to_data(model, data, refit=refit, tell=tell)
         made = wanted.changed(before.model)
         tell(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
@@ -88,6 +90,7 @@ def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
         effect=wanted.effect,
         runs=tuple(run.id for run in runs),
         hold_out=wanted.hold_out or "",
+        only=wanted.only or "",
         before=model_error(before),
         after=model_error(after),
     )
@@ -114,6 +117,7 @@ def _document(version: Version) -> dict[str, Any]:
         "effect": done.effect or None,
         "runs": list(done.runs),
         "hold_out": done.hold_out or None,
+        "only": done.only or None,
         "before": done.before.document() if done.before else None,
         "after": done.after.document() if done.after else None,
     }
@@ -134,7 +138,7 @@ def _show(made: Model, version: Version) -> None:
         _show_values(made)
     typer.echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
-        command = analysis("compare", done.runs, str(head), hold_out=done.hold_out)
+        command = analysis("compare", done.runs, str(head), only=done.only, hold_out=done.hold_out)
         show_next(f"{command} --no-fit", "says whether it agrees with them now")
 
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from rigctl.cli.tables import console, table
 from rigctl.model import Model, StatedValue, Version, VersionError, stated_values, version_errors
 from rigctl.model.difference import ModelDifference, ValueDifference
-from rigctl.model.history.change import ModelError
+from rigctl.model.history.change import Change, ModelError
 from rigctl.report.bars import draw_bar
 
 #: who says a value that the model file does not explain itself
@@ -204,16 +204,25 @@ def show_history(versions: Sequence[Version], current: Version) -> None:
             "" if version.parent is None else str(version.parent),
             f"{version.time:%Y-%m-%d %H:%M}",
             escape(f"{version.done}{'' if version.kept or version.parent is None else ', not kept yet'}"),
-            escape(", ".join(version.done.runs)),
+            escape(_fitted_to(version.done)),
             escape(version.done.hold_out),
             "" if after is None or after.chi2_reduced is None else f"{after.chi2_reduced:.4g}",
         )
     out.print(made)
+    for version in versions:
+        if version.done.note:
+            out.print(f"  {version.number}: {escape(version.done.note)}.", soft_wrap=True)
     found = version_errors(versions)
     if found:
         show_errors([(_label(each), each.error) for each in found])
-        if len({(each.runs, each.hold_out) for each in found}) > 1:
+        if len({(each.runs, each.hold_out, each.only) for each in found}) > 1:
             out.print("  Not all were found on the same runs and held-out records: compare with care.")
+
+
+def _fitted_to(done: Change) -> str:
+    """The runs, and which of their records."""
+    runs = ", ".join(done.runs)
+    return f"{runs}, only {done.only}" if done.only else runs
 
 
 def _label(found: VersionError) -> str:
@@ -259,6 +268,7 @@ def history_document(versions: Sequence[Version], current: Version) -> dict[str,
                 "version": found.version.number,
                 "runs": list(found.runs),
                 "hold_out": found.hold_out or None,
+                "only": found.only or None,
                 **found.error.document(),
             }
             for found in version_errors(versions)

@@ -10,7 +10,7 @@ from typing import Any
 
 from rigctl.compare.compare import judge
 from rigctl.compare.fitting import fit_again
-from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.compare.result import Choice, Comparison, ModelComparison
 from rigctl.diagnose.diagnose import diagnose_comparison, found_parameters
 from rigctl.diagnose.result import Diagnosis, Verdict
 from rigctl.diagnose.search import Search, Tell
@@ -164,7 +164,7 @@ def improve(
             return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
         said(f"Adding {', '.join(chosen.trial.effects)}")
         after = _compared(here, chosen.trial, excluded, said)
-        step = _saved(found, chosen, after, source, compared.choice.hold_out)
+        step = _saved(found, chosen, after, source, compared.choice)
         steps.append(step)
         here, source = after, step.version.head
 
@@ -203,7 +203,7 @@ def _single(found: Diagnosis, place: int) -> Trial | None:
 
 
 def _reason(found: Diagnosis, trial: Trial, difference: float) -> str:
-    described = "; ".join(
+    described = ". ".join(
         effect_text(candidate.effect, found_parameters(trial, candidate)) for candidate in trial.candidates
     )
     together = " only together" if len(trial.effects) > 1 else ""
@@ -231,14 +231,15 @@ def _compared(here: ModelComparison, trial: Trial, excluded: Collection[str], te
     return judge(fitted, here.name, excluded=excluded, tell=tell)
 
 
-def _saved(found: Diagnosis, chosen: _Choice, after: ModelComparison, source: Path, hold_out: str) -> Step:
+def _saved(found: Diagnosis, chosen: _Choice, after: ModelComparison, source: Path, choice: Choice) -> Step:
     """Save the model with the effects as the next version, and say what it did to the error."""
     before_error, after_error = model_error(found.before.fit), model_error(after.fit)
     done = Change(
         "add",
         effect=", ".join(chosen.trial.effects),
         runs=tuple(found.runs),
-        hold_out=hold_out,
+        hold_out=choice.hold_out,
+        only=choice.only,
         before=before_error,
         after=after_error,
         note=chosen.reason,

@@ -79,7 +79,8 @@ class Change:
     ----------
     kind: "start" is the file as it was first met, "edit" one changed by hand.
     effect: what was added or removed.
-    runs, hold_out: the runs that it was fitted to, and the expression for the records that were held out.
+    runs, only, hold_out: the runs that it was fitted to, and the expressions for the records that were chosen
+        of them (all when empty), and for those that were held out.
     before, after: the error of the model before and after the change, on the same records.
     note: anything else, in words.
     """
@@ -88,6 +89,7 @@ class Change:
     effect: str = ""
     runs: tuple[str, ...] = ()
     hold_out: str = ""
+    only: str = ""
     before: ModelError | None = None
     after: ModelError | None = None
     note: str = ""
@@ -105,6 +107,7 @@ class Change:
             "effect": self.effect or None,
             "runs": list(self.runs),
             "hold_out": self.hold_out or None,
+            "only": self.only or None,
             "before": self.before.document() if self.before else None,
             "after": self.after.document() if self.after else None,
             "note": self.note or None,
@@ -119,6 +122,7 @@ class Change:
             effect=written["effect"] or "",
             runs=tuple(written["runs"]),
             hold_out=written["hold_out"] or "",
+            only=written.get("only") or "",
             before=ModelError.of_document(before) if before else None,
             after=ModelError.of_document(after) if after else None,
             note=written["note"] or "",

@@ -11,12 +11,13 @@ from rigctl.model.history.version import Version
 
 @dataclass(frozen=True)
 class VersionError:
-    """The error of a version, and the runs and held-out records on which it was found."""
+    """The error of a version, and the runs on which it was found: what was held out and chosen of them."""
 
     version: Version
     error: ModelError
     runs: tuple[str, ...]
     hold_out: str
+    only: str
 
 
 def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
@@ -39,4 +40,5 @@ def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
 
 
 def _error(version: Version, error: ModelError, found_on: Version) -> VersionError:
-    return VersionError(version, error, found_on.done.runs, found_on.done.hold_out)
+    done = found_on.done
+    return VersionError(version, error, done.runs, done.hold_out, done.only)
