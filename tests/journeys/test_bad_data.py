@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -58,14 +59,56 @@ def imported(*columns_and_edit: object) -> str:
     return str(answer("import", write(*columns_and_edit), *RIG)["run"])  # type: ignore[arg-type]
 
 
-def test_a_channel_that_was_not_recorded_is_not_judged_and_said_to_be_what_is_needed() -> None:
-    run = imported((TIME, RECORD, POSITION, VALVE, RELIEF))
-    found = answer("diagnose", run, "--model", MODEL)
-    assert set(answer("compare", run, "--model", MODEL, "--no-fit")["channels"]) == {"position"}
+@pytest.fixture(scope="module")
+def position_only(bench: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What compare and diagnose say of a run that has the position and nothing else."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(bench)
+        run = imported((TIME, RECORD, POSITION, VALVE, RELIEF))
+        asked = (run, "--model", MODEL)
+        return answer("compare", *asked, "--no-fit"), answer("diagnose", *asked)
+
+
+def test_a_channel_that_was_not_recorded_is_not_judged_and_said_to_be_what_is_needed(
+    position_only: tuple[dict[str, Any], dict[str, Any]],
+) -> None:
+    compared, found = position_only
+    assert set(compared["channels"]) == {"position"}
     needs = {one["effect"]: one["needs"] for one in found["untestable"]}
     assert needs["pressure_gain"] == "the channel supply_pressure"
     assert needs["thermocouple_lag"] == "the channel oil_temperature"
     assert "too weak for a verdict" in " ".join(found["evidence"])
+
+
+def test_answers_have_the_documented_names(
+    position_only: tuple[dict[str, Any], dict[str, Any]],
+) -> None:
+    compared, diagnosed = position_only
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "json-answers.md").read_text("utf-8")
+    of_model = documented(page, "| of a model |")
+    assert set(documented(page, "| at the top |")) | set(of_model) <= set(compared)
+    assert set(of_model) <= set(compared["models"][0])
+    for field, one in (
+        ("tests", compared["tests"]["chi2"]),
+        ("channels", compared["channels"]["position"]),
+        ("where", compared["where"][0]),
+        ("trends", compared["trends"][0]),
+        ("slots", compared["slots"][0]),
+    ):
+        assert set(of_model[field]) - {"score", "plane", "chi2"} <= set(one)
+    of_diagnosis = documented(page, "| field |")
+    assert set(of_diagnosis) <= set(diagnosed)
+    assert set(of_diagnosis["ranking"]) - {"value", "unit", "std"} <= set(diagnosed["ranking"][0])
+
+
+def documented(page: str, head: str) -> dict[str, list[str]]:
+    """Of a table of the page: the names in each row's second cell, by the names in its first."""
+    found = {}
+    for line in page.partition(head)[2].partition("\n\n")[0].splitlines()[2:]:
+        first, second = line.strip("| ").split(" | ", 1)
+        for name in re.findall(r"`(\w+)`", first):
+            found[name] = re.findall(r"`(\w+)`", second)
+    return found
 
 
 def test_a_run_without_any_channel_of_the_model() -> None:

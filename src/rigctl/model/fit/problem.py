@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 T = TypeVar("T")
 
 #: numbers that derivatives may take at once: more records are gone through in parts
-_ROOM = 2**22
+_ROOM = 2**21
 
 
 @dataclass(frozen=True)
