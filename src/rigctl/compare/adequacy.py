@@ -95,7 +95,7 @@ def plane_test(projected: Projected) -> Test:
     span = span[:, values > 1e-3 * values[0]]
     statistic = float(np.square(span.T @ projected.residual).sum())
     freedom, known = span.shape[1], projected.noise_degrees
-    return Test(statistic, chi2_tail(statistic, freedom, known), freedom)
+    return Test(statistic, chi2_tail(statistic, freedom, known), freedom, math.sqrt(2.0 * freedom))
 
 
 def chi2_test(projected: Projected) -> Test:

@@ -7,12 +7,14 @@ than `SHAPE` of the misfit, and a member that explains less than that share is n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.alone import Alone, alone, near_best
 from rigctl.diagnose.confound import LEAST_SEPARATION, cosine, separation
 from rigctl.diagnose.pairs import pair_gains
 from rigctl.diagnose.point import Point
@@ -57,6 +59,7 @@ class Search:
     most: int = _TOGETHER
     tell: Tell = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    alone: dict[str, Alone | None] = field(default_factory=dict)
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
 
@@ -79,6 +82,11 @@ class Search:
             count = sum(int(problem.ok[k][:, c].sum()) for k in self.before.fit.fitted)
             total += count * (1.0 - channel.correlation) / (1.0 + channel.correlation)
         return max(total, float(len(self.before.fit.fitted)), 2.0)
+
+    @cached_property
+    def _price(self) -> float:
+        """What mBIC asks of one effect more, with one parameter."""
+        return math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
 
     def mbic(self, trial: Trial) -> float:
         """The criterion of a trial."""
@@ -103,8 +111,9 @@ class Search:
     def left(self, trial: Trial) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more.
 
-        Measured by what the tests see: the excess of the plane test, the largest fall of χ² that any further
-        effect promises, and what of χ² is beyond its own spread; against the fall that was reached.
+        Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
+        largest fall of χ² that any further effect promises beyond what mBIC asks of it; against the fall that
+        was reached.
         """
         if not trial.candidates:
             return 0.0 if self.before.adequate else 1.0
@@ -112,7 +121,7 @@ class Search:
         if here.adequacy.adequate:
             return 0.0
         excess = max(test.excess for test in here.adequacy.tests.values())
-        promised = max((score.gain for score in here.screening.scores), default=0.0)
+        promised = max((score.gain for score in here.screening.scores), default=0.0) - self._price
         reached = max(self.none.chi2 - trial.chi2, 1e-12)
         return max(excess, promised) / (reached + max(excess, promised))
 
@@ -180,11 +189,22 @@ class Search:
             if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
+        if self._few:
+            chosen = self._near_alone([score.effect for score in by_gain])
         for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:
             score = next(one for one in scores if one.effect == effect)
-            if score.gain > 0.0:
+            if score.gain > 0.0 or self._few:
                 self.tell(f"Refitting with {effect}")
                 self._try((lin.candidates[score.candidate],), self.none)
+
+    def _near_alone(self, effects: Sequence[str]) -> list[str]:
+        """Those that come near the best when each is fitted in the equations of the whole library."""
+        scores = {score.effect: score for score in self.before.screening.scores}
+        for effect in effects:
+            self.tell(f"Asking what {effect} could do alone")
+            candidate = self.before.linearisation.candidates[scores[effect].candidate]
+            self.alone[effect] = alone(self.before, candidate, from_null=scores[effect].gain > 0.0)
+        return near_best(self.alone)
 
     @staticmethod
     def _near(cos: float, size: float) -> bool:

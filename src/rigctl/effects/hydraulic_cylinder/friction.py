@@ -1,8 +1,8 @@
 """Forces of the seals and of the oil film, against the motion.
 
 A seal's force does not flip with the direction at once: its lip first bends, by a few hundredths of a
-millimetre, and while it is bent the piston sticks and the chambers keep a difference of pressure. Dahl's state z
-is how far it is bent, from -1 to 1 where it slides: ``dz/dt = (v − |v|·z)/s``.
+millimetre, and while it is bent the piston sticks and the chambers keep a difference of pressure. State z of
+Dahl is how far it is bent, from -1 to 1 where it slides: ``dz/dt = (v − |v|·z)/s``.
 """
 
 from __future__ import annotations
