@@ -12,6 +12,7 @@ from rigctl.compare.compare import compare
 from rigctl.compare.result import Comparison
 from rigctl.dataset.importing import import_file
 from rigctl.diagnose.unseen import Unseen, unseen
+from rigctl.report.analysis.unseen import unseen_sections
 from rigctl.rig import load_rig
 
 ROOT = Path(__file__).parents[2]
@@ -96,3 +97,14 @@ def test_nothing_is_left_out_without_a_choice(tmp_path: Path) -> None:
     model = rigctl.load_model(ROOT / "models" / "hl32-oil.yaml")
     compared = compare([rigctl.open_run(done.path)], [model])
     assert unseen(compared, compared.models[0]) == ()
+
+
+def test_the_page_says_it_first_and_draws_the_record_that_is_worst(found: list[Unseen]) -> None:
+    (section,) = unseen_sections(found)
+    assert section.id == "unseen"
+    assert [plot.id for plot in section.plots] == ["unseen-1"], "what is as good needs no picture"
+    body = str(section.body)
+    assert body.index("as good as where it was fitted") < body.index("misses something")
+    assert "109.3 °C" in body
+    assert "degC" not in body
+    assert unseen_sections([]) == []

@@ -81,8 +81,3 @@ def test_moments_keep_their_zone_and_nonsense_stays_as_it_is() -> None:
 )
 def test_a_sentence_has_its_units_and_numbers_printed(said: str, printed: str) -> None:
     assert numbers.prose(said) == printed
-
-
-@pytest.mark.parametrize(("p_value", "printed"), [(0.031, "0.031"), (1e-9, "< 10⁻⁶"), (0.0, "< 10⁻⁶")])
-def test_a_chance_below_one_in_a_million_is_no_more_than_that(p_value: float, printed: str) -> None:
-    assert numbers.chance(p_value) == printed

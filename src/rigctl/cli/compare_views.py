@@ -9,6 +9,7 @@ from rich.table import Table
 
 from rigctl.cli.table_views import show_rows
 from rigctl.cli.tables import console, table
+from rigctl.compare.chance import chance
 from rigctl.compare.localise import Place
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.report.bars import draw_bar
@@ -60,11 +61,6 @@ def show_statement(model: ModelComparison) -> None:
     """What a comparison says in one sentence, green where it agrees."""
     colour = "green" if model.adequate else "red"
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
-
-
-def chance(p_value: float) -> str:
-    """A p-value as it is read: ``0.03``, or ``< 1e-6``."""
-    return "< 1e-6" if p_value < 1e-6 else f"{p_value:.2g}"
 
 
 def _few(labels: Sequence[str], most: int = 6) -> str:

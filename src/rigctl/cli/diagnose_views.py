@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich.markup import escape
 from rich.table import Table
 
-from rigctl.cli.compare_views import chance
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
+from rigctl.compare.chance import chance
 from rigctl.diagnose.loop import Improvement, Step
-from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.diagnose.result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.diagnose.unseen import Unseen
+from rigctl.diagnose.wording import parameters_text
 from rigctl.report.bars import draw_bar
 
 _COLOURS = {
@@ -21,12 +22,6 @@ _COLOURS = {
     Verdict.MISSING_EFFECT: "yellow",
     Verdict.AMBIGUOUS: "yellow",
     Verdict.OUTSIDE_LIBRARY: "red",
-}
-_WORDS = {
-    Verdict.ADEQUATE: "Adequate",
-    Verdict.MISSING_EFFECT: "An effect is missing",
-    Verdict.AMBIGUOUS: "Ambiguous",
-    Verdict.OUTSIDE_LIBRARY: "Outside the library",
 }
 #: effects of the ranking that are shown besides those of the verdict
 _RANKED = 8
@@ -63,10 +58,7 @@ def show_diagnosis(found: Diagnosis) -> None:
 
 def _show_verdict(found: Diagnosis) -> None:
     names = f" ({', '.join(found.effects)})" if found.effects else ""
-    words, count = _WORDS[found.verdict], len(found.effects)
-    if found.verdict is Verdict.MISSING_EFFECT and count > 1:
-        words = f"{count} effects are missing"
-    title = f"[bold {_COLOURS[found.verdict]}]{words}{escape(names)}[/]"
+    title = f"[bold {_COLOURS[found.verdict]}]{found.title}{escape(names)}[/]"
     console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
 
 
@@ -87,7 +79,7 @@ def _ranking(found: Diagnosis) -> Table:
             f"{100 * one.kappa:.0f} %",
             f"{-100 * one.error_drop:+.1f} %" if one.error_drop else "",
             _held_out(one),
-            escape(_parameters(one.parameters)),
+            escape(parameters_text(one.parameters)),
         )
     return made
 
@@ -96,15 +88,6 @@ def _held_out(one: Ranked) -> str:
     if not math.isfinite(one.heldout_before):
         return ""
     return f"{one.heldout_before:.4g} to {one.heldout_after:.4g}"
-
-
-def _parameters(found: Mapping[str, FoundParameter]) -> str:
-    texts = []
-    for name, one in found.items():
-        unit = "" if one.unit == "1" else f" {one.unit}"
-        spread = f" ± {one.std:.1g}" if math.isfinite(one.std) else ""
-        texts.append(f"{name} {one.value:.4g}{spread}{unit}")
-    return ", ".join(texts)
 
 
 def _show_evidence(evidence: Sequence[str]) -> None:

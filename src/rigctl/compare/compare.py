@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from rigctl.compare.adequacy import adequacy
 from rigctl.compare.candidates import candidates
 from rigctl.compare.cells import cell_map
+from rigctl.compare.chance import chance_text
 from rigctl.compare.direction import sentence, trends
 from rigctl.compare.fitting import Data, Tell, fit_to_data, read_runs, tell_nobody
 from rigctl.compare.linearise import linearise
@@ -135,9 +136,8 @@ def _statement(name: str, adequate: bool, p: float, where: Sequence[Place], dire
             f"{name} agrees with the measurements within their noise (p = {p:.2g}): "
             "these data show nothing that it lacks"
         )
-    chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     cells = [place for place in where if place.by == "cell"]
-    text = f"{name} does not agree with the measurements ({chance})"
+    text = f"{name} does not agree with the measurements ({chance_text(p)})"
     if cells:
         worst = cells[0]
         text += f": {100 * worst.share_of_error:.0f} % of the systematic error is in {worst.label}"

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigctl.compare.adequacy import LEVEL, Adequacy, chi2_tail
+from rigctl.compare.chance import chance_text
 from rigctl.compare.linearise import Linearisation
 from rigctl.compare.localise import variable_units
 from rigctl.compare.scores import Screening
@@ -31,7 +32,7 @@ def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], dir
     fitted = [row for row in rows if row.fitted]
     worst = max(fitted, key=lambda row: abs(row.z))
     count = f"the {len(fitted)} values of {_quantities(fitted)}"
-    chance = "p < 1e-6" if adequacy.p_value < 1e-6 else f"p = {adequacy.p_value:.2g}"
+    chance = chance_text(adequacy.p_value)
     largest = f"the largest misfit is at {worst.condition}: {off(worst, worst.predicted)}"
     if adequacy.adequate:
         return f"{name} agrees with {count} within their noise ({chance}); {largest}"

@@ -33,6 +33,11 @@ class FoundParameter:
     unit: str
     std: float
 
+    def __str__(self) -> str:
+        """As it is read, e.g. ``4e-15 ± 1e-16 m^3``; a spread that is not known is left out."""
+        spread = f" ± {float(f'{self.std:.1g}'):g}" if math.isfinite(self.std) else ""
+        return f"{self.value:.4g}{spread}{'' if self.unit == '1' else ' ' + self.unit}"
+
 
 @dataclass(frozen=True)
 class Ranked:
@@ -134,6 +139,18 @@ class Diagnosis:
     excluded: tuple[Exclusion, ...] = ()
     excluded_because: tuple[str, ...] = ()
     next_steps: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """The verdict in a few words."""
+        if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
+            return f"{len(self.effects)} effects are missing"
+        return {
+            Verdict.ADEQUATE: "Adequate",
+            Verdict.MISSING_EFFECT: "An effect is missing",
+            Verdict.AMBIGUOUS: "Ambiguous",
+            Verdict.OUTSIDE_LIBRARY: "Outside the library",
+        }[self.verdict]
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""

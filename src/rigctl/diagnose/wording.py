@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rigctl.compare.candidates import Candidate
+from rigctl.compare.chance import chance_text
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.folds import HeldOut
 from rigctl.diagnose.result import Drift, FoundParameter, Ranked, Verdict
@@ -24,10 +25,7 @@ _ALIKE = 0.5
 
 def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
     """``conductance 4e-15 ± 1e-16 m^3``."""
-    return ", ".join(
-        f"{name} {one.value:.3g} ± {one.std:.1g}{'' if one.unit == '1' else ' ' + one.unit}"
-        for name, one in parameters.items()
-    )
+    return ", ".join(f"{name} {one}" for name, one in parameters.items())
 
 
 def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
@@ -128,8 +126,7 @@ def _size(ranked: Ranked) -> str:
     text = f"for {ranked.effect}: it stands out of the noise by {ranked.size:.1f} sigma"
     if p > 0.01:
         return f"{text}, but only beside the others: on the model as it is its score is nothing (p = {p:.2g})"
-    chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
-    return f"{text} ({chance} for the largest of the whole library)"
+    return f"{text} ({chance_text(p)} for the largest of the whole library)"
 
 
 def drift_text(found: Sequence[Drift]) -> list[str]:

@@ -38,11 +38,6 @@ def _scientific(mantissa: str, exponent: str) -> str:
     return power if mantissa == "1" else f"{mantissa}·{power}"
 
 
-def chance(p_value: float) -> str:
-    """A p-value as it is read: ``0.03``, or ``< 10⁻⁶``."""
-    return "< 10⁻⁶" if p_value < 1e-6 else f"{p_value:.2g}"
-
-
 def number(value: float | None, digits: int = 4) -> str:
     """A value to `digits` significant digits; a dash when it is missing."""
     if value is None or not math.isfinite(value):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from rigctl.compare.chance import chance
 from rigctl.report import numbers
 from rigctl.report.interactive import embed, figure
 from rigctl.report.plot import Plot
@@ -66,7 +67,7 @@ def environment() -> Environment:
     )
     made.filters.update(
         amount=numbers.amount,
-        chance=numbers.chance,
+        chance=lambda p_value: numbers.prose(chance(p_value)),
         duration=numbers.duration,
         moment=numbers.moment,
         number=numbers.number,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.result import Diagnosis, Ranked
 from rigctl.diagnose.trial import Trial
+from rigctl.diagnose.wording import parameters_text
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import normalised_error, typical_records
@@ -25,13 +26,6 @@ _SHOWN = 6
 _SIGNATURES = 3
 #: a channel that no candidate changes by more, in sigmas, says nothing of them
 _SHOWS = 0.5
-
-_VERDICTS = {
-    "adequate": "Nothing is missing that these data could show",
-    "missing_effect": "A physical effect is missing",
-    "ambiguous": "An effect is missing, and these data cannot tell which",
-    "outside_library": "Something is missing that the library does not know",
-}
 
 
 def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = None) -> list[Section]:
@@ -51,7 +45,7 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
     body = render(
         "diagnosis.html",
         diagnosis=diagnosis,
-        heading=_VERDICTS[diagnosis.verdict.value],
+        heading=diagnosis.title,
         ranking=_ranking(diagnosis) if ranked else Markup(),
         table=[_row(one) for one in diagnosis.ranking[:_SHOWN]] if ranked else [],
         remarks=render(
@@ -85,11 +79,6 @@ def _ranking(diagnosis: Diagnosis) -> Markup:
 
 
 def _row(one: Ranked) -> dict[str, object]:
-    parameters = ", ".join(
-        f"{name} = {found.value:.3g} {symbol(found.unit)}"
-        + (f" ± {found.std:.1g}" if np.isfinite(found.std) else "")
-        for name, found in one.parameters.items()
-    )
     return {
         "effect": plain_name(one.effect),
         "probability": one.probability,
@@ -100,7 +89,7 @@ def _row(one: Ranked) -> dict[str, object]:
         "hidden_in": plain_name(one.hidden_in),
         "before": one.heldout_before if np.isfinite(one.heldout_before) else None,
         "after": one.heldout_after if np.isfinite(one.heldout_after) else None,
-        "parameters": parameters,
+        "parameters": parameters_text(one.parameters),
     }
 
 

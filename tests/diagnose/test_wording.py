@@ -1,0 +1,126 @@
+"""What a diagnosis says in words: what is seen, how large, and what would look like it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from rigctl.diagnose.result import FoundParameter
+from rigctl.diagnose.rivals import Differs, Rival, where_they_differ
+from rigctl.diagnose.trial import Trial
+from rigctl.diagnose.wording import effect_text, rival_text
+from rigctl.effects.registry import library
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.physics.families import find_family
+
+NO_TRIAL = cast("Trial", None)
+WHERE = Differs(
+    "position", "extend", "oil 80 degC, supply 50 bar", -0.22, "mm", (("retract", 0.96), ("hold", 0.2))
+)
+RIVAL = Rival("valve_leakage", "position_thermal_drift", NO_TRIAL, 0.94, 20.0, 1600.0, WHERE)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "std", "said"),
+    [
+        (6.837e-15, "m^3", 6.2e-17, "6.837e-15 ± 6e-17 m^3"),
+        (98.13, "N", 4.1, "98.13 ± 4 N"),
+        (40.7, "N", 212.0, "40.7 ± 200 N"),
+        (0.0669, "1", float("nan"), "0.0669"),
+    ],
+)
+def test_a_parameter_is_said_with_its_spread_and_unit(value: float, unit: str, std: float, said: str) -> None:
+    assert str(FoundParameter(value, unit, std)) == said
+
+
+def test_an_effect_is_what_is_seen_what_it_is_and_how_large() -> None:
+    effect = library(find_family("hydraulic_cylinder"))["valve_leakage"]
+    said = effect_text(effect, {"conductance": FoundParameter(4e-15, "m^3", 1e-16)})
+    assert said == (
+        "In neutral both chambers drift to half of the supply pressure, and a single-rod cylinder creeps "
+        "out: oil passes the spool's clearance at every port, in neutral too "
+        "(valve_leakage, conductance 4e-15 ± 1e-16 m^3)"
+    )
+
+
+def test_a_rival_is_said_with_where_it_is_alike_and_where_not() -> None:
+    assert rival_text(RIVAL) == (
+        "position_thermal_drift would look like valve_leakage (cos 0.94): in retract (0.96), not in hold "
+        "(0.20); the two differ most in position in extend, by up to 0.22 mm at oil 80 degC, supply 50 bar, "
+        "and these data tell them apart (d = 20.0)"
+    )
+
+
+def test_a_rival_that_is_not_told_says_what_would_do() -> None:
+    said = rival_text(replace(RIVAL, separation=0.4, differs=None))
+    assert said == (
+        "position_thermal_drift would look like valve_leakage (cos 0.94), "
+        "and these data do not tell them apart (d = 0.4, 2.3 would do)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("d", "difference", "told"), [(20.0, 1600.0, True), (2.0, 1600.0, False), (20.0, 9.0, False)]
+)
+def test_two_are_told_apart_by_separation_and_by_the_criterion(
+    d: float, difference: float, told: bool
+) -> None:
+    assert replace(RIVAL, separation=d, difference=difference).told is told
+
+
+def fitted(outputs: np.ndarray) -> FitResult:
+    """A fit of two equal records: extend and hold of ten samples each, one channel in mm, noise of 0.1 mm."""
+    records = tuple(
+        MeasuredRecord(
+            run="r",
+            index=index,
+            label=f"r/{index + 1}",
+            times=np.arange(20.0),
+            switch_times=np.array([0.0, 10.0]),
+            switch_half=np.zeros(2),
+            inputs=np.zeros((2, 1)),
+            values=np.zeros((20, 1)),
+            condition={"oil": oil},
+            group=index,
+            phase=np.repeat([0, 1], 10),
+            phases=("extend", "hold"),
+        )
+        for index, oil in enumerate((353.15, 293.15))
+    )
+    problem: Any = SimpleNamespace(
+        records=records,
+        ok=(np.ones((20, 1), bool),) * 2,
+        sigma=(np.full((20, 1), 1e-4),) * 2,
+        noise=SimpleNamespace(sigma=np.array([1e-4])),
+        measurements=Measurements(("position",), ("mm",), ("valve",), records, None, ("r",)),
+    )
+    both = (outputs[:, None], outputs[:, None])
+    return cast("FitResult", SimpleNamespace(problem=problem, fitted=(0, 1), outputs=both))
+
+
+def test_two_that_move_alike_and_hold_differently_differ_in_the_hold() -> None:
+    ramp, still = np.linspace(0.0, 1e-3, 10), np.zeros(10)
+    none, one = fitted(np.zeros(20)), fitted(np.concatenate([ramp, ramp]))
+    other = fitted(np.concatenate([0.9 * ramp, still + 1e-5]))
+    found = where_they_differ(none, one, other)
+    assert found is not None
+    assert (found.channel, found.phase, found.condition, found.unit) == (
+        "position",
+        "hold",
+        "oil 80 degC",
+        "mm",
+    )
+    assert found.largest == pytest.approx(-0.99)
+    alike = dict(found.alike)
+    assert alike["extend"] == pytest.approx(1.0)
+    assert alike["hold"] < 0.9
+
+
+def test_two_that_predict_the_same_differ_nowhere() -> None:
+    same = fitted(np.linspace(0.0, 1e-3, 20))
+    assert where_they_differ(fitted(np.zeros(20)), same, same) is None
