@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,6 +20,10 @@ _ROOM = 1e-6
 _COST = 1e-3
 
 
+#: in χ²: a proper fit brings a coarse one no nearer than that
+_NEAR = 40.0
+
+
 @dataclass(frozen=True)
 class Alone:
     """A model with one effect, fitted; `chi2` is what that leaves."""
@@ -28,13 +33,19 @@ class Alone:
     chi2: float
 
 
-def alone(before: ModelComparison, candidate: Candidate) -> Alone | None:
-    """Fit a model with one effect more, begun at its null and at its typical size: the better of the two.
+def alone(before: ModelComparison, candidate: Candidate, *, from_null: bool) -> Alone | None:
+    """Fit a model with one effect more, begun at its null or at its typical size.
 
     Nothing is compiled for it. None when the model has no value there.
     """
-    found = [one for share in (0.0, 1.0) if (one := _fitted(before, candidate, share)) is not None]
-    return min(found, key=lambda one: one.chi2, default=None)
+    return _fitted(before, candidate, 0.0 if from_null else 1.0)
+
+
+def near_best(found: Mapping[str, Alone | None]) -> list[str]:
+    """The effects whose fits come near the best one's, the best first."""
+    fitted = [one for one in found.values() if one is not None]
+    fitted.sort(key=lambda one: one.chi2)
+    return [one.candidate.name for one in fitted if one.chi2 < fitted[0].chi2 + _NEAR]
 
 
 def _fitted(before: ModelComparison, candidate: Candidate, share: float) -> Alone | None:

@@ -85,9 +85,7 @@ def diagnose_comparison(
     evidence: list[str] = power_text(before.projected) if before.adequate else []
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
-    remarks = table_remarks(
-        before, best, rivals, verdict, ranking, tuple(search.trials.values()), search.tell
-    )
+    remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
     after = search.at(best) if best.candidates else None
     return Diagnosis(
         runs=tuple(runs),

@@ -8,17 +8,14 @@ differs from row to row.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
-from rigctl.compare.candidates import Candidate
 from rigctl.compare.direction import Trend, trends
 from rigctl.compare.result import ModelComparison
 from rigctl.compare.table_rows import TableRow, table_rows
-from rigctl.diagnose.alone import Alone, alone
+from rigctl.diagnose.alone import Alone
 from rigctl.diagnose.confound import LEAST_DIFFERENCE
 from rigctl.diagnose.exclusion import Exclusion
-from rigctl.diagnose.search import Tell
-from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.fit import FitResult
 
 #: an effect that reaches less than this share of the change that is missing does not turn it
@@ -39,11 +36,7 @@ def _missed(trend: Trend) -> bool:
 
 
 def exclusions(
-    before: ModelComparison,
-    kept: Collection[str],
-    chi2: float,
-    trials: Sequence[Trial] = (),
-    tell: Tell = lambda _: None,
+    before: ModelComparison, kept: Collection[str], chi2: float, alone: Mapping[str, Alone | None]
 ) -> tuple[Exclusion, ...]:
     """The effects of the library that cannot turn the main misfit of a table, or do so much less well.
 
@@ -53,27 +46,20 @@ def exclusions(
     ----------
     kept: the effects that can, of which nothing is asked.
     chi2: what the best of them leaves.
-    trials: what was fitted already.
+    alone: every effect of the library, fitted by itself.
     """
-    known = {trial.effects: trial for trial in trials}
     trend = main_trend(before)
     if not before.rows or before.adequate or trend is None or not _missed(trend):
         return ()
     found = []
-    for candidate in _one_each(before):
-        if candidate.name in kept:
-            continue
-        tried: Alone | Trial | None = known.get((candidate.name,))
-        if tried is None:
-            tell(f"Asking what {candidate.name} could do alone")
-            tried = alone(before, candidate)
-        if tried is None:
+    for name, tried in alone.items():
+        if name in kept or tried is None:
             continue
         reached = _reached(trend, tried.fit)
         only = _only(before, trend, tried.fit)
         if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
             worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
-            found.append(Exclusion(candidate.name, reached, only, worse))
+            found.append(Exclusion(name, reached, only, worse))
     return tuple(sorted(found, key=lambda one: (bool(one.only), one.effect)))
 
 
@@ -98,12 +84,6 @@ def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
         named = ", ".join(f"{one.effect} (by {one.worse:.1f} sigma)" for one in less)
         sentences.append(f"excluded, because alone they fit less well than the best: {named}")
     return sentences
-
-
-def _one_each(before: ModelComparison) -> list[Candidate]:
-    """Every effect that shows in the table, at its best shape."""
-    lin = before.linearisation
-    return [lin.candidates[score.candidate] for score in before.screening.scores]
 
 
 def _reached(trend: Trend, fit: FitResult) -> float:

@@ -232,7 +232,7 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
     """Operating points beyond the table's ends at which an effect changes most."""
     problem = before.fit.problem
     standard = problem.model.family.standard_record
-    tried = alone(before, before.linearisation.candidates[score.candidate])
+    tried = alone(before, before.linearisation.candidates[score.candidate], from_null=True)
     if standard is None or tried is None or any(problem.local):
         return []
     points = _other_points(problem)

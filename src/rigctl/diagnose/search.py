@@ -15,7 +15,8 @@ from functools import cached_property
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.alone import Alone, alone, near_best
-from rigctl.diagnose.confound import LEAST_SEPARATION, cosine, separation
+from rigctl.diagnose.alone import Alone, alone, near_best
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, cosine, separation
 from rigctl.diagnose.pairs import pair_gains
 from rigctl.diagnose.point import Point
 from rigctl.diagnose.trial import Trial, plain, refit
@@ -59,6 +60,7 @@ class Search:
     most: int = _TOGETHER
     tell: Tell = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    alone: dict[str, Alone | None] = field(default_factory=dict)
     alone: dict[str, Alone | None] = field(default_factory=dict)
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
@@ -167,9 +169,12 @@ class Search:
         ]
         near.sort(key=lambda one: -one[0])
         found = []
+        if self.alone and not rest:  # what is far off alone need not be fitted again
+            kept = near_best(self.alone)
+            near = [one for one in near if one[1].name in kept]
         for cos, candidate, d in near[: None if self._few else _MOST_RIVALS]:
             rival = self._try((*rest, candidate), without)
-            if rival is not None:
+            if rival is not None and not (self._few and self._far(rival, trial)):
                 found.append((rival, cos, d))
         return found
 
@@ -177,6 +182,10 @@ class Search:
     def _few(self) -> bool:
         """A table: its few rows are quickly refitted, and tell many effects apart by refits alone."""
         return self.before.fit.problem.measurements.table
+
+    def _far(self, rival: Trial, best: Trial) -> bool:
+        """Of a table, both fitted to it: the other is a hundred times as probable."""
+        return self.mbic(rival) - self.mbic(best) >= LEAST_DIFFERENCE
 
     def _singles(self) -> None:
         scores = self.before.screening.scores
@@ -189,6 +198,8 @@ class Search:
             if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
+        if self._few:
+            chosen = self._near_alone([score.effect for score in by_gain])
         if self._few:
             chosen = self._near_alone([score.effect for score in by_gain])
         for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.alone import Alone
 from rigctl.diagnose.exclusion import Exclusion
 from rigctl.diagnose.exclusions import exclusion_text, exclusions, main_trend
 from rigctl.diagnose.next_measurement import more_rows, next_for_chance, next_for_class
 from rigctl.diagnose.result import Ranked, Verdict
 from rigctl.diagnose.rivals import Rival, classes_of
-from rigctl.diagnose.search import Tell
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import parameters_text
 
@@ -40,10 +40,9 @@ def table_remarks(
     rivals: Sequence[Rival],
     verdict: Verdict,
     ranking: Sequence[Ranked],
-    trials: Sequence[Trial],
-    tell: Tell,
+    alone: Mapping[str, Alone | None],
 ) -> TableRemarks:
-    """The remarks on a verdict; `trials` are the sets that were fitted."""
+    """The remarks on a verdict; `alone` are the effects fitted by themselves."""
     if not before.rows:
         return TableRemarks()
     if verdict is Verdict.ADEQUATE:
@@ -52,7 +51,7 @@ def table_remarks(
     classes = classes_of(best, rivals)
     kept = {name for names in classes for name in names}
     single = len(best.candidates) <= 1
-    excluded = exclusions(before, kept, best.chi2, trials, tell) if single else ()
+    excluded = exclusions(before, kept, best.chi2, alone) if single else ()
     members = dict.fromkeys(best.effects[:1], best.fit)
     members |= {rival.name: rival.trial.fit for rival in rivals if not rival.told}
     return TableRemarks(
