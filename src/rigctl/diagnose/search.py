@@ -15,7 +15,6 @@ from functools import cached_property
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.alone import Alone, alone, near_best
-from rigctl.diagnose.alone import Alone, alone, near_best
 from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, cosine, separation
 from rigctl.diagnose.pairs import pair_gains
 from rigctl.diagnose.point import Point
@@ -60,7 +59,6 @@ class Search:
     most: int = _TOGETHER
     tell: Tell = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
-    alone: dict[str, Alone | None] = field(default_factory=dict)
     alone: dict[str, Alone | None] = field(default_factory=dict)
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
@@ -198,8 +196,6 @@ class Search:
             if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
-        if self._few:
-            chosen = self._near_alone([score.effect for score in by_gain])
         if self._few:
             chosen = self._near_alone([score.effect for score in by_gain])
         for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:
