@@ -74,6 +74,8 @@ def test_a_channel_that_was_not_recorded_is_not_judged_and_said_to_be_what_is_ne
 ) -> None:
     compared, found = position_only
     assert set(compared["channels"]) == {"position"}
+    said = "not recorded: oil_temperature, supply_pressure; the model is judged without them"
+    assert said in compared["notes"]
     needs = {one["effect"]: one["needs"] for one in found["untestable"]}
     assert needs["pressure_gain"] == "the channel supply_pressure"
     assert needs["thermocouple_lag"] == "the channel oil_temperature"

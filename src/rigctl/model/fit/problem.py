@@ -94,8 +94,18 @@ class Problem:
         RigctlError
             an effect's term does not fit.
         """
-        made = make_problem(model, self.measurements, self.noise, self.ok, library=library, progress=progress)
-        return made if self.sizes is None else made.sized(self.sizes)
+        return replace(
+            make_problem(
+                model,
+                self.measurements,
+                self.noise,
+                self.ok,
+                library=library,
+                whiteners=self.whiteners,
+                progress=progress,
+            ),
+            sizes=self.sizes,
+        )
 
     def sized(self, outputs: Sequence[Floats]) -> Problem:
         """The same, with noise that is a share of the value taken as that share of the model's `outputs`.
@@ -255,9 +265,14 @@ def make_problem(
     ok: Sequence[NDArray[np.bool_]],
     *,
     library: bool = False,
+    whiteners: Sequence[Whitener] | None = None,
     progress: Progress | None = None,
 ) -> Problem:
     """A model on its data; with `library`, every other effect is there at its null.
+
+    Parameters
+    ----------
+    whiteners: of the same data, where there are some already.
 
     Raises
     ------
@@ -279,6 +294,8 @@ def make_problem(
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
     records = measurements.records
+    if whiteners is None:
+        whiteners = [whiten(noise, r.times, good, r.values) for r, good in zip(records, ok, strict=True)]
     starts = [start_values(level, record, measurements, usual, model.values) for record in records]
     return Problem(
         model=model,
@@ -292,9 +309,7 @@ def make_problem(
             local_unknowns(level, record, measurements, found)
             for record, found in zip(records, starts, strict=True)
         ),
-        whiteners=tuple(
-            whiten(noise, record.times, good, record.values) for record, good in zip(records, ok, strict=True)
-        ),
+        whiteners=tuple(whiteners),
         base=np.array(system.nominal, dtype=float),
         starts=tuple(np.array([found[name] for name in system.state_names]) for found in starts),
     )

@@ -58,6 +58,8 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         replace(record, group=group) for record, group in zip(named, group_numbers(named), strict=True)
     ]
     outputs = tuple(known[k] for k in present)
+    if any(run.info["rows"] for run in runs):
+        left_out += _unrecorded([name for name in known if name not in outputs])
     measured = Measurements(
         outputs=outputs,
         units=tuple(_unit(model, rig, name) for name in outputs),
@@ -238,6 +240,14 @@ def _too_short(run: Run, used: int) -> list[str]:
         if not count
         else [f"{_count(count, 'record')} of {run.id} left out: fewer than {_FEWEST_SAMPLES} samples"]
     )
+
+
+def _unrecorded(names: Sequence[str]) -> list[str]:
+    if not names:
+        return []
+    return [
+        f"not recorded: {', '.join(names)}; the model is judged without {'it' if len(names) == 1 else 'them'}"
+    ]
 
 
 def _ids(runs: Sequence[Run]) -> str:
