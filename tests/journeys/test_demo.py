@@ -48,7 +48,10 @@ def test_the_demo_finds_what_the_bench_hides_and_adds_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     told = demo("whole")
-    assert {"project", "run", "model", "verdict", "effects", "hidden", "ended", "page"} <= set(told)
+    assert {"project", "run", "model", "verdict", "effects", "classes", "hidden", "ended", "page"} <= set(
+        told
+    )
+    assert told["diagnosis"]["classes"] == told["classes"]
     assert told["verdict"] in ("missing_effect", "ambiguous")
     if told["verdict"] == "missing_effect":
         assert told["effects"] == [told["hidden"]]

@@ -58,6 +58,8 @@ def test_spikes_are_counted_and_said(answer: dict[str, Any]) -> None:
 def test_what_cooling_still_misses_is_said_in_words(answer: dict[str, Any]) -> None:
     held_out, cooling = answer["unseen"]
     assert (held_out["why"], len(held_out["records"])) == ("hold_out", 5)
+    names = {"why", "condition", "where", "records", "as_good", "channels", "remedies", "slot", "statement"}
+    assert set(held_out) == set(cooling) == names
     assert (cooling["why"], cooling["condition"], len(cooling["records"])) == ("only", "heater_1 > 0 %", 10)
     assert cooling["where"].startswith("heater_1 0 %")
     assert not cooling["as_good"]
