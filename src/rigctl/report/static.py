@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FORMATS: Final = ("png", "svg")
-_LEGEND_COLUMNS = 4
+#: of a legend, so that it is no wider than the picture
+_LEGEND_COLUMNS, _LEGEND_LETTERS = 4, 100
 _MARKERS = ("o", "s", "D", "^", "P", "v", "X", "*")
 _STYLE: Final[dict[Any, Any]] = {
     "axes.spines.top": False,
@@ -70,13 +71,13 @@ def _draw(panel: Panel, axes: Axes) -> None:
         axes.set_ylim(*panel.range)
     if panel.ticks is not None:
         axes.set_yticks([value for value, _ in panel.ticks], [name for _, name in panel.ticks])
-    labelled = sum(trace.in_legend for trace in panel.traces)
-    if labelled > 1:
+    labels = [trace.name for trace in panel.traces if trace.in_legend]
+    if len(labels) > 1:
         # above the axes, where it hides nothing
         axes.legend(
             frameon=False,
             fontsize=8,
-            ncols=_LEGEND_COLUMNS,
+            ncols=max(1, min(_LEGEND_COLUMNS, _LEGEND_LETTERS // max(map(len, labels)))),
             loc="lower left",
             bbox_to_anchor=(0.0, 1.0),
             borderaxespad=0.1,
