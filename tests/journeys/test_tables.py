@@ -1,0 +1,231 @@
+"""Tables of single values, from the import to a page: the published viscosities and strokes, and made ones."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from rigctl.cli.init import create_project
+from rigctl.cli.main import app
+
+OIL = "models/hl32-oil.yaml"
+TEXTBOOK = "models/hl32-textbook.yaml"
+#: what can turn the sign of the published strokes, and nothing else
+CLASS = {
+    "valve_delay_thermal",
+    "relief_thermal_drift",
+    "flow_area_thermal_drift",
+    "position_thermal_drift",
+}
+TEMPERATURES = np.arange(20.0, 81.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tables")
+    create_project(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(bench)
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.fixture(scope="module")
+def viscosity(bench: Path) -> str:
+    return imported(bench, "data/hl32-viscosity.csv")
+
+
+@pytest.fixture(scope="module")
+def strokes(bench: Path) -> str:
+    return imported(bench, "data/hl32-strokes.csv", "--rig", "rigs/hl32-bench.yaml")
+
+
+@pytest.fixture(scope="module")
+def diagnosed(bench: Path, strokes: str) -> dict[str, Any]:
+    """The published strokes, diagnosed with the textbook model, and put on a page."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(bench)
+        return answer("diagnose", strokes, "--model", TEXTBOOK, "-o", "strokes.html")
+
+
+def call(*arguments: str) -> Result:
+    done = CliRunner().invoke(app, list(arguments))
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def answer(*arguments: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(call(*arguments, "--json").stdout)
+    return document
+
+
+def imported(folder: Path, *arguments: str) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return str(answer("import", *arguments)["run"])
+
+
+def made(name: str, heading: str, rows: list[tuple[float | None, ...]], *more: str) -> str:
+    """A table of one's own, brought in."""
+    cells = (",".join("" if cell is None else f"{cell:.5g}" for cell in row) for row in rows)
+    Path(name).write_text("\n".join([heading, *cells]) + "\n", encoding="utf-8", newline="\n")
+    return str(answer("import", name, *more)["run"])
+
+
+def vogel(temperature: float) -> float:
+    """cSt, of HL32 by the printed constants."""
+    dynamic = 3.1083e-5 * np.exp(1132.5833 / (temperature + 273.15 - 147.4466))
+    return float(1e6 * dynamic / (870.0 * (1.0 - 7e-4 * (temperature - 15.0))))
+
+
+def test_the_published_viscosities_beside_vogels_law(viscosity: str) -> None:
+    found = answer("compare", viscosity, "--model", OIL)
+    assert found["adequate"]
+    assert list(found["channels"]) == ["kinematic_viscosity"]  # the other was worked out from it
+    channel = found["channels"]["kinematic_viscosity"]
+    assert channel["unit"] == "cSt"
+    assert channel["noise_share"] == pytest.approx(0.0072, abs=1e-4)
+    assert any("dynamic_viscosity" in note and "worked out" in note for note in found["notes"])
+    assert any("0.72 % of the value" in note for note in found["notes"])
+    rows = found["rows"]
+    assert [row["condition"] for row in rows[:2]] == ["20 degC", "25 degC"]
+    hot = rows[-1]
+    assert (hot["condition"], hot["measured"]) == ("80 degC", pytest.approx(9.5))
+    assert hot["unfitted"] == pytest.approx(hot["beside"]["kinematic_viscosity_vogel"], rel=1e-4)
+    before = (hot["unfitted"] - hot["measured"]) / hot["noise"]
+    assert before == pytest.approx(-4.2, abs=0.2)  # 3.1 % at the hot end by the printed constants
+    assert abs(hot["z"]) < 1.5  # which fitting them again takes away
+    assert {place["by"] for place in found["where"]} == {"channel", "condition"}
+    said = " ".join(found["findings"])
+    for words in ("13 values for 3 fitted constants", "one of the constants", "Fitted without the 3 values"):
+        assert words in said
+
+
+def test_a_table_is_told_by_its_conditions_in_its_own_units(viscosity: str) -> None:
+    told = call("compare", viscosity, "--model", OIL).stdout
+    for words in ("agrees with the 13 values", "80 degC", "[cSt]", "as in its file", "vogel", "0.72 %"):
+        assert words in told
+    assert not re.search(r"line \d", told)
+    assert "m^2/s" not in told
+
+
+def test_the_law_does_not_lead_to_values_that_were_held_out(viscosity: str) -> None:
+    found = answer("compare", viscosity, "--model", OIL, "--hold-out", "oil_temperature > 65 degC")
+    out = [row for row in found["rows"] if row["held_out"]]
+    assert [row["condition"] for row in out] == ["70 degC", "75 degC", "80 degC"]
+    assert all(row["z"] < -2.0 for row in out)
+    assert "Of the 3 values held out, at 80 degC" in " ".join(found["findings"])
+
+
+def test_what_the_viscosities_cannot_tell_is_said_and_what_would(viscosity: str) -> None:
+    found = answer("diagnose", viscosity, "--model", OIL)
+    assert found["verdict"] == "adequate"
+    assert "capillary_end_correction" in " ".join(found["findings"])
+    steps = " ".join(found["next_steps"])
+    assert "at 100 degC too" in steps
+    assert re.search(r"read each condition \d times", steps)
+
+
+def test_the_page_of_a_table_has_no_axis_of_time(viscosity: str) -> None:
+    call("report", viscosity, "--model", OIL, "--diagnose", "-o", "viscosity.html")
+    page = Path("viscosity.html").read_text(encoding="utf-8")
+    for words in ("What these data can and cannot tell", "What to measure next", "over oil temperature [°C]"):
+        assert words in page
+    assert "time in the record" not in page
+    assert "Probability that an effect is among what is missing" not in page  # nothing is
+
+
+def test_the_textbook_model_turns_the_published_strokes_the_wrong_way(strokes: str) -> None:
+    found = answer("compare", strokes, "--model", TEXTBOOK)
+    assert not found["adequate"]
+    assert "the wrong direction" in found["statement"]
+    assert found["trends"][0]["wrong_sign"]
+    assert found["channels"]["position"]["unit"] == "mm"
+    assert {row["quantity"] for row in found["rows"]} == {"stroke"}
+    assert found["rows"][-1]["condition"] == "60 degC, 50 bar"
+    assert "a level of their own" in " ".join(found["findings"])
+
+
+def test_the_published_strokes_are_ambiguous_with_the_class_that_turns_the_sign(
+    diagnosed: dict[str, Any],
+) -> None:
+    assert diagnosed["verdict"] == "ambiguous"
+    assert [set(names) for names in diagnosed["classes"]] == [CLASS]
+    excluded = {one["effect"]: one for one in diagnosed["excluded"]}
+    for name in ("piston_leakage", "rod_leakage", "valve_leakage", "laminar_throttle", "viscous_friction"):
+        assert name in excluded
+    for name in ("coulomb_friction", "entrained_air", "relief_override", "stribeck_friction"):
+        assert excluded[name]["reached"] < 0.25
+    assert excluded["pump_slip"]["only"] == ["50 bar"]
+    assert not CLASS & set(excluded)
+
+
+def test_what_to_measure_after_the_strokes_is_said_in_words(diagnosed: dict[str, Any]) -> None:
+    steps = " ".join(diagnosed["next_steps"])
+    assert "record supply_pressure over time: it tells relief_thermal_drift from the others" in steps
+    assert "record position over time instead of one number: it tells valve_delay_thermal" in steps
+    assert "pressure_b" in steps  # a channel that the bench could have
+    assert "more values of oil_temperature than 20 degC and 60 degC" in steps
+    assert "repeat each condition" in steps
+    page = Path("strokes.html").read_text(encoding="utf-8")
+    for words in ("What is excluded", "What to measure next", "stroke over oil temperature"):
+        assert words.casefold() in page.casefold()
+    assert "time in the record" not in page
+
+
+def test_fewer_free_parameters_end_in_the_same_class(strokes: str, diagnosed: dict[str, Any]) -> None:
+    text = "model: hydraulic_cylinder\nrig: ../rigs/hl32-bench.yaml\noil: HL32\n"
+    text += "parameters:\n  flow_area: {value: 4 mm^2, fit: true}\n"
+    Path("models/short.yaml").write_text(text, encoding="utf-8", newline="\n")
+    found = answer("diagnose", strokes, "--model", "models/short.yaml")
+    assert found["verdict"] == "ambiguous"
+    assert [set(names) for names in found["classes"]] == [CLASS]
+    sizes = {one["effect"]: one["parameters"] for one in found["ranking"]}
+    assert sizes["valve_delay_thermal"]["coefficient"]["value"] == pytest.approx(
+        1.9, abs=0.1
+    )  # 75 ms in 40 K
+    assert sizes["relief_thermal_drift"]["coefficient"]["value"] == pytest.approx(0.0033, abs=2e-4)
+
+
+def test_repeats_that_bend_away_from_the_law_show_the_capillary() -> None:
+    rng = np.random.default_rng(5)
+    rows = []
+    for temperature in np.repeat(np.arange(0.0, 101.0, 10.0), 3).tolist():
+        true = vogel(temperature)
+        read = true + 2.0 * 15.0 / (true + np.sqrt(true**2 + 4.0 * 15.0))
+        rows.append((temperature, read * np.exp(0.004 * rng.standard_normal())))
+    run = made("capillary.csv", "oil_temperature [degC],kinematic_viscosity [cSt]", rows)
+    found = answer("diagnose", run, "--model", OIL)
+    assert (found["verdict"], found["effects"]) == ("missing_effect", ["capillary_end_correction"])
+    size = found["ranking"][0]["parameters"]["correction"]
+    assert abs(size["value"] - 15.0) < 4.0 * size["std"]
+
+
+def test_cells_that_are_empty_are_left_out() -> None:
+    rng = np.random.default_rng(6)
+    rows = [
+        (t, None if t in (35.0, 70.0) else vogel(t) * np.exp(0.007 * rng.standard_normal()))
+        for t in TEMPERATURES.tolist()
+    ]
+    run = made("gaps.csv", "oil_temperature [degC],kinematic_viscosity [cSt]", rows)
+    found = answer("compare", run, "--model", OIL)
+    assert (found["adequate"], len(found["rows"])) == (True, 11)
+
+
+def test_single_values_of_one_condition_are_told_by_their_rows() -> None:
+    rng = np.random.default_rng(7)
+    rows = [(40.0, vogel(40.0) * (1.0 + 0.01 * rng.standard_normal())) for _ in range(8)]
+    run = made("same.csv", "oil_temperature [degC],kinematic_viscosity [cSt]", rows)
+    found = answer("compare", run, "--model", OIL)
+    assert found["rows"][2]["condition"] == "row 3"
+    assert found["channels"]["kinematic_viscosity"]["noise_source"] == "replicates"
