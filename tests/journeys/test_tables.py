@@ -1,4 +1,4 @@
-"""Tables of single values, from the import to a page: the published viscosities and strokes, and made ones."""
+"""Tables of single values, from the import to a page: published viscosities and strokes, and made ones."""
 
 from __future__ import annotations
 
