@@ -70,6 +70,7 @@ def test_settings_scatter_more_than_a_valve_does(table: Callable[[str], Table]) 
     setting = record_level(model.family).setting
     assert setting is not None
     scatter = setting_scatter(measured, setting)
+    assert scatter is not None
     assert scatter == pytest.approx(0.14, abs=0.02)  # 40 bar lies 8 % below the curve of the others
     assert setting_std(measured, setting) == pytest.approx(np.hypot(0.005, scatter))
 

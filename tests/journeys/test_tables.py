@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,7 @@ def imported(folder: Path, *arguments: str) -> str:
         return str(answer("import", *arguments)["run"])
 
 
-def made(name: str, heading: str, rows: list[tuple[float | None, ...]], *more: str) -> str:
+def made(name: str, heading: str, rows: Sequence[tuple[float | None, ...]], *more: str) -> str:
     """A table of one's own, brought in."""
     cells = (",".join("" if cell is None else f"{cell:.5g}" for cell in row) for row in rows)
     Path(name).write_text("\n".join([heading, *cells]) + "\n", encoding="utf-8", newline="\n")
