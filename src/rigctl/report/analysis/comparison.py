@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
 from markupsafe import Markup
 
 from rigctl.compare.localise import variable_units
@@ -12,13 +9,12 @@ from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import overlay_plot, typical_records
+from rigctl.report.analysis.strokes import stroke_plot
 from rigctl.report.analysis.table_section import table_body, table_parts
 from rigctl.report.heat_map import heat_map_table
 from rigctl.report.numbers import prose, symbol
-from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit
 
 _MOST_PLACES = 8
 
@@ -146,58 +142,3 @@ def _slots(model: ModelComparison) -> Markup | None:
 
 def _meaning(model: ModelComparison, name: str) -> str:
     return next((slot.meaning for slot in model.fit.problem.model.family.slots if slot.name == name), "")
-
-
-def stroke_plot(models: Sequence[ModelComparison]) -> Plot | None:
-    """Stroke against temperature by pressure, measured and of every model; None where nothing strokes."""
-    first = models[0]
-    problem = first.fit.problem
-    outputs, variables = problem.measurements.outputs, problem.measurements.variables
-    units = variable_units(problem.measurements)
-    hot = [name for name in variables if parse_unit(units[name]).offset]
-    if "position" not in outputs or not hot:
-        return None
-    x_name, rest = hot[0], [name for name in variables if name != hot[0]]
-    column = outputs.index("position")
-    unit = problem.measurements.units[column]
-    factor = parse_unit(unit).factor
-    groups: dict[tuple[float, ...], list[int]] = {}
-    for k, record in enumerate(problem.records):
-        key = tuple(float(f"{record.condition.get(name, np.nan):.5g}") for name in rest)
-        groups.setdefault(key, []).append(k)
-    traces: list[Trace] = []
-    for number, (key, places) in enumerate(sorted(groups.items())):
-        label = ", ".join(
-            f"{parse_unit(units[name]).from_si(value):.4g} {symbol(units[name])}"
-            for name, value in zip(rest, key, strict=True)
-        )
-        x = np.array(
-            [parse_unit(units[x_name]).from_si(problem.records[k].condition[x_name]) for k in places]
-        )
-        order = np.argsort(x)
-        measured = np.array([_stroke(first, k, column, measured=True) for k in places]) / factor
-        traces.append(Trace(label, x[order], measured[order], Look.POINTS, number, symbol(unit)))
-        for model in models:
-            first_one = not number
-            said = np.array([_stroke(model, k, column, measured=False) for k in places]) / factor
-            name = model.name if len(models) > 1 else "model"
-            faint = model is not models[-1]
-            traces.append(
-                Trace(name, x[order], said[order], Look.LINE, number, symbol(unit), faint, first_one)
-            )
-    title = f"stroke [{symbol(unit)}]"
-    x_title = f"{plain_name(x_name)} [{symbol(units[x_name])}]"
-    caption = "Stroke against temperature: marks measured, lines the model"
-    return Plot("model-stroke", caption, x_title, (Panel(title, tuple(traces), height=2.4),))
-
-
-def _stroke(model: ModelComparison, k: int, column: int, *, measured: bool) -> float:
-    """Position while the valve is closed after the extension, less that at the start."""
-    record, ok = model.fit.problem.records[k], model.fit.problem.ok[k][:, column]
-    values = record.values[:, column] if measured else model.fit.expected_outputs[k][:, column]
-    hold = record.phases.index("hold") if "hold" in record.phases else len(record.phases) - 1
-    after, before = (record.phase == hold) & ok, (record.phase == 0) & ok
-    if not after.any():
-        return float("nan")
-    base = float(values[before].mean()) if hold and before.any() else 0.0
-    return float(values[after].mean()) - base

@@ -1,0 +1,77 @@
+"""Stroke against temperature: the picture in which a hydraulic bench is published."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigctl.compare.localise import variable_units
+from rigctl.compare.result import ModelComparison
+from rigctl.model.fit.problem import Problem
+from rigctl.report.numbers import symbol
+from rigctl.report.plot import Look, Panel, Plot, Trace
+from rigctl.report.signals import plain_name
+from rigctl.units import parse_unit
+
+
+def stroke_plot(models: Sequence[ModelComparison]) -> Plot | None:
+    """Stroke against temperature by pressure, measured and of every model; None where nothing strokes."""
+    problem = models[0].fit.problem
+    units = variable_units(problem.measurements)
+    hot = next((name for name in problem.measurements.variables if parse_unit(units[name]).offset), None)
+    if "position" not in problem.measurements.outputs or hot is None:
+        return None
+    column = problem.measurements.outputs.index("position")
+    unit = problem.measurements.units[column]
+    traces: list[Trace] = []
+    for number, (label, places) in enumerate(_groups(problem, hot, units)):
+        points = [parse_unit(units[hot]).from_si(problem.records[k].condition[hot]) for k in places]
+        x, order = np.array(points), np.argsort(points)
+
+        def line(model: ModelComparison, *, measured: bool, at: Sequence[int] = places) -> np.ndarray:
+            values = [_stroke(model, k, column, measured=measured) for k in at]
+            return np.array(values) / parse_unit(unit).factor
+
+        measured = line(models[0], measured=True)[order]
+        traces.append(Trace(label, x[order], measured, Look.POINTS, number, symbol(unit)))
+        for model in models:
+            name, faint = model.name if len(models) > 1 else "model", model is not models[-1]
+            said = line(model, measured=False)[order]
+            # the names of the models once, those of the pressures at their marks
+            traces.append(Trace(name, x[order], said, Look.LINE, number, symbol(unit), faint, not number))
+    x_title = f"{plain_name(hot)} [{symbol(units[hot])}]"
+    caption = "Stroke against temperature: marks measured, lines the model"
+    panel = Panel(f"stroke [{symbol(unit)}]", tuple(traces), height=2.4)
+    return Plot("model-stroke", caption, x_title, (panel,))
+
+
+def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str, list[int]]]:
+    """Records that differ in temperature alone, under what they have in common."""
+    rest = [name for name in problem.measurements.variables if name != hot]
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for k, record in enumerate(problem.records):
+        key = tuple(float(f"{record.condition.get(name, np.nan):.5g}") for name in rest)
+        groups.setdefault(key, []).append(k)
+    return [
+        (
+            ", ".join(
+                f"{parse_unit(units[name]).from_si(value):.4g} {symbol(units[name])}"
+                for name, value in zip(rest, key, strict=True)
+            ),
+            places,
+        )
+        for key, places in sorted(groups.items())
+    ]
+
+
+def _stroke(model: ModelComparison, k: int, column: int, *, measured: bool) -> float:
+    """Position while the valve is closed after the extension, less that at the start."""
+    record, ok = model.fit.problem.records[k], model.fit.problem.ok[k][:, column]
+    values = record.values[:, column] if measured else model.fit.expected_outputs[k][:, column]
+    hold = record.phases.index("hold") if "hold" in record.phases else len(record.phases) - 1
+    after, before = (record.phase == hold) & ok, (record.phase == 0) & ok
+    if not after.any():
+        return float("nan")
+    base = float(values[before].mean()) if hold and before.any() else 0.0
+    return float(values[after].mean()) - base
