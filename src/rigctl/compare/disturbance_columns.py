@@ -105,13 +105,17 @@ def _shown_on(problem: Problem, steps: Sequence[Floats]) -> int:
 
 def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floats]:
     """(n, channels, names) of each record: worked out at few samples, on straight lines between them."""
-    chosen = [_few(record) for record in problem.records]
-    local = [fit.local[k] for k in fit.fitted]
-    found = problem.at_samples(chosen).simulate(np.empty(0), local, names).require()
-    return [
-        _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
-        for array, places, record in zip(found.sensitivities, chosen, problem.records, strict=True)
-    ]
+    slopes: list[Floats] = []
+    for part in problem.parts(len(names)):
+        some = problem.only(part)
+        chosen = [_few(record) for record in some.records]
+        local = [fit.local[fit.fitted[k]] for k in part]
+        found = some.at_samples(chosen).simulate(np.empty(0), local, names).require()
+        slopes += [
+            _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
+            for array, places, record in zip(found.sensitivities, chosen, some.records, strict=True)
+        ]
+    return slopes
 
 
 def _length(record: MeasuredRecord) -> float:

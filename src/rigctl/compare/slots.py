@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 #: knots over a record; more where few records leave the room for it
 _KNOTS, _MORE_KNOTS, _FEW_RECORDS = 11, 24, 3
 #: of more records, and of longer ones, some are enough to rank equations by
-_MOST_RECORDS, _MOST_SAMPLES = 40, 2000
+_MOST_RECORDS, _MOST_SAMPLES = 32, 2000
 #: over how many knots a disturbance remembers
 _MEMORY = 3.0
 #: smooth functions of the operating point
