@@ -34,6 +34,7 @@ def main() -> None:
     path = HERE / "results.json"
     if path.exists():
         kept = json.loads(path.read_text("utf-8"))["results"]
+        kept.pop("note", None)  # on how busy the machine was then
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         kept["standard"] = standard(folder)
