@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: a second difference of so many of its own standard deviations is an edge
-THRESHOLD = 8.0
+THRESHOLD = 4.0
 #: standard deviation of a second difference of white noise, in those of the noise
 _SECOND = float(np.sqrt(6.0))
 #: spacings that differ by more than this from the usual one are gaps

@@ -8,6 +8,7 @@ proportion, and made smaller as the misfit falls.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -24,6 +25,10 @@ _NEAR = 1.5
 #: a round must bring the misfit below this share of what it was
 _FALL = 0.95
 _ROUNDS = 8
+#: standard deviations from what is known of it at which a parameter may have been led astray
+_FAR = 2.5
+#: as many readings at the most count beside what is known beforehand
+_WEIGHT = 1000
 _OPTIONS = Options(cost=1e-2, iterations=12)
 #: how far a parameter of which nothing is known may be off, as a share of its size
 _UNKNOWN = 1.0
@@ -37,17 +42,57 @@ def approach(
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
     """The unknowns, begun where the misfit is small; as they were where nothing brings it down."""
     begun, own = list(shared), [list(each) for each in local]
-    misfit = _misfit(evaluate, begun, own)
-    for _ in range(_ROUNDS):
-        if misfit is None or misfit < _NEAR:
+    unknown = [k for k, one in enumerate(begun) if one.prior is None]
+    everything = list(range(len(begun)))
+    for moved in [part for part in (unknown, everything) if part]:
+        begun, own = _descend(evaluate, begun, own, moved, progress)
+        if len(moved) == len(everything):
             break
+    return begun, own
+
+
+def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
+    """The unknowns begun at `values`, those far from what is known of them at that; None where none is far."""
+    priors = [unknown.prior for unknown in shared]
+    far = [
+        prior is not None and abs(value - prior.mean) > _FAR * prior.std
+        for prior, value in zip(priors, values, strict=True)
+    ]
+    if not any(far):
+        return None
+    back = [
+        prior.mean if prior is not None and off else value
+        for prior, off, value in zip(priors, far, values, strict=True)
+    ]
+    return _started(shared, np.array(back))
+
+
+def _descend(
+    evaluate: Evaluate,
+    shared: Sequence[Unknown],
+    local: Sequence[Sequence[Unknown]],
+    moved: Sequence[int],
+    progress: Callable[[Iteration], None] | None,
+) -> tuple[list[Unknown], list[list[Unknown]]]:
+    """Rounds of a fit of the shared unknowns at `moved`, each in a noise as large as the misfit."""
+    begun, own = list(shared), [list(each) for each in local]
+    misfit, count = _misfit(evaluate, begun, own)
+    for _ in range(_ROUNDS):
+        if not _NEAR < misfit < math.inf:
+            break
+        at = np.array([one.start for one in begun])
         found = least_squares(
-            _blurred(evaluate, misfit), [_held(u) for u in begun], own, options=_OPTIONS, progress=progress
+            _blurred(_part(evaluate, at, moved), misfit * max(1.0, math.sqrt(count / _WEIGHT))),
+            [_held(begun[k]) for k in moved],
+            own,
+            options=_OPTIONS,
+            progress=progress,
         )
-        next_begun = _started(begun, found.values)
+        at[list(moved)] = found.values
+        next_begun = _started(begun, at)
         next_own = [_started(each, values) for each, values in zip(own, found.local, strict=True)]
-        fallen = _misfit(evaluate, next_begun, next_own)
-        if fallen is None or fallen >= misfit:
+        fallen, _ = _misfit(evaluate, next_begun, next_own)
+        if fallen >= misfit:
             break
         done = fallen > _FALL * misfit
         begun, own, misfit = next_begun, next_own, fallen
@@ -56,17 +101,35 @@ def approach(
     return begun, own
 
 
+def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
+    """The same residuals of some of the shared unknowns, the others staying `at` their values."""
+
+    def part(shared: Floats, local: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
+        whole = at.copy()
+        whole[list(moved)] = shared
+        blocks = evaluate(whole, local, derivatives)
+        if isinstance(blocks, Refused):
+            return blocks
+        return [
+            Block(block.residual, None if block.shared is None else block.shared[:, list(moved)], block.local)
+            for block in blocks
+        ]
+
+    return part
+
+
 def _misfit(
     evaluate: Evaluate, shared: Sequence[Unknown], local: Sequence[Sequence[Unknown]]
-) -> float | None:
-    """Root mean square of the whitened residuals; None where the model has no value."""
+) -> tuple[float, int]:
+    """Root mean square of the whitened residuals, infinite where the model has no value; and their number."""
     blocks = evaluate(
         np.array([u.start for u in shared]), [np.array([u.start for u in own]) for own in local], False
     )
     if isinstance(blocks, Refused):
-        return None
+        return math.inf, 0
     squares = sum(float(block.residual @ block.residual) for block in blocks)
-    return float(np.sqrt(squares / max(1, sum(block.residual.size for block in blocks))))
+    count = sum(block.residual.size for block in blocks)
+    return math.sqrt(squares / max(1, count)), count
 
 
 def _blurred(evaluate: Evaluate, factor: float) -> Evaluate:

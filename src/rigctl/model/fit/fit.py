@@ -21,7 +21,7 @@ from rigctl.engine.least_squares import (
     multi_start,
 )
 from rigctl.errors import RigctlError
-from rigctl.model.fit.approach import approach
+from rigctl.model.fit.approach import approach, brought_back
 from rigctl.model.fit.errors import ChannelError, channel_errors
 from rigctl.model.fit.problem import Problem
 from rigctl.model.model import Model
@@ -176,16 +176,16 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     if plan.refit and problem.shared:
         _check_enough(inner)
         inside = _started(inner, None if local is None else [local[k] for k in fitted])
-        begun: Sequence[Unknown] = inner.shared
-        if local is None:
-            begun, inside = approach(inner.evaluate, inner.shared, inside, plan.progress)
-        solution = (
-            least_squares(inner.evaluate, begun, inside, options=plan.options, progress=plan.progress)
-            if plan.starts <= 1
-            else multi_start(
+        if plan.starts > 1:
+            solution = multi_start(
                 inner.evaluate, inner.shared, inside, count=plan.starts, seed=plan.seed, options=plan.options
             ).best
-        )
+        elif local is None:
+            solution = _from_afar(inner, inside, plan)
+        else:
+            solution = least_squares(
+                inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress
+            )
         values, own = solution.values, dict(zip(fitted, solution.local, strict=True))
     else:
         solution, values, own = None, start, {}
@@ -195,6 +195,18 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     found = problem.simulate(values, everything).require()
     outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
     return FitResult(problem, fitted, solution, values, everything, outputs, silent)
+
+
+def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
+    """The better of two fits: one begun where nothing is known yet, and one begun at its end, but for what it
+    has driven far from what is known of it."""
+    begun, own = approach(problem.evaluate, problem.shared, local, plan.progress)
+    found = least_squares(problem.evaluate, begun, own, options=plan.options, progress=plan.progress)
+    back = brought_back(begun, found.values)
+    if back is None:
+        return found
+    again = least_squares(problem.evaluate, back, own, options=plan.options, progress=plan.progress)
+    return again if again.cost < found.cost else found
 
 
 def _sized(problem: Problem, found: FitResult) -> Problem | None:
