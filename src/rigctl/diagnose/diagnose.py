@@ -146,7 +146,7 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
         sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
     for score in screened:
         penalty = math.log(search.samples) + 2.0 * math.log(search.library)
-        sets[(score.effect,)] = search.mbic(search.none) - score.gain + penalty
+        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + penalty
     least = min(sets.values())
     weights = {names: math.exp(-0.5 * min(value - least, 1400.0)) for names, value in sets.items()}
     total = sum(weights.values())
@@ -169,9 +169,10 @@ def _ranked(search: Search, best: Trial, name: str, probability: float) -> Ranke
     if trial is None or without is None:
         lin = search.before.linearisation
         candidate = lin.candidates[score.candidate]
-        parameters = _linear_parameters(candidate, score.sizes.tolist())
-        difference = math.log(search.samples) + 2.0 * math.log(search.library) - score.gain
-        drop, size = 0.0, score.z
+        sizes = search.alone_sizes(name) or score.sizes.tolist()
+        parameters = _linear_parameters(candidate, sizes)
+        difference = math.log(search.samples) + 2.0 * math.log(search.library) - search.promised(score)
+        drop, size = 0.0, math.sqrt(search.promised(score))
     else:
         candidate = next(one for one in trial.candidates if one.name == name)
         parameters = found_parameters(trial, candidate)

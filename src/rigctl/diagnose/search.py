@@ -14,6 +14,7 @@ from functools import cached_property
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
+from rigctl.compare.scores import Score
 from rigctl.diagnose.alone import Alone, alone, near_best
 from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, cosine, separation
 from rigctl.diagnose.pairs import pair_gains
@@ -203,6 +204,22 @@ class Search:
             if score.gain > 0.0 or self._few:
                 self.tell(f"Refitting with {effect}")
                 self._try((lin.candidates[score.candidate],), self.none)
+
+    def promised(self, score: Score) -> float:
+        """The fall of χ² that an effect makes: fitted alone where it was, else by the linear problem."""
+        found = self.alone.get(score.effect)
+        return score.gain if found is None else max(self.none.chi2 - found.chi2, 0.0)
+
+    def alone_sizes(self, effect: str) -> list[float]:
+        """An effect's parameters less their null as fitted alone, SI; empty where it was not."""
+        found = self.alone.get(effect)
+        if found is None:
+            return []
+        at = {u.name: float(v) for u, v in zip(found.fit.problem.shared, found.fit.values, strict=True)}
+        own = {
+            name: found.candidate.effect.parameter(name.partition(".")[2]) for name in found.candidate.columns
+        }
+        return [at.get(name, declared.at_null) - declared.at_null for name, declared in own.items()]
 
     def _near_alone(self, effects: Sequence[str]) -> list[str]:
         """Those that come near the best when each is fitted in the equations of the whole library."""
