@@ -108,3 +108,16 @@ def test_the_page_says_it_first_and_draws_the_record_that_is_worst(found: list[U
     assert "109.3 °C" in body
     assert "degC" not in body
     assert unseen_sections([]) == []
+
+
+def test_a_setting_of_a_table_that_was_held_out_is_judged_without_a_course(tmp_path: Path) -> None:
+    """Its rows have no course in time, and its setting a level of its own that the others do not have."""
+    rig = ROOT / "rigs" / "hl32-bench.yaml"
+    done = import_file(ROOT / "data" / "hl32-strokes.csv", load_rig(rig), tmp_path / "runs")
+    model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
+    held_out = "pressure == 30 bar"
+    compared = compare([rigctl.open_run(done.path)], [model], hold_out=held_out, refit=False)
+    (one,) = unseen(compared, compared.models[0])
+    assert (one.why, len(one.records)) == ("hold_out", 2)
+    assert all(stretches == () for stretches in one.course.values())
+    assert {remedy.kind for remedy in one.remedies} <= {"starts", "values"}

@@ -99,7 +99,7 @@ def _seconds(value: float) -> str:
 
 def _timed(fit: FitResult) -> bool:
     """Samples over time, not the rows of a table."""
-    return all(fit.problem.records[k].times[-1] > 0.0 for k in fit.fitted)
+    return not fit.problem.measurements.table
 
 
 def _parts(fit: FitResult, column: int) -> list[Stretch]:

@@ -16,7 +16,8 @@ from rigctl.effects.declaration import EffectState, qualified
 from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
-from rigctl.model.fit.unknowns import LocalUnknown
+from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.unknowns import LocalUnknown, shared_unknowns
 from rigctl.units import parse_unit
 
 #: less of the misfit than this is not worth a word
@@ -88,7 +89,7 @@ def _starts(fitted: FitResult) -> Remedy | None:
 
 
 def _with_free(fitted: FitResult, stores: dict[str, tuple[EffectState, ...]]) -> Remedy | None:
-    problem = fitted.problem
+    problem = _alone(fitted)
     names = problem.compiled.system.state_names
     extra = {
         qualified(effect, state.name): state.scale
@@ -110,16 +111,37 @@ def _with_free(fitted: FitResult, stores: dict[str, tuple[EffectState, ...]]) ->
     return Remedy("starts", tuple(stores), share, _rmse(found))
 
 
+def _alone(fitted: FitResult) -> Problem:
+    """These records alone, what all have in common being where it was fitted."""
+    known = _known(fitted)
+    problem = fitted.problem.only(fitted.fitted)
+    return problem.with_shared(
+        [replace(u, start=min(max(known[u.name], u.lower), u.upper)) for u in problem.shared]
+    )
+
+
+def _known(fitted: FitResult) -> dict[str, float]:
+    """The values of the model's parameters and of what the records have in common."""
+    names = [unknown.name for unknown in fitted.problem.shared]
+    return {**fitted.problem.model.values, **dict(zip(names, fitted.values.tolist(), strict=True))}
+
+
 def _free(name: str, start: float, scale: float) -> LocalUnknown:
     return LocalUnknown(name, Unknown(name, start, scale=scale), initial=True)
 
 
 def _values(fitted: FitResult) -> Remedy | None:
     """With the model's parameters fitted to these records alone."""
-    if not fitted.problem.shared:
+    problem, known = _alone(fitted), _known(fitted)
+    own = [
+        replace(one, start=min(max(known[one.name], one.lower), one.upper))
+        for one in shared_unknowns(problem.model)
+    ]
+    others = [one for one in problem.shared if one.name not in problem.model.fitted]
+    if not own:
         return None
     try:
-        found = fit(fitted.problem, local=fitted.local)
+        found = fit(problem.with_shared([*own, *others]), local=[fitted.local[k] for k in fitted.fitted])
     except RigctlError:  # too few values for the parameters, or no value of the model
         return None
     moved = _moved(fitted, found)
@@ -130,7 +152,7 @@ def _values(fitted: FitResult) -> Remedy | None:
 def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float, str], ...]:
     """The parameters that moved most for what is known of them."""
     model, found = before.problem.model, []
-    known = dict(zip([u.name for u in before.problem.shared], before.values.tolist(), strict=True))
+    known = _known(before)
     values = zip([u.name for u in after.problem.shared], after.values.tolist(), strict=True)
     for name, value in values:
         if name not in model.fitted:
@@ -149,8 +171,9 @@ def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float
 
 def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
     """One more effect of the library, by its score."""
-    best = max(judged.screening.scores, key=lambda score: score.gain, default=None)
-    if best is None:
+    seen = [one for one in judged.screening.scores if one.effect not in judged.screening.untestable]
+    best = max(seen, key=lambda score: score.gain, default=None)
+    if best is None or fitted.problem.measurements.table:  # a few values have room for every effect
         return None
     whitened = sum(one.count * (one.chi2_reduced - 1.0) for one in fitted.errors.values())
     return Remedy("effect", (best.effect,), _of(best.gain, whitened), {})

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rigctl.compare.compare import judge
+from rigctl.compare.fitting import fit_model
 from rigctl.compare.localise import variable_units
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.diagnose.error_course import Stretch, error_course
@@ -16,8 +17,7 @@ from rigctl.diagnose.remedies import Remedy, remedies
 from rigctl.diagnose.search import Tell
 from rigctl.diagnose.unseen_wording import unseen_sentences
 from rigctl.model.fit.errors import ChannelError, whitened_residual
-from rigctl.model.fit.fit import FitResult, fit
-from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.read import condition_text
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.units import parse_unit, show
@@ -36,7 +36,8 @@ class Unseen:
     why: held out, or not chosen by "only".
     condition: the condition that held them out, or that they do not fulfil.
     where: what tells them from the fitted records, e.g. ``heater_1 0 %``; "" when nothing does.
-    fit: the model there: its own parameters as they are, each record's own unknowns fitted.
+    fit: the model there, these records being its fitted ones: its own parameters as they are, each record's
+        own unknowns fitted.
     fitted: its errors where it was fitted.
     course: how each channel's error runs over the time of a record; only where it is not as good.
     remedies: what would make up for it, the best first.
@@ -56,7 +57,7 @@ class Unseen:
     @property
     def records(self) -> tuple[str, ...]:
         """The records' labels."""
-        return tuple(record.label for record in self.fit.problem.records)
+        return tuple(self.fit.problem.records[k].label for k in self.fit.fitted)
 
     @property
     def worse(self) -> tuple[str, ...]:
@@ -89,9 +90,9 @@ class Unseen:
     def excess(self) -> dict[str, float]:
         """By record, its whitened squares beyond what noise makes."""
         problem, found = self.fit.problem, {}
-        for k, record in enumerate(problem.records):
+        for k in self.fit.fitted:
             squares = float(np.square(whitened_residual(problem, self.fit.outputs[k], k)).sum())
-            found[record.label] = squares - problem.whiteners[k].size
+            found[problem.records[k].label] = squares - problem.whiteners[k].size
         return found
 
     def channels(self) -> dict[str, dict[str, Any]]:
@@ -142,29 +143,26 @@ def unseen(compared: Comparison, model: ModelComparison, *, tell: Tell | None = 
     found = []
     if model.fit.held_out:
         said("Looking at the records that were held out")
-        found.append(_group(model, inside, problem.only(model.fit.held_out), "hold_out", choice.hold_out))
+        there = replace(model.fit, fitted=model.fit.held_out, solution=None)
+        found.append(_group(model, inside, there, "hold_out", choice.hold_out))
     if choice.rest is not None:
         said("Looking at the records that were not chosen")
         measurements, noise = choice.rest
-        other = make_problem(model.fit.model, measurements, problem.noise, noise.ok)
-        found.append(_group(model, inside, other, "only", choice.only))
+        there = fit_model(model.fit.model, measurements, noise, refit=False)
+        found.append(_group(model, inside, there, "only", choice.only))
     return tuple(found)
 
 
 def _group(
     model: ModelComparison,
     inside: Sequence[MeasuredRecord],
-    problem: Problem,
+    there: FitResult,
     why: Literal["hold_out", "only"],
     condition: str,
 ) -> Unseen:
-    known = dict(zip([u.name for u in model.fit.problem.shared], model.fit.values.tolist(), strict=True))
-    shared = [
-        replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared
-    ]
-    there = fit(problem.with_shared(shared), refit=False)
-    units = variable_units(model.fit.problem.measurements) | variable_units(problem.measurements)
-    plain = Unseen(why, condition, _what(problem.records, inside, units), there, model.fit.errors)
+    units = variable_units(model.fit.problem.measurements) | variable_units(there.problem.measurements)
+    records = [there.problem.records[k] for k in there.fitted]
+    plain = Unseen(why, condition, _what(records, inside, units), there, model.fit.errors)
     if plain.as_good:
         return plain
     judged = judge(there, model.name, excluded=model.excluded)

@@ -47,7 +47,6 @@ def _bars(name: str, values: dict[str, object]) -> object:
 def _worst(one: Unseen, number: int) -> Plot:
     """The record with the largest error."""
     fit = one.fit
-    sizes = [float(np.nanmean(normalised_error(fit, k) ** 2)) for k in range(len(fit.outputs))]
-    k = int(np.argmax(sizes))
+    k = max(fit.fitted, key=lambda place: float(np.nanmean(normalised_error(fit, place) ** 2)))
     label = one.called(fit.problem.records[k].label)
     return overlay_plot([("model", fit)], k, f"unseen-{number}", f"The worst of these records, {label}")
