@@ -163,5 +163,5 @@ def _falls(diagnosis: Diagnosis) -> list[Markup]:
                 7,
             )
         )
-        found.append(bars(f"Error of the {plain_name(name)} (RMSE)", shown))
+        found.append(bars(f"Error of the {plain_name(measurements.titles.get(name, name))} (RMSE)", shown))
     return found
