@@ -52,7 +52,7 @@ def test_a_prior_that_makes_no_sense_is_refused(written: str, said: str, tmp_pat
 
 
 def beats(shared: np.ndarray, _: Sequence[np.ndarray], derivatives: bool) -> list[Block]:
-    """A level that is far off, and a ringing of which one sample is read in some periods: many false minima."""
+    """A level that is far off, and a ringing that is read once in some periods: it has many false minima."""
     level, frequency = shared
     times = np.linspace(0.5, 1.0, 6)
     ring = np.cos(2 * np.pi * frequency * times) - np.cos(2 * np.pi * 50.0 * times)
