@@ -2,8 +2,8 @@
 
 200 campaigns of the separate bench with nothing hidden, and 200 with one hidden effect of at least 30 sigmas,
 the effects in turn. Each has 32 records, 28 conditions and four of them twice; noise correlated from sample
-to sample (0.6), read by a ten-bit converter; the relief valve is set to within 0.2 %. The comparison has to find
-all that out by itself. Half of the campaigns have the chambers' pressures too.
+to sample (0.6), read by a ten-bit converter; the relief valve is set to within 0.2 %. The comparison has to
+find all that out by itself. Half of the campaigns have the chambers' pressures too.
 """
 
 from __future__ import annotations
