@@ -98,10 +98,6 @@ def gap(k: float, p1: float, p2: float, mu: float) -> float:
     return k * (p1 - p2) / mu
 
 
-def turns(v: float) -> float:
-    return math.tanh(v / 2e-3)
-
-
 def valve_leak(y: Vector, mu: float) -> dict[str, float]:
     _, _, ps, pa, pb, _, _ = y
     k = 5e-14
@@ -120,7 +116,7 @@ def soft_air(pressure: float, x0: float = 0.01) -> float:
 
 
 def stribeck(y: Vector, mu: float) -> dict[str, float]:
-    return {"friction": (80 + 120 * math.exp(-((y[6] / 0.01) ** 2))) * turns(y[6])}
+    return {"friction": (80 + 120 * math.exp(-((y[6] / 0.01) ** 2))) * y[7]}
 
 
 HIDDEN: list[tuple[str, dict[str, float], PlainCylinder]] = [
@@ -155,9 +151,13 @@ HIDDEN: list[tuple[str, dict[str, float], PlainCylinder]] = [
     (
         "coulomb_friction",
         {"force": 150.0},
-        PlainCylinder(extra=lambda y, mu: {"friction": 150 * turns(y[6])}),
+        PlainCylinder(extra=lambda y, mu: {"friction": 150 * y[7]}, presliding=20e-6),
     ),
-    ("stribeck_friction", {"force": 80.0, "static_force": 200.0}, PlainCylinder(extra=stribeck)),
+    (
+        "stribeck_friction",
+        {"force": 80.0, "static_force": 200.0},
+        PlainCylinder(extra=stribeck, presliding=20e-6),
+    ),
     ("load_mass", {"mass": 200.0}, PlainCylinder(extra=lambda y, mu: {"mass": 200.0})),
     ("spring_load", {"stiffness": 1e3}, PlainCylinder(extra=lambda y, mu: {"load": 1e3 * y[5]})),
     ("entrained_air", {"fraction": 0.01}, PlainCylinder(soft=soft_air)),

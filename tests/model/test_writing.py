@@ -169,9 +169,9 @@ def test_an_effect_is_added_and_removed_without_a_trace() -> None:
     text = shipped("models", "hl32-textbook.yaml").read_text(encoding="utf-8")
     path = shipped("models", "hl32-textbook.yaml")
     more = parse_model(updated_text(load_model(path).with_effect("coulomb_friction", {}), path), path)
-    force, velocity = (p.start for p in more.effect("coulomb_friction").parameters)
+    force, presliding = (p.start for p in more.effect("coulomb_friction").parameters)
     added = f"effects:\n  coulomb_friction:\n    force: {{value: {force:g} N, fit: true}}\n"
-    assert f"{added}    velocity: {1e3 * velocity:g} mm/s\n" in more.text
+    assert f"{added}    presliding: {1e3 * presliding:g} mm\n" in more.text
     assert updated_text(more.without_effect("coulomb_friction"), path) == text
 
 

@@ -50,10 +50,12 @@ class PlainCylinder:
     extra: Extra = nothing
     #: compliance in 1/Pa that a hidden effect adds at a pressure
     soft: Callable[[float], float] = lambda p: 0.0
+    #: m by which a seal bends before it slides; where it is not 0, how far it is bent is an eighth state
+    presliding: float = 0.0
 
     def rates(self, y: Vector, command: float) -> Vector:
-        """The derivatives of (T degC, u, ps, pA, pB, x, v)."""
-        T, u, ps, pA, pB, x, v = y
+        """The derivatives of (T degC, u, ps, pA, pB, x, v), and of the seal's bending where it bends."""
+        T, u, ps, pA, pB, x, v = y[:7]
         A_A = math.pi / 4 * 0.05**2
         A_B = math.pi / 4 * (0.05**2 - 0.025**2)
         rho = 870.0 * (1 - 7e-4 * (T - 15.0))
@@ -95,6 +97,7 @@ class PlainCylinder:
                 v,
                 (A_A * pA - A_B * pB - self.b * v + stop - more["friction"] - more["load"])
                 / (self.m + more["mass"]),
+                *((v - abs(v) * bent) / self.presliding for bent in y[7:]),
             ]
         )
 
@@ -115,6 +118,8 @@ class PlainCylinder:
         balance = 0.0 if start_at is None else 0.75 * 0.9 * self.p_set
         y = np.array([celsius, 0.0, self.p_set, balance, 0.9 * self.p_set, start_at or 0.0, 0.0])
         atol = np.array([1e-7, 1e-9, 0.1, 0.1, 0.1, 1e-10, 1e-9])
+        if self.presliding:  # after a retraction
+            y, atol = np.append(y, -1.0), np.append(atol, 1e-8)
         start, parts = 0.0, []
         for number, (duration, command) in enumerate(commands):
             end = start + duration
