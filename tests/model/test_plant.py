@@ -170,15 +170,15 @@ HIDDEN: list[tuple[str, dict[str, float], PlainCylinder]] = [
 def test_a_hidden_effect_moves_the_bench_as_its_formula_says(
     name: str, values: dict[str, float], bench: PlainCylinder
 ) -> None:
-    found, expected = simulated(50.0, 40.0, {name: values}, tolerance=TIGHT), plain(50.0, 40.0, bench)
+    # a seal that lets go all of a sudden multiplies an integrator's errors
+    tolerance = FINE if name == "stribeck_friction" else TIGHT
+    found, expected = simulated(50.0, 40.0, {name: values}, tolerance=tolerance), plain(50.0, 40.0, bench)
     without = simulated(50.0, 40.0, tolerance=TIGHT)
     shares = {"position": 5e-6, "supply_pressure": 5e-6, "pressure_a": 2e-4, "pressure_b": 2e-4}
     for channel, share in shares.items():
         peak = np.abs(expected[channel]).max()
         effect = np.abs(expected[channel] - without[channel]).max()
-        # where a seal sticks, how far it goes on hangs on how its corner at rest is rounded
-        rounded = 2.5e-2 if name == "stribeck_friction" else 2e-3
-        assert np.abs(found[channel] - expected[channel]).max() < share * peak + rounded * effect, channel
+        assert np.abs(found[channel] - expected[channel]).max() < share * peak + 2e-3 * effect, channel
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def approach(
 
 
 def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
-    """The unknowns begun at `values`, those far from what is known of them at that; None where none is far."""
+    """The unknowns begun at `values`, those far from what is known of them there; None where none is far."""
     priors = [unknown.prior for unknown in shared]
     far = [
         prior is not None and abs(value - prior.mean) > _FAR * prior.std
