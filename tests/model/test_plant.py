@@ -170,7 +170,7 @@ HIDDEN: list[tuple[str, dict[str, float], PlainCylinder]] = [
 def test_a_hidden_effect_moves_the_bench_as_its_formula_says(
     name: str, values: dict[str, float], bench: PlainCylinder
 ) -> None:
-    # a seal that lets go all of a sudden multiplies an integrator's errors, most where the chambers ring after it
+    # a seal that lets go at once multiplies an integrator's errors, most where the chambers ring after it
     sudden = name == "stribeck_friction"
     tolerance, ringing = (FINE, 3e-3) if sudden else (TIGHT, 2e-4)
     found, expected = simulated(50.0, 40.0, {name: values}, tolerance=tolerance), plain(50.0, 40.0, bench)
