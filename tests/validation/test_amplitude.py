@@ -27,16 +27,16 @@ class Size:
 @pytest.mark.parametrize(
     "effect", ["coulomb_friction", "valve_open_delay", "piston_leakage", "entrained_air"]
 )
-def test_size_is_reached_within_two_per_cent(effect: str) -> None:
+def test_size_is_reached_within_five_per_cent(effect: str) -> None:
     size = Size()
     search = Amplitudes(size)
     for wanted in (6.0, 10.0, 30.0):
         found = search.find(find_hidden(effect), wanted, SMALL)
         assert found.reached
-        assert found.size == pytest.approx(wanted, rel=0.021)
+        assert found.size == pytest.approx(wanted, rel=0.051)
     assert size.calls <= 10
     again = search.find(find_hidden(effect), 10.0, SMALL)
-    assert again.size == pytest.approx(10.0, rel=0.021)
+    assert again.size == pytest.approx(10.0, rel=0.051)
     assert size.calls <= 10
 
 
