@@ -29,7 +29,7 @@ from rigctl.model.model import Model
 Floats = NDArray[np.float64]
 
 #: a fit ends when the next step would lower the cost by less than this share of it
-_COST = 1e-6
+_COST = 1e-5
 
 
 @dataclass(frozen=True)
