@@ -145,8 +145,7 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
         key = tuple(sorted(trial.effects))
         sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
     for score in screened:
-        penalty = math.log(search.samples) + 2.0 * math.log(search.library)
-        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + penalty
+        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + search.price
     least = min(sets.values())
     weights = {names: math.exp(-0.5 * min(value - least, 1400.0)) for names, value in sets.items()}
     total = sum(weights.values())
@@ -171,7 +170,7 @@ def _ranked(search: Search, best: Trial, name: str, probability: float) -> Ranke
         candidate = lin.candidates[score.candidate]
         sizes = search.alone_sizes(name) or score.sizes.tolist()
         parameters = _linear_parameters(candidate, sizes)
-        difference = math.log(search.samples) + 2.0 * math.log(search.library) - search.promised(score)
+        difference = search.price - search.promised(score)
         drop, size = 0.0, math.sqrt(search.promised(score))
     else:
         candidate = next(one for one in trial.candidates if one.name == name)

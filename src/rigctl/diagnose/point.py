@@ -52,11 +52,11 @@ class Point:
         """Whether anything is left to explain."""
         return adequacy(self.projected, self.screening)
 
-    def without(self, member: Candidate) -> tuple[Projected, int]:
-        """The linearisation in which one of the trial's effects is a candidate again, and its place there."""
+    def without(self, member: Candidate) -> Projected:
+        """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
         own = next(place for place in self._members if self._name(place) == member.name)
         rest = [place for place in self._members if place != own]
-        return project(self._everything.rearranged(rest, [own, *self._others])), 0
+        return project(self._everything.rearranged(rest, [own, *self._others]))
 
     def _name(self, place: int) -> str:
         return self._everything.candidates[place].name

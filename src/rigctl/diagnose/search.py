@@ -85,7 +85,7 @@ class Search:
         return max(total, float(len(self.before.fit.fitted)), 2.0)
 
     @cached_property
-    def _price(self) -> float:
+    def price(self) -> float:
         """What mBIC asks of one effect more, with one parameter."""
         return math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
 
@@ -122,7 +122,7 @@ class Search:
         if here.adequacy.adequate:
             return 0.0
         excess = max(test.excess for test in here.adequacy.tests.values())
-        promised = max((score.gain for score in here.screening.scores), default=0.0) - self._price
+        promised = max((score.gain for score in here.screening.scores), default=0.0) - self.price
         reached = max(self.none.chi2 - trial.chi2, 1e-12)
         return max(excess, promised) / (reached + max(excess, promised))
 
@@ -149,7 +149,7 @@ class Search:
         if without is None:
             return []
         size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
-        projected, own = self.at(trial).without(member)
+        projected = self.at(trial).without(member)
         close: dict[str, tuple[float, Candidate, float]] = {}
         silent = set(self.before.screening.untestable)
         look = projected.linearisation
@@ -158,7 +158,7 @@ class Search:
                 continue
             if candidate.name in silent:  # these data do not show it on the model as it is
                 continue
-            cos = cosine(projected, own, place)
+            cos = cosine(projected, 0, place)
             d = separation(size, cos)
             held = close.get(candidate.name)
             if held is None or cos > held[0]:
