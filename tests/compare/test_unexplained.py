@@ -50,7 +50,7 @@ def test_a_signature_has_its_own_length_and_looks_like_itself(made) -> None:
     place = next(k for k, one in enumerate(linearisation.candidates) if one.name == "piston_leakage")
     length = project(linearisation).lengths[linearisation.starts[place]]
     assert seen.size([4e-15 * each for each in change]) == pytest.approx(4e-15 * length, rel=1e-6)
-    cosines = seen.cosines([4e-15 * each for each in change])
+    cosines = seen.cosines(seen.of([4e-15 * each for each in change]))
     assert cosines["piston_leakage"] == pytest.approx(1.0, abs=1e-6)
     assert all(0.0 <= cosine <= 1.0 for cosine in cosines.values())
 
@@ -58,4 +58,20 @@ def test_a_signature_has_its_own_length_and_looks_like_itself(made) -> None:
 def test_a_leak_that_runs_backwards_is_no_leak(made) -> None:
     seen, whole, linearisation = made
     change = slopes(whole, linearisation, "piston_leakage.conductance")
-    assert seen.cosines([-4e-15 * each for each in change])["piston_leakage"] == 0.0
+    assert seen.cosines(seen.of([-4e-15 * each for each in change]))["piston_leakage"] == 0.0
+
+
+def test_what_an_effect_explains_of_a_change_of_its_own_is_all_of_it(made) -> None:
+    seen, whole, linearisation = made
+    left = seen.of([4e-15 * each for each in slopes(whole, linearisation, "piston_leakage.conductance")])
+    own = seen.share_of("piston_leakage", left)
+    assert own is not None
+    np.testing.assert_allclose(own, left, atol=1e-6 * float(np.linalg.norm(left)))
+    assert seen.share_of("piston_leakage", -left) is None
+    cosines = seen.cosines(left)
+    nearest = max((name for name in cosines if name != "piston_leakage"), key=lambda name: cosines[name])
+    other = seen.share_of(nearest, left)
+    assert other is not None
+    assert float(np.linalg.norm(other)) == pytest.approx(
+        cosines[nearest] * float(np.linalg.norm(left)), rel=1e-6
+    )

@@ -55,24 +55,36 @@ class Unexplained:
         """λ, in sigmas."""
         return float(np.linalg.norm(self.of(changes)))
 
-    def cosines(self, changes: Sequence[Floats]) -> dict[str, float]:
-        """How well each effect alone, of the right signs and any size, would explain the changes: 0 … 1."""
-        left = self.of(changes)
+    def cosines(self, left: Floats) -> dict[str, float]:
+        """How well each effect alone, of the right signs and any size, would explain what is left: 0 … 1."""
         length = float(np.linalg.norm(left))
         found: dict[str, float] = {}
         for place, candidate in enumerate(self.candidates):
-            own = slice(self.starts[place], self.starts[place] + len(candidate.columns))
-            matrix = self._signatures[:, own]
-            used = np.flatnonzero(np.any(matrix, axis=0))
-            if not used.size or length == 0.0:
-                continue
-            chosen = matrix[:, used]
-            gain, _ = cone(
-                (left @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
-            )
-            share = min(1.0, float(np.sqrt(gain[0])) / length)
+            gain, _ = self._explained(place, left)
+            share = min(1.0, float(np.sqrt(gain)) / length) if length > 0.0 else 0.0
             found[candidate.name] = max(share, found.get(candidate.name, 0.0))
         return found
+
+    def share_of(self, effect: str, left: Floats) -> Floats | None:
+        """(rows) what an effect of the library explains of what is left; None where it explains nothing."""
+        places = [place for place, candidate in enumerate(self.candidates) if candidate.name == effect]
+        explained = [self._explained(place, left) for place in places]
+        gain, share = max(explained, key=lambda one: one[0], default=(0.0, left))
+        return share if gain > 0.0 else None
+
+    def _explained(self, place: int, left: Floats) -> tuple[float, Floats]:
+        """(squares, rows) that one candidate explains of what is left, its signs as physics allows."""
+        candidate = self.candidates[place]
+        own = slice(self.starts[place], self.starts[place] + len(candidate.columns))
+        matrix = self._signatures[:, own]
+        used = np.flatnonzero(np.any(matrix, axis=0))
+        if not used.size:
+            return 0.0, np.zeros_like(left)
+        chosen = matrix[:, used]
+        gain, sizes = cone(
+            (left @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
+        )
+        return float(gain[0]), np.asarray(chosen @ sizes[0])
 
 
 def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:

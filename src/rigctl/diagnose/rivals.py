@@ -21,6 +21,8 @@ from rigctl.units import parse_unit
 #: a phase in which an effect does less than this share of all that it does has no likeness
 _SHOWS = 0.01
 _MOST_VARIABLES = 2
+#: twice the standard deviation of a separation that is read from refits
+_CHANCE = 1.0
 
 
 @dataclass(frozen=True)
@@ -78,8 +80,8 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
         search.tell(f"What could be taken for {member.name}")
         for trial, cos, d in search.rivals(best, member):
             other = next(name for name in trial.effects if name not in best.effects)
-            # the same separation by the refits: it also knows sizes that physics does not allow
-            told = max(d, 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0)))
+            # the refits also know sizes that physics does not allow, and tell it up to chance
+            told = max(d, _by_refit(trial, best) - _CHANCE)
             if not search.at(best).adequacy.adequate:
                 # neither is right, and the noise no longer tells the chance of a difference
                 told = min(told, consistent_gain(best.fit, trial.fit))
@@ -107,10 +109,18 @@ def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
         return []
     cos = cosine(search.before.projected, lin.candidates.index(member), lin.candidates.index(other))
     difference = search.mbic(trial) - search.mbic(best)
-    told = 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
+    told = _by_refit(trial, best)
     differs = where_they_differ(search.none.fit, best.fit, trial.fit)
     rival = Rival(member.name, other.name, trial, cos, told, difference, differs)
     return [rival] if rival.told else []
+
+
+def _by_refit(trial: Trial, best: Trial) -> float:
+    """The separation as the refits have it: ``sqrt(Δχ²)/2``, with a standard deviation of ½.
+
+    Δχ² is about 4d², and scatters by 4d.
+    """
+    return 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
 
 
 def classes_of(best: Trial, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:

@@ -199,7 +199,11 @@ def _diagnose(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
 
 
 def _rival(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float | None, float | None]:
-    """(largest cosine, smallest separation) between what a hidden effect does and any other one."""
+    """(largest cosine, smallest separation) between what a hidden effect does and any other one.
+
+    The cosine is of what the bench hides, the separation also of what the library's effect of that name makes
+    of it: a bench's own shape may stand off from two effects of the library that are one to the data.
+    """
     steady = replace(scenario.plain, seed=0)
     alike, apart = None, None
     for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
@@ -207,13 +211,19 @@ def _rival(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float |
         with_it = clean_outputs(hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape))
         left = refitted(reference.fitted, with_it)
         readings = [record.values for record in left.problem.records]
-        cosines = reference.seen.cosines([a - b for a, b in zip(readings, left.outputs, strict=True)])
-        cosines.pop(wanted.effect, None)
-        cosine = max(cosines.values(), default=0.0)
-        d = separation(amplitude.size, cosine)
+        changed = reference.seen.of([a - b for a, b in zip(readings, left.outputs, strict=True)])
+        cosine = _nearest(reference.seen, changed, wanted.effect)
+        own = reference.seen.share_of(wanted.effect, changed)
+        nearest = cosine if own is None else max(cosine, _nearest(reference.seen, own, wanted.effect))
+        d = separation(amplitude.size, nearest)
         alike = cosine if alike is None else max(alike, cosine)
         apart = d if apart is None else min(apart, d)
     return alike, apart
+
+
+def _nearest(seen: Unexplained, left: Floats, effect: str) -> float:
+    """How well the best of the other effects explains it."""
+    return max((cos for name, cos in seen.cosines(left).items() if name != effect), default=0.0)
 
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:
