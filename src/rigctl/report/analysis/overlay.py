@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import symbol
-from rigctl.report.plot import Look, Panel, Plot, Span, Trace
+from rigctl.report.plot import Panel, Plot, Span, Trace
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit
 
@@ -41,55 +41,54 @@ def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
 def overlay_plot(models: Sequence[tuple[str, FitResult]], k: int, key: str, caption: str) -> Plot:
     """One record: every channel with its noise band and the models, and the residuals in sigmas below.
 
-    `models` are names and what each says of the same records; the residuals are the first one's.
+    `models` are names and what each says of the same records; band and residuals are the first one's.
     """
-    first = models[0][1]
-    record, measurements = first.problem.records[k], first.problem.measurements
+    problem = models[0][1].problem
+    record = problem.records[k]
     rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
-    times = record.times[rows]
-    panels: list[Panel] = []
-    for c, (name, unit_name) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
-        unit = parse_unit(unit_name)
-        shown = symbol(unit_name)
-        ok = first.problem.ok[k][rows, c]
-        if not ok.any():
-            continue
-        value = np.where(ok, (record.values[rows, c] - unit.offset) / unit.factor, np.nan)
-        band = 2.0 * first.problem.noise.sigma[c] / unit.factor
-        traces = [Trace("measured", times, value, Look.LINE, 7, shown, in_legend=not panels)]
-        for number, (called, fit) in enumerate(models):
-            said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
-            name_of = called if len(models) > 1 else "model"
-            traces.append(Trace(name_of, times, said, Look.LINE, number, shown, in_legend=not panels))
-            if number == 0:
-                traces.append(
-                    Trace(
-                        "model ± 2 sigma of the noise",
-                        times,
-                        said + band,
-                        Look.LINE,
-                        0,
-                        shown,
-                        True,
-                        not panels,
-                    )
-                )
-                traces.append(Trace("", times, said - band, Look.LINE, 0, shown, True, False))
-        panels.append(Panel(f"{plain_name(name)} [{shown}]", tuple(traces), height=1.2))
+    seen = [c for c in range(len(problem.measurements.outputs)) if problem.ok[k][rows, c].any()]
+    times = record.times[rows]  # once: what traces share is written to the page once
+    panels = [_channel_panel(models, k, c, rows, times, named=c == seen[0]) for c in seen]
+    error = normalised_error(models[0][1], k)[rows]
     residuals = [
         Trace(
-            plain_name(name),
+            plain_name(problem.measurements.outputs[c]),
             times,
-            normalised_error(first, k)[rows, c],
-            Look.LINE,
-            c + _AFTER_MODELS,
-            "sigma",
+            error[:, c],
+            colour=c + _AFTER_MODELS,
+            unit="sigma",
         )
-        for c, name in enumerate(measurements.outputs)
-        if first.problem.ok[k][:, c].any()
+        for c in seen
     ]
     panels.append(Panel("model − measured [sigma]", tuple(residuals), height=1.2))
     return Plot(key, caption, "time in the record [s]", tuple(panels), _spans(record.times, record.phase))
+
+
+def _channel_panel(
+    models: Sequence[tuple[str, FitResult]],
+    k: int,
+    c: int,
+    rows: NDArray[np.intp],
+    times: Floats,
+    *,
+    named: bool,
+) -> Panel:
+    """One channel, measured and of every model; `named` says whether the legend tells of its lines."""
+    problem = models[0][1].problem
+    record, measurements = problem.records[k], problem.measurements
+    unit, shown = parse_unit(measurements.units[c]), symbol(measurements.units[c])
+    value = np.where(problem.ok[k][rows, c], (record.values[rows, c] - unit.offset) / unit.factor, np.nan)
+    band = 2.0 * problem.sigma[k][rows, c] / unit.factor
+    traces = [Trace("measured", times, value, colour=7, unit=shown, in_legend=named)]
+    for number, (called, fit) in enumerate(models):
+        said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
+        name = called if len(models) > 1 else "model"
+        traces.append(Trace(name, times, said, colour=number, unit=shown, in_legend=named))
+        if number == 0:
+            noise = "model ± 2 sigma of the noise"
+            traces.append(Trace(noise, times, said + band, unit=shown, faint=True, in_legend=named))
+            traces.append(Trace("", times, said - band, unit=shown, faint=True, in_legend=False))
+    return Panel(f"{plain_name(measurements.outputs[c])} [{shown}]", tuple(traces), height=1.2)
 
 
 def _spans(times: Floats, phase: NDArray[np.intp]) -> tuple[Span, ...]:

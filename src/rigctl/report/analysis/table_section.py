@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from rigctl.compare.localise import variable_units
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.compare.table_rows import TableRow, short_condition, shows_unfitted
 from rigctl.model.measured.table import curve_variable, curves, set_variable
-from rigctl.report.numbers import prose, symbol
+from rigctl.report.numbers import MISSING, prose, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import plot_slot, render
 from rigctl.report.signals import plain_name
@@ -35,6 +35,26 @@ class TablePart:
     rows: tuple[tuple[str, ...], ...]
 
 
+@dataclass(frozen=True)
+class _Curve:
+    """Rows that a line joins, in the order of x; `label` says what they share, "" of the only curve."""
+
+    label: str
+    number: int
+    rows: tuple[TableRow, ...]
+    at: Floats
+
+    @property
+    def prefix(self) -> str:
+        """What the name of each of its traces begins with."""
+        return f"{self.label} " if self.label else ""
+
+    @property
+    def hue(self) -> int:
+        """Curves have a colour each; a single one is grey, so that the models' colours are seen."""
+        return self.number if self.label else 7
+
+
 def table_parts(comparison: Comparison) -> list[TablePart]:
     """Of every quantity of a table; none for measurements with a course in time."""
     first = comparison.models[0]
@@ -48,28 +68,18 @@ def table_parts(comparison: Comparison) -> list[TablePart]:
 
 def table_plot(models: Sequence[ModelComparison], quantity: str, key: str) -> Plot:
     """Measured values with what every model says, and below it what is left between them."""
-    first = models[0]
-    own = _rows(first, quantity)
-    x, series, labels, x_title = _over(first)
-    unit, relative = symbol(own[0].unit), _relative(first, own)
+    own = _rows(models[0], quantity)
+    x, drawn, x_title = _curves(models[0], own)
+    unit, relative = symbol(own[0].unit), _relative(models[0], own)
+    left = "%" if relative else unit
     upper: list[Trace] = []
     lower: list[Trace] = []
-    for number, label in enumerate(labels):
-        chosen = sorted((row for row in own if series[row.place] == number), key=lambda row: x[row.place])
-        if not chosen:
-            continue
-        at = np.array([x[row.place] for row in chosen])
-        before = f"{label} " if label else ""
-        measured = np.array([row.measured for row in chosen])
-        upper.append(Trace(f"{before}measured", at, measured, Look.POINTS, _hue(number, label), unit))
-        upper += _laws(models, quantity, chosen, at, before, _hue(number, label), unit)
-        lower += _residuals(models, quantity, chosen, at, before, _hue(number, label), relative)
-    noise = np.array([row.noise / (row.measured / 100.0 if relative else 1.0) for row in own])
-    ends = np.array([float(np.nanmin(x)), float(np.nanmax(x))])
-    left = "%" if relative else unit
-    for sign, name in ((1.0, f"± {_BAND:g} sigma of the noise"), (-1.0, "")):
-        level = np.full(2, sign * _BAND * float(np.median(noise)))
-        lower.append(Trace(name, ends, level, Look.LINE, 7, left, True, sign > 0.0))
+    for curve in drawn:
+        measured = np.array([row.measured for row in curve.rows])
+        upper.append(Trace(f"{curve.prefix}measured", curve.at, measured, Look.POINTS, curve.hue, unit))
+        upper += [*_laws(models, curve, unit), *_others(curve, unit)]
+        lower += _residuals(models, curve, left, relative=relative)
+    lower += _noise_band(own, x, left, relative=relative)
     title = plain_name(quantity)
     panels = (
         Panel(f"{title} [{unit}]", tuple(upper), height=1.9),
@@ -89,83 +99,102 @@ def _relative(model: ModelComparison, rows: Sequence[TableRow]) -> bool:
     )
 
 
-def _over(model: ModelComparison) -> tuple[Floats, NDArray[np.intp], list[str], str]:
-    """(rows) x as it is shown, the number of each row's curve, the curves' names, and the title of x."""
+def _curves(model: ModelComparison, rows: Sequence[TableRow]) -> tuple[Floats, list[_Curve], str]:
+    """(records) x as it is shown, the rows by curve, and the title of x."""
     measurements = model.fit.problem.measurements
     setting = set_variable(measurements)
-    points, series = curves(measurements, but=setting)
+    x, series = curves(measurements, but=setting)
     name = curve_variable(measurements, but=setting) or curve_variable(measurements)
-    if name is None:
-        return points, series, [""] * (int(series.max(initial=0)) + 1), "row"
     units = variable_units(measurements)
-    unit = parse_unit(units[name])
-    x = np.array([unit.from_si(record.condition.get(name, np.nan)) for record in measurements.records])
-    labels = []
-    for number in range(int(series.max(initial=0)) + 1):
-        record = measurements.records[int(np.flatnonzero(series == number)[0])]
-        others = {key: value for key, value in record.condition.items() if key != name}
-        labels.append(prose(short_condition(others, units)))
-    return x, series, labels, f"{plain_name(name)} [{symbol(units[name])}]"
+    x_title = "row"
+    if name is not None:
+        unit = parse_unit(units[name])
+        x = np.array([unit.from_si(record.condition.get(name, np.nan)) for record in measurements.records])
+        x_title = f"{plain_name(name)} [{symbol(units[name])}]"
+    found = []
+    for number in np.unique(series):
+        joined = sorted((row for row in rows if series[row.place] == number), key=lambda row: x[row.place])
+        if not joined:
+            continue
+        condition = measurements.records[int(np.flatnonzero(series == number)[0])].condition
+        others = {key: value for key, value in condition.items() if key != name}
+        label = "" if name is None else prose(short_condition(others, units))
+        at = np.array([x[row.place] for row in joined])
+        found.append(_Curve(label, int(number), tuple(joined), at))
+    return x, found, x_title
 
 
-def _hue(number: int, label: str) -> int:
-    """Curves have a colour each; a single one is grey, so that the models' colours are seen."""
-    return number if label else 7
-
-
-def _laws(
+def _of_models(
     models: Sequence[ModelComparison],
-    quantity: str,
-    chosen: Sequence[TableRow],
-    at: Floats,
-    before: str,
-    hue: int,
+    curve: _Curve,
+    shown: Callable[[TableRow], float],
+    look: Look,
     unit: str,
+    what: str = "",
 ) -> list[Trace]:
-    """The models' lines; of a single curve also other people's values."""
-    places = [row.place for row in chosen]
+    """Of each model one line through what is `shown` of its rows; all but the last are faint."""
     found = []
     for number, model in enumerate(models):
-        by_place = {row.place: row for row in _rows(model, quantity)}
-        said = np.array([by_place[place].predicted for place in places])
-        name = f"{before}{model.name if len(models) > 1 else 'model'}"
-        found.append(
-            Trace(name, at, said, Look.LINE, hue if before else number, unit, model is not models[-1])
-        )
-    if not before:
-        for number, name in enumerate(dict.fromkeys(name for row in chosen for name in row.beside)):
-            values = np.array([row.beside.get(name, np.nan) for row in chosen])
-            found.append(Trace(plain_name(name), at, values, Look.LINE, number + 3, unit, True))
+        by_place = {row.place: row for row in _rows(model, curve.rows[0].quantity)}
+        values = np.array([shown(by_place[row.place]) for row in curve.rows])
+        name = f"{curve.prefix}{model.name if len(models) > 1 else 'model'}{what}"
+        colour, faint = curve.hue if curve.label else number, model is not models[-1]
+        # of several curves the marks and lines above have said which colour is which
+        named = not (what and curve.label)
+        found.append(Trace(name, curve.at, values, look, colour, unit, faint, named))
     return found
 
 
-def _residuals(
-    models: Sequence[ModelComparison],
-    quantity: str,
-    chosen: Sequence[TableRow],
-    at: Floats,
-    before: str,
-    hue: int,
-    relative: bool,
-) -> list[Trace]:
-    """Model less measurement, of the fitted models, and of the first as its file has it."""
-    unit = "%" if relative else symbol(chosen[0].unit)
-    places = [row.place for row in chosen]
+def _laws(models: Sequence[ModelComparison], curve: _Curve, unit: str) -> list[Trace]:
+    """What the models say."""
+    return _of_models(models, curve, lambda row: row.predicted, Look.LINE, unit)
 
-    def error(row: TableRow, value: float) -> float:
+
+def _others(curve: _Curve, unit: str) -> list[Trace]:
+    """Other people's values beside a single curve."""
+    if curve.label:
+        return []
+    names = dict.fromkeys(name for row in curve.rows for name in row.beside)
+    return [
+        Trace(
+            plain_name(name),
+            curve.at,
+            np.array([row.beside.get(name, np.nan) for row in curve.rows]),
+            Look.LINE,
+            number + 3,
+            unit,
+            faint=True,
+        )
+        for number, name in enumerate(names)
+    ]
+
+
+def _residuals(models: Sequence[ModelComparison], curve: _Curve, unit: str, *, relative: bool) -> list[Trace]:
+    """Model less measurement, of the fitted models, and of a single one as its file has it."""
+
+    def error(row: TableRow, value: float | None) -> float:
+        if value is None:
+            return np.nan
         return 100.0 * row.share(value) if relative else value - row.measured
 
-    found = []
-    for number, model in enumerate(models):
-        by_place = {row.place: row for row in _rows(model, quantity)}
-        values = np.array([error(by_place[place], by_place[place].predicted) for place in places])
-        name = f"{before}{model.name if len(models) > 1 else 'model'} − measured"
-        colour = hue if before else number
-        found.append(Trace(name, at, values, Look.MARKED, colour, unit, in_legend=not before))
-    if not before and len(models) == 1 and shows_unfitted(chosen):
-        values = np.array([error(row, row.unfitted or 0.0) for row in chosen])
-        found.append(Trace("the same with the constants of its file", at, values, Look.MARKED, 1, unit, True))
+    found = _of_models(models, curve, lambda row: error(row, row.predicted), Look.MARKED, unit, " − measured")
+    if not curve.label and len(models) == 1 and shows_unfitted(curve.rows):
+        values = np.array([error(row, row.unfitted) for row in curve.rows])
+        name = "the same with the constants of its file"
+        found.append(Trace(name, curve.at, values, Look.MARKED, 1, unit, faint=True))
     return found
+
+
+def _noise_band(rows: Sequence[TableRow], x: Floats, unit: str, *, relative: bool) -> list[Trace]:
+    """What noise alone does, from one end of x to the other: that of the middle of all rows."""
+    sizes = [row.noise / (row.measured / 100.0 if relative else 1.0) for row in rows]
+    level = np.full(2, _BAND * float(np.median(sizes)))
+    ends = np.array([float(np.nanmin(x)), float(np.nanmax(x))])
+    name = f"± {_BAND:g} sigma of the noise"
+    return [
+        Trace(name, ends, level, Look.LINE, 7, unit, faint=True),
+        Trace("", ends, -level, Look.LINE, 7, unit, faint=True, in_legend=False),
+    ]
 
 
 def _text(
@@ -188,12 +217,18 @@ def _text(
         cells += [f"{row.measured:.5g}", f"{row.noise:.2g}"]
         for found in by_model:
             one = found[row.place]
-            cells += [f"{one.predicted:.5g}", f"{100 * one.share(one.predicted):+.2f} %", f"{one.z:+.1f}"]
+            share = _shown(100.0 * one.share(one.predicted), "+.2f", " %")
+            cells += [f"{one.predicted:.5g}", share, f"{one.z:+.1f}"]
         if fitted and len(models) == 1:
-            cells += [f"{row.unfitted or float('nan'):.5g}", f"{row.z_unfitted or 0.0:+.1f}"]
-        cells += [f"{row.beside[name]:.5g}" if name in row.beside else "–" for name in beside]
+            cells += [_shown(row.unfitted, ".5g"), _shown(row.z_unfitted, "+.1f")]
+        cells += [_shown(row.beside.get(name), ".5g") for name in beside]
         rows.append(tuple(cells))
     return tuple(head), tuple(rows)
+
+
+def _shown(value: float | None, form: str, unit: str = "") -> str:
+    """A number as text; a dash where there is none."""
+    return MISSING if value is None or not np.isfinite(value) else f"{value:{form}}{unit}"
 
 
 def table_body(parts: Sequence[TablePart], findings: Sequence[str]) -> object:
