@@ -57,16 +57,9 @@ def _condition(model: ModelComparison, k: int) -> str:
 
 
 def _model(model: ModelComparison) -> dict[str, object]:
+    titles = model.fit.problem.measurements.titles
     channels = [
-        {
-            "name": plain_name(name),
-            "unit": symbol(str(one["unit"])),
-            "held_out": one["heldout_rmse"],
-            **{
-                key: one[key]
-                for key in ("rmse", "bias", "max", "noise", "nrmse", "r2", "chi2_reduced", "masked")
-            },
-        }
+        {**one, "name": plain_name(titles.get(name, name)), "unit": symbol(str(one["unit"]))}
         for name, one in model.channels().items()
     ]
     tests = [
