@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from commands import MODEL, answer, told
+from commands import MODEL, answer, refusal, textbook_copy, told
 from rigctl.cli.init import create_project
-from rigctl.cli.main import app
-from rigctl.errors import RigctlError
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 #: of the shipped campaign that another program made with a leaking valve: 20, 50 and 80 degC
 RECORDS = {f"{number:03d}" for number in (*range(1, 5), *range(13, 17), *range(25, 29))}
@@ -21,8 +21,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with twelve records of the campaign."""
     folder = tmp_path_factory.mktemp("diagnose")
     create_project(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         lines = Path("data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
         kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
         Path("few.csv").write_text("".join([lines[0], *kept]), "utf-8")
@@ -30,20 +29,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(autouse=True)
-def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(bench)
-
-
-def copied(name: str) -> str:
-    """The textbook model under another name, so that tests do not share versions."""
-    path = Path("models", f"{name}.yaml")
-    path.write_text(Path(MODEL).read_text("utf-8"), "utf-8", newline="\n")
-    return str(path)
-
-
 def test_what_is_hidden_is_found_added_and_the_error_falls() -> None:
-    model = copied("found")
+    model = textbook_copy("found")
     done = answer("diagnose", "latest", "--model", model, "--apply", "--hold-out", "oil == 50 degC")
     assert done["verdict"] in ("missing_effect", "ambiguous")
     assert "valve_leakage" in {name for names in done["classes"] for name in names}
@@ -62,6 +49,13 @@ def test_what_is_hidden_is_found_added_and_the_error_falls() -> None:
     assert [error["version"] for error in history["errors"]] == [1, 2]
     assert "noise" in told("model", "history", model)
 
+    told("report", "latest", "--model", model, "-o", "found.html")
+    page = Path("found.html").read_text("utf-8")
+    for words in ("Stroke, measured and of every version", "version 1: position: ", "version 2: position: "):
+        assert words in page
+    told("report", "latest", "--model", f"{model}@1", "-o", "first.html")
+    assert "of every version" not in Path("first.html").read_text("utf-8")  # one was asked for by its number
+
 
 def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
     shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1")
@@ -78,7 +72,7 @@ def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
 
 
 def test_an_effect_is_added_and_taken_out_with_the_error_before_and_after() -> None:
-    model = copied("by-hand")
+    model = textbook_copy("by-hand")
     added = answer("model", "add", model, "valve_leakage:conductance=1e-15 m^3", "--fit", "latest")
     assert (added["version"], added["effect"], added["before"]["heldout_rmse"]) == (2, "valve_leakage", {})
     assert added["after"]["chi2_reduced"] < added["before"]["chi2_reduced"]
@@ -89,8 +83,7 @@ def test_an_effect_is_added_and_taken_out_with_the_error_before_and_after() -> N
 
 
 def test_without_runs_there_is_nothing_to_fit_to() -> None:
-    with pytest.raises(RigctlError, match="Name a RUN, or say --no-fit"):
-        CliRunner().invoke(app, ["model", "add", MODEL, "valve_leakage"], catch_exceptions=False)
-    model = copied("unfitted")
+    assert "Name a RUN, or say --no-fit" in refusal("model", "add", MODEL, "valve_leakage")
+    model = textbook_copy("unfitted")
     assert answer("model", "add", model, "valve_leakage", "--no-fit")["after"] is None
     assert "conductance" in Path(model).read_text("utf-8")

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 if TYPE_CHECKING:
+    from rigctl.compare.result import Comparison, ModelComparison
     from rigctl.dataset import Run
+    from rigctl.model import Model
     from rigctl.report.section import Section
+
+#: so many earlier versions of a model are fitted again for a page: the first and the newest
+_MOST_EARLIER = 5
 
 
 def write_page(runs: Sequence[Run], output: Path, sections: Sequence[Section]) -> None:
@@ -25,3 +30,46 @@ def write_page(runs: Sequence[Run], output: Path, sections: Sequence[Section]) -
 
     written = write_report(runs, output, sections=sections)
     typer.echo(f"Wrote {written.summary()}", err=True)
+
+
+def compare_with_versions(
+    runs: Sequence[Run], models: Sequence[Model], *, earlier: bool = True, **choice: Any
+) -> tuple[Comparison, list[ModelComparison]]:
+    """The models compared; and of a single one its versions too, in order, where it has several.
+
+    Parameters
+    ----------
+    earlier: False for the models alone.
+    choice: as of `rigctl.compare.compare.compare`.
+
+    Raises
+    ------
+    RigctlError
+        as that does.
+    """
+    from dataclasses import replace
+
+    from rigctl.compare.compare import compare
+    from rigctl.model.history.save import load_version
+
+    path = models[0].path if earlier and len(models) == 1 else None
+    numbers = [] if path is None else _versions_with_errors(path)
+    before = [] if path is None else [load_version(path, number) for number in numbers[:-1]]
+    found = compare(runs, [*models, *before], **choice)
+    in_order = [*found.models[len(models) :], found.models[0]]
+    named = [replace(one, name=f"version {number}") for one, number in zip(in_order, numbers, strict=False)]
+    return replace(found, models=found.models[: len(models)]), named
+
+
+def _versions_with_errors(path: Path) -> list[int]:
+    """The numbers of the versions whose error is known, the head's last; none where there is no other."""
+    from rigctl.files.version_suffix import split_version
+    from rigctl.model.history.errors import version_errors
+    from rigctl.model.history.store import current_version, versions
+
+    if split_version(path)[1] is not None:  # a version that was asked for by its number stands alone
+        return []
+    head = current_version(path).number
+    known = [one.version.number for one in version_errors(versions(path)) if one.version.number != head]
+    few = known if len(known) <= _MOST_EARLIER else [known[0], *known[-_MOST_EARLIER + 1 :]]
+    return [*few, head] if few else []

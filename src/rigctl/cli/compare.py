@@ -77,19 +77,26 @@ def compare(
 
       rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
     """
+    from rigctl.cli.analysis_page import compare_with_versions, write_page
     from rigctl.cli.compare_views import show_comparison
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
-    from rigctl.compare.compare import compare as compared
 
     opened, models = open_runs(runs), open_models(model)
     with telling("nothing was saved") as tell:
-        found = compared(opened, models, hold_out=hold_out, only=only, refit=fit, tell=tell)
+        found, versions = compare_with_versions(
+            opened,
+            models,
+            earlier=output is not None,
+            hold_out=hold_out,
+            only=only,
+            refit=fit,
+            tell=tell,
+        )
     if output is not None:
-        from rigctl.cli.analysis_page import write_page
         from rigctl.report.analysis import comparison_sections, history_sections
 
-        last = history_sections(model[-1]) if models[-1].path is not None else []
+        last = history_sections(model[-1], versions) if models[-1].path is not None else []
         write_page(opened, output, [*comparison_sections(found), *last])
     if as_json:
         print_json(found.document())

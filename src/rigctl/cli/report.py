@@ -80,19 +80,19 @@ def report(
 
 def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Section]:
     """What the first model lacks, what the models say of the runs, and how their error fell."""
+    from rigctl.cli.analysis_page import compare_with_versions
     from rigctl.cli.compare import open_models
     from rigctl.cli.telling import telling
-    from rigctl.compare.compare import compare
     from rigctl.diagnose.diagnose import diagnose_comparison
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
     opened = open_models(models)
     with telling("nothing was saved") as tell:
-        found = compare(runs, opened, tell=tell)
+        found, versions = compare_with_versions(runs, opened, tell=tell)
         compared = comparison_sections(found)
         path = opened[-1].path
         if path is not None:
-            compared += history_sections(path)
+            compared += history_sections(path, versions)
         if not diagnose:
             return compared
         missing = diagnose_comparison(found.models[0], found.runs, notes=found.notes, tell=tell)

@@ -6,14 +6,11 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.result import Diagnosis, Ranked
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import parameters_text
 from rigctl.report.analysis.bars import Bar, bars
-from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import normalised_error, typical_records
-from rigctl.report.heat_map import HeatMap, heat_map_table
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
@@ -28,25 +25,18 @@ _SIGNATURES = 3
 _SHOWS = 0.5
 
 
-def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = None) -> list[Section]:
-    """The verdict, the ranking, the signatures over the residual, and before and after.
+def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Section]:
+    """The verdict, the ranking, the signatures over the residual, and how the error would fall.
 
-    `after` is the model with what was found, compared with the same data, when that was done.
+    `added` says that what was found is in the model by now: then its versions tell of the error.
     """
     signature = None if diagnosis.before.rows else signature_plot(diagnosis)
-    maps: list[tuple[HeatMap, HeatMap]] = []
-    if after is not None:
-        before_maps, after_maps = (
-            channel_maps(model, key, title=title)
-            for model, key, title in ((diagnosis.before, "before", "before: "), (after, "after", "after: "))
-        )
-        maps = list(zip(before_maps, after_maps, strict=False))
     ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a table's few rows rank by chance
     body = render(
         "diagnosis.html",
         diagnosis=diagnosis,
         heading=diagnosis.title,
-        ranking=_ranking(diagnosis) if ranked else Markup(),
+        ranking=_ranking(diagnosis) if ranked and not diagnosis.before.adequate else Markup(),
         table=[_row(one) for one in diagnosis.ranking[:_SHOWN]] if ranked else [],
         remarks=render(
             "table_remarks.html",
@@ -56,12 +46,11 @@ def diagnosis_sections(diagnosis: Diagnosis, after: ModelComparison | None = Non
         ),
         classes=[names for names in diagnosis.classes if len(names) > 1],
         signature=None if signature is None else plot_slot(signature),
-        falls=_falls(diagnosis) if after is None else [],  # the versions tell of it
-        maps=[(heat_map_table(one), heat_map_table(other)) for one, other in maps],
+        falls=[] if added else _falls(diagnosis),
         drift=[(one.parameter, one.before, one.after, symbol(one.unit)) for one in diagnosis.drift],
     )
-    drawn = [] if signature is None else [signature]
-    return [Section("diagnosis", "What is missing", body, (*drawn, *(m for pair in maps for m in pair)))]
+    drawn = () if signature is None else (signature,)
+    return [Section("diagnosis", "What is missing", body, drawn)]
 
 
 def _ranking(diagnosis: Diagnosis) -> Markup:

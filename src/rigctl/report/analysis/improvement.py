@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from rigctl.compare.result import Comparison
+from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.diagnose.loop import Ended, Improvement
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
@@ -22,11 +22,20 @@ def improvement_sections(compared: Comparison, improved: Improvement, path: Path
     shown = replace(compared, models=(*compared.models, *named))
     return [
         _added(improved),
-        *history_sections(path),
+        *history_sections(path, _versions(compared, improved)),
         *unseen_sections(improved.unseen),
-        *diagnosis_sections(improved.first, last),
+        *diagnosis_sections(improved.first, added=bool(improved.steps)),
         *comparison_sections(shown),
     ]
+
+
+def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparison]:
+    """The model as it was, then with each addition."""
+    if not improved.steps:
+        return []
+    before = improved.steps[0].version.parent
+    found = [(before, compared.models[0]), *((one.version.number, one.comparison) for one in improved.steps)]
+    return [replace(comparison, name=f"version {number}") for number, comparison in found]
 
 
 def _added(improved: Improvement) -> Section:

@@ -15,7 +15,7 @@ from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit
 
 
-def stroke_plot(models: Sequence[ModelComparison]) -> Plot | None:
+def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") -> Plot | None:
     """Stroke against temperature by pressure, measured and of every model; None where nothing strokes."""
     problem = models[0].fit.problem
     units = variable_units(problem.measurements)
@@ -43,7 +43,7 @@ def stroke_plot(models: Sequence[ModelComparison]) -> Plot | None:
     x_title = f"{plain_name(hot)} [{symbol(units[hot])}]"
     caption = "Stroke against temperature: marks measured, lines the model"
     panel = Panel(f"stroke [{symbol(unit)}]", tuple(traces), height=2.4)
-    return Plot("model-stroke", caption, x_title, (panel,))
+    return Plot(key, caption, x_title, (panel,))
 
 
 def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str, list[int]]]:
