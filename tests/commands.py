@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +46,18 @@ def refusal(*arguments: str, exit_code: ExitCode = ExitCode.USAGE) -> str:
 def create_strokes(folder: Path, temperatures: str, seed: int) -> Path:
     """A project with a small campaign on the simulated bench: four strokes at each of the temperatures."""
     create_project(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         arguments = ["procedures/campaign.yaml", "-a", f"temperatures={temperatures}", "--seed", str(seed)]
         told("simulate", *arguments)
     return folder
+
+
+def textbook_copy(name: str, *changes: tuple[str, str]) -> str:
+    """The textbook model as ``models/<name>.yaml``, parts of its text changed: versions of its own."""
+    text = Path(MODEL).read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = Path("models", f"{name}.yaml")
+    path.write_text(text, encoding="utf-8", newline="\n")
+    return path.as_posix()

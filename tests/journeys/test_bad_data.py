@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +27,15 @@ Row = list[str]
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with two strokes at 20 degC as a file of samples: whole.csv."""
     folder = create_strokes(tmp_path_factory.mktemp("bad-data"), "20 degC", seed=3)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         told("export", "latest", "-o", "whole.csv")
         shutil.rmtree("runs")
     return folder
 
 
 @pytest.fixture(autouse=True)
-def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.chdir(bench)
+def without_runs(inside: None) -> Iterator[None]:
+    """No test sees the runs of another."""
     yield
     shutil.rmtree("runs", ignore_errors=True)
 
@@ -62,8 +62,7 @@ def imported(*columns_and_edit: object) -> str:
 @pytest.fixture(scope="module")
 def position_only(bench: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """What compare and diagnose say of a run that has the position and nothing else."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(bench)
+    with chdir(bench):
         run = imported((TIME, RECORD, POSITION, VALVE, RELIEF))
         asked = (run, "--model", MODEL)
         return answer("compare", *asked, "--no-fit"), answer("diagnose", *asked)

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from commands import MODEL, call, create_strokes, refusal
+from commands import call, create_strokes, refusal, textbook_copy
 from rigctl.errors import ExitCode
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 EFFECT = "effect: mine\nsummary: A test.\nslot: {slot}\nterm: '{term}'\nparameters: {parameters}\n"
 PUSH = "{push: {null_value: 0 N, start: 1e9 N, bounds: [0 N, 1e12 N]}}"
@@ -21,23 +23,9 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return create_strokes(tmp_path_factory.mktemp("bad-physics"), "20 degC", seed=3)
 
 
-@pytest.fixture(autouse=True)
-def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(bench)
-
-
 def strokes() -> str:
     """The run of the fixture."""
     return max(Path("runs").glob("*stroke-campaign")).name
-
-
-def model_with(name: str, old: str, new: str) -> str:
-    """The shipped model with one thing changed."""
-    text = Path(MODEL).read_text(encoding="utf-8")
-    assert old in text
-    path = Path("models") / name
-    path.write_text(text.replace(old, new), encoding="utf-8")
-    return path.as_posix()
 
 
 def effect_file(slot: str, term: str, parameters: str = PUSH) -> str:
@@ -49,7 +37,7 @@ def test_parameters_outside_their_bounds() -> None:
     simulate = ("simulate", "procedures/quick-check.yaml", "--with")
     said = refusal(*simulate, "piston_leakage:clearance=9 mm")
     assert "piston_leakage: clearance: out of bounds, got '9 mm'; expected" in said
-    model = model_with("wide.yaml", "4.05 mm^2", "4 m^2")
+    model = textbook_copy("wide", ("4.05 mm^2", "4 m^2"))
     assert re.search(
         r"wide\.yaml:\d+:22: flow_area is out of bounds, got '4 m\^2'", refusal("model", "show", model)
     )
@@ -59,7 +47,7 @@ def test_effects_that_contradict_one_another() -> None:
     both = ("--with", "barus", "--with", "modulus_viscosity")
     said = refusal("simulate", "procedures/quick-check.yaml", *both)
     assert "barus and modulus_viscosity contradict one another" in said
-    model = model_with("both.yaml", "effects: {}", "effects: {barus: {}, modulus_viscosity: {}}")
+    model = textbook_copy("both", ("effects: {}", "effects: {barus: {}, modulus_viscosity: {}}"))
     said = refusal("model", "show", model)
     assert re.search(r"both\.yaml:\d+:1: barus and modulus_viscosity contradict", said)
 
@@ -73,7 +61,7 @@ def test_a_slot_that_does_not_exist() -> None:
 def test_a_parameter_without_influence_is_named_and_keeps_its_value() -> None:
     """The heaters are off in these records: their lag acts on nothing, which spoils no other parameter."""
     lag = "effects: {heater_lag: {lag: {value: 30 s, fit: true}}}"
-    model = model_with("lagged.yaml", "effects: {}", lag)
+    model = textbook_copy("lagged", ("effects: {}", lag))
     done = call("compare", strokes(), "--model", model)
     assert done.exit_code == 0, done.output
     assert "heater_lag.lag acts on none of these readings: it keeps its value" in done.output

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from commands import MODEL, answer, call, create_strokes, refusal
+from commands import MODEL, answer, call, create_strokes, refusal, textbook_copy
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 
 @pytest.fixture(scope="module")
@@ -16,19 +18,14 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return create_strokes(tmp_path_factory.mktemp("compare"), "20 degC, 60 degC", seed=4)
 
 
-@pytest.fixture(autouse=True)
-def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(bench)
-
-
 def test_a_model_agrees_once_it_is_fitted() -> None:
-    Path("models/other.yaml").write_text(Path(MODEL).read_text("utf-8"), "utf-8", newline="\n")
-    fitted = answer("model", "fit", "models/other.yaml", "latest", "--hold-out", "supply == 30 bar")
+    other = textbook_copy("other")
+    fitted = answer("model", "fit", other, "latest", "--hold-out", "supply == 30 bar")
     assert (fitted["version"], fitted["effect"]) == (2, None)
     assert fitted["after"]["rmse"]["position"] < 0.2 * fitted["before"]["rmse"]["position"]
     assert fitted["after"]["heldout_rmse"]["position"] < 1.3 * fitted["after"]["noise"]["position"]
 
-    two = ["--model", "models/other.yaml@1", "--model", "models/other.yaml", "--no-fit"]
+    two = ["--model", f"{other}@1", "--model", other, "--no-fit"]
     compared = answer("compare", "latest", *two)
     first, second = compared["models"]
     assert (first["model"], first["adequate"]) == ("other@1", False)
@@ -87,7 +84,6 @@ def test_too_few_values_name_the_parameters(tmp_path: Path) -> None:
 
 
 def test_a_model_that_has_nothing_to_fit_is_refused() -> None:
-    text = Path(MODEL).read_text("utf-8").replace("fit: true", "fit: false")
-    Path("models/fixed.yaml").write_text(text, "utf-8")
-    assert "nothing to fit" in refusal("diagnose", "latest", "--model", "models/fixed.yaml")
-    assert "nothing to fit" in refusal("model", "fit", "models/fixed.yaml", "latest")
+    fixed = textbook_copy("fixed", ("fit: true", "fit: false"))
+    assert "nothing to fit" in refusal("diagnose", "latest", "--model", fixed)
+    assert "nothing to fit" in refusal("model", "fit", fixed, "latest")

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 import rigctl
-from rigctl.cli.main import app
+from commands import answer
 
 #: mm at 20 degC and 20, 30, 40, 50 bar, from an independent calculation; longer by so much when warm
 PUBLISHED = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}
 GROWTH = {20.0: 1.0, 60.0: 1.014, 80.0: 1.022}
 
 
-def demo(*arguments: str) -> dict[str, Any]:
-    done = CliRunner().invoke(app, ["demo", *arguments, "--json"])
-    assert done.exit_code == 0, done.output
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
-
-
 def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    told = demo("first", "--plain")
+    told = answer("demo", "first", "--plain")
     page = Path(told["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
     assert len(page) < 6e6
@@ -47,19 +37,20 @@ def test_the_demo_finds_what_the_bench_hides_and_adds_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    told = demo("whole")
+    told = answer("demo", "whole")
     assert {"project", "run", "model", "verdict", "effects", "classes", "hidden", "ended", "page"} <= set(
         told
     )
     assert told["diagnosis"]["classes"] == told["classes"]
     assert told["verdict"] in ("missing_effect", "ambiguous")
+    assert told["hidden"] in {name for names in told["classes"] for name in names}
     if told["verdict"] == "missing_effect":
         assert told["effects"] == [told["hidden"]]
     assert told["ended"] == "adequate"
     assert Path(told["model"]).stem == told["run"]
 
-    history = CliRunner().invoke(app, ["model", "history", told["model"], "--json"])
-    assert [version["kind"] for version in json.loads(history.stdout)["versions"]] == ["start", "add"]
+    history = answer("model", "history", told["model"])
+    assert [version["kind"] for version in history["versions"]] == ["start", "add"]
     page = Path(told["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
     assert told["hidden"] in page
@@ -69,7 +60,7 @@ def test_demo_again_makes_another_run_and_overwrites_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    first, second = (demo("d", "--plain", "--seed", "5") for _ in range(2))
+    first, second = (answer("demo", "d", "--plain", "--seed", "5") for _ in range(2))
     assert first["run"] != second["run"]
     samples = [Path("d/runs", told["run"], "samples.parquet").read_bytes() for told in (first, second)]
     assert samples[0] == samples[1], "one seed gives one set of samples, byte for byte"

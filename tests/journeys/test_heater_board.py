@@ -2,61 +2,53 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
+from contextlib import chdir
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
+from commands import answer, told
 from rigctl.cli.init import create_project
-from rigctl.cli.main import app
 
 MODEL = "models/heater-board.yaml"
 EVERY_SECOND = " or ".join(f"heater_1 == {level} %" for level in (20, 40, 60, 80, 100))
 
 
 @pytest.fixture(scope="module")
-def answer(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What `diagnose --apply` says: heating alone, every second level held out."""
     folder = tmp_path_factory.mktemp("board")
     create_project(folder)
-    runner = CliRunner()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        imported = ["import", "data/heater-board-steps.csv", "--rig", "rigs/heater-board.yaml"]
-        assert runner.invoke(app, imported).exit_code == 0
-        asked = ["latest", "--model", MODEL, "--only", "heater_1 > 0 %", "--hold-out", EVERY_SECOND]
-        done = runner.invoke(app, ["diagnose", *asked, "--apply", "--json"])
-        assert done.exit_code == 0, done.output
-        history = json.loads(runner.invoke(app, ["model", "history", str(Path(MODEL)), "--json"]).stdout)
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found | {"history": history}
+    with chdir(folder):
+        told("import", "data/heater-board-steps.csv", "--rig", "rigs/heater-board.yaml")
+        chosen = ("--only", "heater_1 > 0 %", "--hold-out", EVERY_SECOND)
+        done = answer("diagnose", "latest", "--model", MODEL, *chosen, "--apply")
+        return done | {"history": answer("model", "history", MODEL)}
 
 
-def test_coupling_a_lag_and_radiation_are_found_one_after_the_other(answer: dict[str, Any]) -> None:
-    added = {name for step in answer["steps"] for name in step["effects"]}
+def test_coupling_a_lag_and_radiation_are_found_one_after_the_other(found: dict[str, Any]) -> None:
+    added = {name for step in found["steps"] for name in step["effects"]}
     assert "heater_coupling" in added
     assert added & {"heater_lag", "sensor_lag"}, "which of the two cannot be told while it only warms up"
     assert added & {"radiation", "power_law_convection"}
-    assert [version["version"] for version in answer["history"]["versions"]] == list(
-        range(1, len(answer["steps"]) + 2)
+    assert [version["version"] for version in found["history"]["versions"]] == list(
+        range(1, len(found["steps"]) + 2)
     )
 
 
-def test_the_error_on_levels_that_were_not_fitted_falls_below_what_was_asked(answer: dict[str, Any]) -> None:
-    before, after = answer["steps"][0]["before"], answer["steps"][-1]["after"]
+def test_the_error_on_levels_that_were_not_fitted_falls_below_what_was_asked(found: dict[str, Any]) -> None:
+    before, after = found["steps"][0]["before"], found["steps"][-1]["after"]
     assert before["heldout_rmse"]["temperature_1"] > 1.0
     assert after["heldout_rmse"]["temperature_1"] < 0.8
     assert after["heldout_rmse"]["temperature_2"] < 0.5 * before["heldout_rmse"]["temperature_2"]
 
 
-def test_spikes_are_counted_and_said(answer: dict[str, Any]) -> None:
-    assert any("spikes of temperature_1 were masked" in note for note in answer["notes"])
+def test_spikes_are_counted_and_said(found: dict[str, Any]) -> None:
+    assert any("spikes of temperature_1 were masked" in note for note in found["notes"])
 
 
-def test_what_cooling_still_misses_is_said_in_words(answer: dict[str, Any]) -> None:
-    held_out, cooling = answer["unseen"]
+def test_what_cooling_still_misses_is_said_in_words(found: dict[str, Any]) -> None:
+    held_out, cooling = found["unseen"]
     assert (held_out["why"], len(held_out["records"])) == ("hold_out", 5)
     names = {"why", "condition", "where", "records", "as_good", "channels", "remedies", "slot", "statement"}
     assert set(held_out) == set(cooling) == names

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
+from commands import MODEL, answer, told
 from rigctl.cli.init import create_project
-from rigctl.cli.main import app
 
 OIL = "models/hl32-oil.yaml"
-TEXTBOOK = "models/hl32-textbook.yaml"
 #: what can turn the sign of the published strokes, and nothing else
 CLASS = {
     "valve_delay_thermal",
@@ -36,8 +33,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(bench)
+def wide(inside: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table with a column for everything that is said of a value fits the terminal."""
     monkeypatch.setenv("COLUMNS", "200")
 
 
@@ -54,25 +51,12 @@ def strokes(bench: Path) -> str:
 @pytest.fixture(scope="module")
 def diagnosed(bench: Path, strokes: str) -> dict[str, Any]:
     """The published strokes, diagnosed with the textbook model, and put on a page."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(bench)
-        return answer("diagnose", strokes, "--model", TEXTBOOK, "-o", "strokes.html")
-
-
-def call(*arguments: str) -> Result:
-    done = CliRunner().invoke(app, list(arguments))
-    assert done.exit_code == 0, done.output
-    return done
-
-
-def answer(*arguments: str) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(call(*arguments, "--json").stdout)
-    return document
+    with chdir(bench):
+        return answer("diagnose", strokes, "--model", MODEL, "-o", "strokes.html")
 
 
 def imported(folder: Path, *arguments: str) -> str:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with chdir(folder):
         return str(answer("import", *arguments)["run"])
 
 
@@ -113,11 +97,11 @@ def test_the_published_viscosities_beside_vogels_law(viscosity: str) -> None:
 
 
 def test_a_table_is_told_by_its_conditions_in_its_own_units(viscosity: str) -> None:
-    told = call("compare", viscosity, "--model", OIL).stdout
+    shown = told("compare", viscosity, "--model", OIL)
     for words in ("agrees with the 13 values", "80 degC", "[cSt]", "as in its file", "vogel", "0.72 %"):
-        assert words in told
-    assert not re.search(r"line \d", told)
-    assert "m^2/s" not in told
+        assert words in shown
+    assert not re.search(r"line \d", shown)
+    assert "m^2/s" not in shown
 
 
 def test_the_law_does_not_lead_to_values_that_were_held_out(viscosity: str) -> None:
@@ -138,7 +122,7 @@ def test_what_the_viscosities_cannot_tell_is_said_and_what_would(viscosity: str)
 
 
 def test_the_page_of_a_table_has_no_axis_of_time(viscosity: str) -> None:
-    call("report", viscosity, "--model", OIL, "--diagnose", "-o", "viscosity.html")
+    told("report", viscosity, "--model", OIL, "--diagnose", "-o", "viscosity.html")
     page = Path("viscosity.html").read_text(encoding="utf-8")
     for words in ("What these data can and cannot tell", "What to measure next", "over oil temperature [°C]"):
         assert words in page
@@ -147,7 +131,7 @@ def test_the_page_of_a_table_has_no_axis_of_time(viscosity: str) -> None:
 
 
 def test_the_textbook_model_turns_the_published_strokes_the_wrong_way(strokes: str) -> None:
-    found = answer("compare", strokes, "--model", TEXTBOOK)
+    found = answer("compare", strokes, "--model", MODEL)
     assert not found["adequate"]
     assert "the wrong direction" in found["statement"]
     assert found["trends"][0]["wrong_sign"]
