@@ -63,3 +63,10 @@ def test_an_unknown_run_is_named_with_the_nearest(project: Path) -> None:
     assert "no such run" in str(result.exception)
     assert "did you mean '20261121-093000-stroke-campaign'?" in str(result.exception)
     assert [path.name for path in project.iterdir()] == ["runs"]
+
+
+def test_a_diagnosis_needs_a_model(project: Path) -> None:
+    said = str(rigctl("report", "latest", "--diagnose").exception)
+    assert "--diagnose says what a model lacks, and none was named" in said
+    assert "--model models/hl32-textbook.yaml" in said
+    assert not list(project.glob("*.html"))

@@ -107,13 +107,14 @@ def compare(
 
 def _lead_on(found: Comparison, runs: list[str], model: str, hold_out: str | None, only: str | None) -> None:
     """What to type next: find what is missing, or make the page."""
-    from rigctl.cli.next_command import analysis, show_next
+    from rigctl.cli.next_command import analysis, page_of, show_next
 
     if found.models[-1].adequate and found.models[-1].rows:
         command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
         show_next(command, "says what so few values could have shown, and what to measure next")
     elif found.models[-1].adequate:
-        show_next(analysis("report", runs, model), "makes the page of it; these data ask for nothing more")
+        command = page_of("compare", runs, model, only=only, hold_out=hold_out)
+        show_next(command, "makes the page of it; these data ask for nothing more")
     else:
         command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
         show_next(command, "says which effect is missing")

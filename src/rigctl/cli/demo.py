@@ -42,16 +42,17 @@ def demo(
     Example: rigctl demo my-demo --open
     """
     from rich.console import Console
+    from rich.markup import escape
 
     from rigctl.cli.init import create_project
     from rigctl.files.write import to_json
 
     console = Console(stderr=as_json, highlight=False)
     if (directory / "rigctl.toml").exists():
-        console.print(f"[bold]1[/] The project in {directory} is there already")
+        console.print(f"[bold]1[/] The project in {escape(str(directory))} is there already")
     else:
         create_project(directory)
-        console.print(f"[bold]1[/] A project folder with the published bench: {directory}")
+        console.print(f"[bold]1[/] A project folder with the published bench: {escape(str(directory))}")
     console.print(f"[bold]2[/] The campaign on the simulated bench: {_PROCEDURE}")
     run, seconds = _simulate(directory, seed, None if plain else _HIDDEN[seed % len(_HIDDEN)])
     console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
@@ -73,13 +74,15 @@ def demo(
             "diagnosis": improved.document(),
         }
         size = _write_analysis(run, page, compared, improved, model)
-    console.print(f"[bold]{3 if plain else 5}[/] The page about it: {page} ({size / 1e6:.1f} MB)")
+    console.print(
+        f"[bold]{3 if plain else 5}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
+    )
     if as_json:
         typer.echo(to_json(told | {"page": str(page), "bytes": size}))
     if show:
         typer.launch(str(page))
     elif not as_json:
-        console.print(f"\nNext: open it, then  cd {directory} && rigctl check {_PROCEDURE}")
+        console.print(f"\nNext: open it, then  cd {escape(str(directory))} && rigctl check {_PROCEDURE}")
 
 
 def _own_model(directory: Path, run: Run) -> Path:
@@ -93,6 +96,8 @@ def _own_model(directory: Path, run: Run) -> Path:
 
 def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improvement]:
     """Compare the textbook model with the run, and add what it lacks."""
+    from rich.markup import escape
+
     from rigctl.cli.diagnose_views import show_improvement
     from rigctl.cli.telling import telling
     from rigctl.compare.compare import compare
@@ -101,8 +106,8 @@ def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improv
 
     with telling() as tell:
         compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, tell=tell)
-    console.print(f"[bold]3[/] The textbook model against what was measured: {path}")
-    console.print(f"  {compared.models[0].statement}")
+    console.print(f"[bold]3[/] The textbook model against what was measured: {escape(str(path))}")
+    console.print(f"  {escape(compared.models[0].statement)}", soft_wrap=True)
     with telling() as tell:
         improved = improve(compared, path, tell=tell)
     console.print(f"[bold]4[/] What it lacks, added and judged where the fit never looked ({_HELD_OUT})")

@@ -88,15 +88,15 @@ def diagnose(
 
 def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | None, only: str | None) -> None:
     """What to type next: add what is missing, look at where nothing helps, or make the page."""
-    from rigctl.cli.next_command import analysis, show_next
+    from rigctl.cli.next_command import analysis, page_of, show_next
     from rigctl.diagnose.result import Verdict
 
     again = analysis("diagnose", runs, str(model), only=only, hold_out=hold_out)
     if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
-        command = analysis("report", runs, str(model))
-        show_next(f"{command} --diagnose", "makes the page of it, with what to measure next")
+        command = page_of("diagnose", runs, str(model), only=only, hold_out=hold_out)
+        show_next(command, "makes the page of it, with what to measure next")
     elif found.verdict is Verdict.ADEQUATE:
-        command = analysis("report", runs, str(model))
+        command = page_of("compare", runs, str(model), only=only, hold_out=hold_out)
         show_next(command, "makes the page of it; these data ask for nothing more")
     elif found.best.candidates:
         likely = ", the most probable, but these data cannot tell" * (found.verdict is Verdict.AMBIGUOUS)

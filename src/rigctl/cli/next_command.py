@@ -18,13 +18,22 @@ def analysis(
     verb: str, runs: Sequence[str], model: str, *, only: str | None = None, hold_out: str | None = None
 ) -> str:
     """A command about a model and runs, with the same choice of records: ``rigctl diagnose latest -m …``."""
-    words = ["rigctl", verb, *runs, "--model", quoted(model)]
+    words = ["rigctl", verb, *map(_quoted, runs), "--model", _quoted(model)]
     for option, value in (("--only", only), ("--hold-out", hold_out)):
         if value:
             words += [option, f'"{value}"']
     return " ".join(words)
 
 
-def quoted(text: str) -> str:
+def page_of(
+    verb: str, runs: Sequence[str], model: str, *, only: str | None = None, hold_out: str | None = None
+) -> str:
+    """The command that makes the page of what `verb` said of these records: `report` looks at all of them."""
+    if only or hold_out:
+        return f"{analysis(verb, runs, model, only=only, hold_out=hold_out)} -o page.html"
+    return analysis("report", runs, model) + " --diagnose" * (verb == "diagnose")
+
+
+def _quoted(text: str) -> str:
     """An argument as every shell takes it."""
     return f'"{text}"' if " " in text else text

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.family import FamilyOption
+from rigctl.errors import RigctlError
+
 if TYPE_CHECKING:
     from rigctl.dataset import Run
     from rigctl.report.section import Section
@@ -37,7 +40,11 @@ def report(
             show_default=False,
         ),
     ] = None,
-    diagnose: Annotated[bool, typer.Option("--diagnose", help="Say too what the first model lacks.")] = False,
+    *,
+    diagnose: Annotated[
+        bool, typer.Option("--diagnose", help="Say too what the first --model lacks.")
+    ] = False,
+    family: FamilyOption = None,
     figures: Annotated[
         Path | None, typer.Option(help="A folder for every plot as a file of its own.")
     ] = None,
@@ -46,7 +53,9 @@ def report(
 ) -> None:
     """Make one self-contained HTML page about one or more runs.
 
-    The page holds its plots and data, needs no network, and can be sent by mail or printed.
+    The page holds its plots and data, needs no network, and can be sent by mail or printed. With --model it
+    says how well the model agrees with all records of the runs; the pages of 'rigctl compare' and 'rigctl
+    diagnose', by their -o, look at those that --only and --hold-out choose.
 
     Examples:
 
@@ -60,6 +69,11 @@ def report(
     from rigctl.files.write import to_json
     from rigctl.report import write_report
 
+    if diagnose and not model:
+        raise RigctlError(
+            "--diagnose says what a model lacks, and none was named",
+            hint="Name one, e.g. --model models/hl32-textbook.yaml",
+        )
     opened = {run.id: run for run in map(open_run, runs)}  # a run that is named twice is one run
     first = next(iter(opened))
     more = len(opened) - 1

@@ -108,6 +108,8 @@ def _told() -> Iterator[Callable[[Standing], None]]:
 
 
 def _show(found: Sequence[Outcome], path: Path) -> None:
+    from rich.markup import escape
+
     from rigctl.cli.tables import console
     from rigctl.validation.tables import confusion_table, left_out_text, rates_table
 
@@ -115,5 +117,5 @@ def _show(found: Sequence[Outcome], path: Path) -> None:
     screen.print(rates_table(found))
     screen.print(confusion_table(found))
     for line in left_out_text(found):
-        screen.print(line, soft_wrap=True)
-    screen.print(f"Every trial: {path}", soft_wrap=True)
+        screen.print(escape(line), soft_wrap=True)
+    screen.print(f"Every trial: {escape(str(path))}", soft_wrap=True)
