@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.engine.common import Floats
 from benchmarks.engine.timing import best
+from rigctl.effects.registry import library
 from rigctl.engine.compile import CompiledSystem, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
@@ -15,12 +16,15 @@ from rigctl.engine.system import System
 from rigctl.engine.tolerance import DEFAULT, TIGHT, Tolerance
 from rigctl.files.shipped import shipped
 from rigctl.model import build_system, superset
+from rigctl.physics.families import find_family
 from rigctl.rig import Rig
 from rigctl.rig.load import load_rig
 
 FAMILY = "hydraulic_cylinder"
 RIG = "hl32-bench-instrumented.yaml"
 BAR = 1e5
+#: what a column's parameter changes in a reading is rounding below this share of it
+ROUNDING = 1e-12
 SEGMENTS = ((0.0, 1.0), (2.5, 0.0), (4.5, -1.0))
 CONDITIONS = [(celsius, bar) for celsius in range(20, 51, 5) for bar in range(20, 51, 10)]
 
@@ -77,23 +81,35 @@ def errors(
     """Each tolerance against 1e-9: outputs as a share of the peak, columns in L2 over all records."""
     finest = simulate(compiled, records, columns=columns, tolerance=Tolerance(1e-9, 1e-6)).require()
     exact, slopes = np.stack(finest.outputs), np.stack(finest.sensitivities)
+    acts = lengths(slopes) * typical_sizes(columns, compiled.system) > ROUNDING * lengths(exact)[:, None]
     found = {}
     for name, tolerance in (("default", DEFAULT), ("tight", TIGHT)):
         ours = simulate(compiled, records, columns=columns, tolerance=tolerance).require()
         wrong = np.abs(np.stack(ours.outputs) - exact)
         peak = np.abs(exact).max(axis=(0, 1))
         off = lengths(np.stack(ours.sensitivities) - slopes) / np.maximum(lengths(slopes), 1e-300)
-        acting = off[lengths(slopes) > 0.0]
+        acting = off[acts]
         found[name] = {
             "output_error": float((wrong.max(axis=(0, 1)) / peak).max()),
             "output_error_rms": float((np.sqrt(np.square(wrong).mean(axis=(0, 1))) / peak).max()),
             "column_error_median": float(np.median(acting)),
             "column_error_largest": float(acting.max()),
-            "columns_that_act": int((lengths(slopes).max(axis=0) > 0.0).sum()),
+            "columns_that_act": int(acts.any(axis=0).sum()),
         }
     return found
 
 
+def typical_sizes(columns: list[str], system: System) -> Floats:
+    """(columns): how far each parameter is apt to be from its value here; one unit where nothing says."""
+    effects = library(find_family(FAMILY))
+    found = []
+    for name, value in zip(columns, system.nominal, strict=True):
+        effect, _, own = name.partition(".")
+        parameter = effects[effect].parameter(own) if own else None
+        found.append(abs(value) if parameter is None else abs(parameter.start - parameter.at_null))
+    return np.array([size or 1.0 for size in found])
+
+
 def lengths(columns: Floats) -> Floats:
-    """(outputs, columns): L2 over records and samples."""
+    """(outputs, columns) or (outputs): L2 over records and samples."""
     return np.sqrt(np.square(columns).sum(axis=(0, 1)))
