@@ -24,7 +24,8 @@ HoldOut = Annotated[
     typer.Option(
         "--hold-out",
         metavar="EXPR",
-        help="The records that no fit sees, e.g. 'oil == 60 degC' or 'record > 20'.",
+        help="Keep these records from every fit, and judge by them: 'oil == 60 degC', or by their numbers, "
+        "which count from 1 here, 'record > 20'.",
         show_default=False,
     ),
 ]
@@ -39,7 +40,9 @@ Only = Annotated[
 ]
 Page = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="PAGE", help="Also write it as a page.", show_default=False),
+    typer.Option(
+        "--output", "-o", metavar="PAGE", help="Also write it as one HTML page.", show_default=False
+    ),
 ]
 
 

@@ -36,8 +36,8 @@ def demo(
 
     The bench heats its oil from 20 to 80 degC and strokes its cylinder at four pressures: about fifty minutes
     of bench time, in seconds. The textbook model is compared with what was measured; what it lacks is named,
-    added and judged on a temperature that the fit never saw. Every call makes a new run and a new version of
-    the model; nothing is overwritten.
+    added and judged on a temperature that the fit never saw. Every call makes a new run, and a copy of the
+    model for it; nothing is overwritten.
 
     Example: rigctl demo my-demo --open
     """

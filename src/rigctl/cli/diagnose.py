@@ -38,7 +38,13 @@ def diagnose(
         ),
     ] = False,
     most: Annotated[
-        int, typer.Option("--max-effects", metavar="N", min=1, help="As many effects at the most.")
+        int,
+        typer.Option(
+            "--max-effects",
+            metavar="N",
+            min=1,
+            help="With --apply add so many at the most; 1 looks at no pairs of effects.",
+        ),
     ] = 4,
     family: FamilyOption = None,
     output: Page = None,
