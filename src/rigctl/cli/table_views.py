@@ -27,22 +27,22 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
     fitted = shows_unfitted(rows)
     heads = [
         "at",
-        f"{rows[0].quantity} {escape(f'[{unit}]')}",
+        escape(f"{rows[0].quantity} [{unit}]"),
         "noise",
         "model" if rows[0].unfitted is None else "model, fitted",
     ]
     heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else [])]
-    heads += [name.removeprefix(f"{rows[0].quantity}_") for name in beside]
+    heads += [escape(name.removeprefix(f"{rows[0].quantity}_")) for name in beside]
     made = table(*heads)
     for column in made.columns[1:]:
         column.justify = "right"
     for row in rows:
         cells = [
-            row.condition if row.fitted else f"{row.condition} (held out)",
+            escape(row.condition if row.fitted else f"{row.condition} (held out)"),
             f"{row.measured:.5g}",
             f"{row.noise:.2g}",
             f"{row.predicted:.5g}",
-            f"{100 * row.share(row.predicted):+.2f} %",
+            f"{100 * row.share(row.predicted):+.2f} %" if row.measured else "",
             _sigmas(row.z),
         ]
         if fitted:
