@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -9,10 +10,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from rigctl.diagnose.result import FoundParameter
+from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.folds import HeldOut
+from rigctl.diagnose.result import Drift, FoundParameter, Verdict
 from rigctl.diagnose.rivals import Differs, Rival, where_they_differ
 from rigctl.diagnose.trial import Trial
-from rigctl.diagnose.wording import effect_text, rival_text
+from rigctl.diagnose.wording import drift_text, effect_text, rival_text, verdict_text
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -32,6 +35,8 @@ RIVAL = Rival("valve_leakage", "position_thermal_drift", NO_TRIAL, 0.94, 20.0, 1
         (98.13, "N", 4.1, "98.13 ± 4 N"),
         (40.7, "N", 212.0, "40.7 ± 200 N"),
         (0.0669, "1", float("nan"), "0.0669"),
+        (5e-14, "m^3", 0.0, "5e-14 m^3 at its bound"),
+        (1.0, "1", 0.0, "1 at its bound"),
     ],
 )
 def test_a_parameter_is_said_with_its_spread_and_unit(value: float, unit: str, std: float, said: str) -> None:
@@ -56,12 +61,65 @@ def test_a_rival_is_said_with_where_it_is_alike_and_where_not() -> None:
     )
 
 
-def test_a_rival_that_is_not_told_says_what_would_do() -> None:
-    said = rival_text(replace(RIVAL, separation=0.4, differs=None))
+@pytest.mark.parametrize(
+    ("d", "difference", "why"),
+    [
+        (0.4, 1600.0, "d = 0.40, 2.33 would do"),
+        (5.1, 4.0, "their mBIC differs by 4.0, 9.2 would do"),
+        (0.4, 4.0, "d = 0.40, 2.33 would do; their mBIC differs by 4.0, 9.2 would do"),
+    ],
+)
+def test_a_rival_that_is_not_told_says_what_would_do(d: float, difference: float, why: str) -> None:
+    said = rival_text(replace(RIVAL, separation=d, difference=difference, differs=None))
     assert said == (
         "position_thermal_drift would look like valve_leakage (cos 0.94), "
-        "and these data do not tell them apart (d = 0.4, 2.3 would do)"
+        f"and these data do not tell them apart ({why})"
     )
+
+
+def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
+    """What is said of two effects, some of which predict nothing that they were not fitted on."""
+    known = library(find_family("hydraulic_cylinder"))
+    names = ("valve_leakage", "coulomb_friction")
+    chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
+    checks = {name: HeldOut(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
+    return verdict_text(verdict, cast("ModelComparison", None), chosen, rivals, left, checks)
+
+
+def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
+    said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
+    assert "but valve_leakage does not predict what it was not fitted on: " in said
+    assert "% of the misfit is left" not in said
+    assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
+
+
+def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
+    said = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage", "coulomb_friction"])
+    assert "valve_leakage and coulomb_friction do not predict what they were not fitted on" in said
+    assert "cannot tell which" not in said
+    close = [replace(RIVAL, separation=0.4)]
+    assert "cannot tell which" in statement(Verdict.AMBIGUOUS, 0.0, [], close)
+    both = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage"], close)
+    assert "cannot tell which" in both
+    assert both.endswith("valve_leakage does not predict what it was not fitted on")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "unit", "stds", "said"),
+    [
+        (20.62, 25.02, "ms", (0.5, 8.0), False),
+        (20.62, 25.02, "ms", (0.5, 0.6), True),
+        (20.62, 25.02, "ms", (5.0, 5.0), False),  # the spreads are alike, and both wider than the change
+        (20.62, 20.7, "ms", (0.001, 0.001), False),  # sure, and too little for a word
+        (20.0, 20.3, "degC", (0.01, 0.01), True),
+        (0.0, 3.0, "mm", (0.1, 0.1), True),
+        (20.0, 50.0, "ms", (0.1, 0.0), True),  # to its bound
+    ],
+)
+def test_a_parameter_has_moved_where_that_is_more_than_its_own_uncertainty(
+    before: float, after: float, unit: str, stds: tuple[float, float], said: bool
+) -> None:
+    assert bool(drift_text([Drift("spool_time", before, after, unit, *stds)])) is said
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def diagnose_comparison(
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
-        statement=remarks.statement or verdict_text(verdict, before, chosen, rivals, left),
+        statement=remarks.statement or verdict_text(verdict, before, chosen, rivals, left, checks),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
@@ -277,7 +277,7 @@ def _drift(before: ModelComparison, best: Trial) -> list[Drift]:
             continue
         declared = family.parameter(unknown.name)
         unit = parse_unit(declared.unit)
-        found.append(
-            Drift(unknown.name, unit.from_si(value), unit.from_si(after[unknown.name]), declared.unit)
-        )
+        ends = unit.from_si(value), unit.from_si(after[unknown.name])
+        stds = (one.std.get(unknown.name, math.nan) / unit.factor for one in (before.fit, best.fit))
+        found.append(Drift(unknown.name, *ends, declared.unit, *stds))
     return found

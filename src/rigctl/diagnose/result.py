@@ -27,7 +27,10 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class FoundParameter:
-    """A parameter of an effect as it was fitted, in the unit it is shown in."""
+    """A parameter of an effect as it was fitted, in the unit it is shown in.
+
+    `std` is 0 where the fit ended at a bound of the parameter, and NaN where it is not known.
+    """
 
     value: float
     unit: str
@@ -35,8 +38,9 @@ class FoundParameter:
 
     def __str__(self) -> str:
         """As it is read, e.g. ``4e-15 ± 1e-16 m^3``; a spread that is not known is left out."""
-        spread = f" ± {float(f'{self.std:.1g}'):g}" if math.isfinite(self.std) else ""
-        return f"{self.value:.4g}{spread}{'' if self.unit == '1' else ' ' + self.unit}"
+        spread = f" ± {float(f'{self.std:.1g}'):g}" if self.std and math.isfinite(self.std) else ""
+        where = "" if self.std else " at its bound"
+        return f"{self.value:.4g}{spread}{'' if self.unit == '1' else ' ' + self.unit}{where}"
 
 
 @dataclass(frozen=True)
@@ -89,12 +93,19 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Drift:
-    """How a fitted parameter changed with the effects found; in the unit it is shown in."""
+    """How a fitted parameter changed with the effects found; in the unit it is shown in.
+
+    Attributes
+    ----------
+    before_std, after_std: standard deviations of the two; 0 at a bound, NaN where not known.
+    """
 
     parameter: str
     before: float
     after: float
     unit: str
+    before_std: float = math.nan
+    after_std: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -164,7 +175,14 @@ class Diagnosis:
             "ranking": [one.document() for one in self.ranking],
             "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
             "drift": [
-                {"parameter": d.parameter, "before": d.before, "after": d.after, "unit": d.unit}
+                {
+                    "parameter": d.parameter,
+                    "before": d.before,
+                    "after": d.after,
+                    "unit": d.unit,
+                    "before_std": _finite(d.before_std),
+                    "after_std": _finite(d.after_std),
+                }
                 for d in self.drift
             ],
             "where": {"slot": self.slot, "statement": self.before.statement},

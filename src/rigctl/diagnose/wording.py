@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.chance import chance_text
 from rigctl.compare.result import ModelComparison
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.diagnose.folds import HeldOut
 from rigctl.diagnose.result import Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Differs, Rival
+from rigctl.diagnose.search import SHAPE
 from rigctl.effects.declaration import Effect
+from rigctl.units import parse_unit
 
 #: an effect is named as hidden in a parameter where that takes more of it
 _HIDDEN = 0.3
@@ -40,8 +44,9 @@ def verdict_text(
     chosen: Sequence[tuple[Candidate, Ranked]],
     rivals: Sequence[Rival],
     left: float,
+    checks: Mapping[str, HeldOut | None],
 ) -> str:
-    """The statement of a verdict."""
+    """The statement of a verdict; `checks` are those by leaving out, of each member of the best set."""
     if verdict is Verdict.ADEQUATE:
         return before.statement
     described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
@@ -56,15 +61,36 @@ def verdict_text(
             )
         return text
     if verdict is Verdict.AMBIGUOUS:
-        text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
-        close = [rival for rival in rivals if not rival.told]
-        return ". ".join([text, *(_begun_high(rival_text(rival)) for rival in close)])
+        return _ambiguous_text(described, [rival for rival in rivals if not rival.told], checks)
     if chosen:
+        why = f"with it {100 * left:.0f} % of the misfit is left" if left > SHAPE else _failed_text(checks)
         return (
             "What is missing is more than one or two effects of the library, or not in it. The nearest is "
-            f"this, but with it {100 * left:.0f} % of the misfit is left: {described}"
+            f"this, but {why}: {described}"
         )
     return "Something is missing that no effect of the library explains"
+
+
+def _ambiguous_text(described: str, close: Sequence[Rival], checks: Mapping[str, HeldOut | None]) -> str:
+    """What is most probable, and why it is not sure: a rival that is close, or a check that failed."""
+    failed = _failed_text(checks)
+    if not close:
+        return (
+            "Something is missing. No other effect of the library explains it as well as this, but "
+            f"{failed}: {described}"
+        )
+    text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
+    said = [text, *(_begun_high(rival_text(rival)) for rival in close)]
+    return ". ".join([*said, _begun_high(failed)] if failed else said)
+
+
+def _failed_text(checks: Mapping[str, HeldOut | None]) -> str:
+    """Which effects failed the check by leaving out; "" for none."""
+    failed = [name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed]
+    if not failed:
+        return ""
+    does = "does not predict what it was" if len(failed) == 1 else "do not predict what they were"
+    return f"{' and '.join(failed)} {does} not fitted on"
 
 
 def rival_text(rival: Rival) -> str:
@@ -80,7 +106,17 @@ def rival_text(rival: Rival) -> str:
         )
     if rival.told:
         return f"{text}, and these data tell them apart (d = {rival.separation:.1f})"
-    return f"{text}, and these data do not tell them apart (d = {rival.separation:.1f}, 2.3 would do)"
+    return f"{text}, and these data do not tell them apart ({_lacking(rival)})"
+
+
+def _lacking(rival: Rival) -> str:
+    """The condition, or both, that two which are not told apart fail."""
+    found = []
+    if rival.separation < LEAST_SEPARATION:
+        found.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
+    if rival.difference < LEAST_DIFFERENCE:
+        found.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
+    return "; ".join(found)
 
 
 def _alike_text(where: Differs) -> str:
@@ -130,13 +166,29 @@ def _size(ranked: Ranked) -> str:
 
 
 def drift_text(found: Sequence[Drift]) -> list[str]:
-    """Fitted parameters that were biased by what was missing."""
+    """Fitted parameters that were biased by what was missing.
+
+    Without a bias the two values would differ by chance with the variance ``|s₂² − s₁²|``, s their standard
+    deviations (J. A. Hausman, Econometrica 46 (1978) 1251); a change has to be twice that, and no less than
+    either s.
+    """
     return [
         f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had taken over "
         "a part of what was missing"
         for one in found
-        if one.before and abs(one.after / one.before - 1.0) > _MOVED
+        if _moved(one)
     ]
+
+
+def _moved(one: Drift) -> bool:
+    """Whether a change is more than chance, and large enough for a word.
+
+    On a scale with an offset, degC, a share of the value means nothing.
+    """
+    change = abs(one.after - one.before)
+    before, after = (std if math.isfinite(std) else 0.0 for std in (one.before_std, one.after_std))
+    sure = max(2.0 * math.sqrt(abs(after**2 - before**2)), before, after)
+    return change > sure and (parse_unit(one.unit).absolute_temperature or change > _MOVED * abs(one.before))
 
 
 def _begun_low(text: str) -> str:
