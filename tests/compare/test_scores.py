@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +13,14 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 from rigctl.compare.adequacy import chi2_tail
-from rigctl.compare.scores import cone, tail
+from rigctl.compare.candidates import Candidate
+from rigctl.compare.linearise import Linearisation, RecordTriangle
+from rigctl.compare.projected import project
+from rigctl.compare.regions import Regions
+from rigctl.compare.scores import cone, screen, tail
+from rigctl.effects.registry import library
+from rigctl.engine.least_squares import Unknown
+from rigctl.physics.families import find_family
 
 
 @settings(max_examples=60, deadline=None)
@@ -50,3 +60,39 @@ def test_tails_are_those_of_chi_squared() -> None:
         assert tail(np.array([gain]), [1])[0] == pytest.approx(0.5 * chi2.sf(gain, 1), rel=1e-9)
         assert tail(np.array([gain]), [0, 1])[0] == pytest.approx(chi2.sf(gain, 2), rel=1e-9)
         assert chi2_tail(gain, 7) == pytest.approx(chi2.sf(gain, 7), rel=1e-9)
+
+
+def hidden(own: list[float], shared: list[float]) -> tuple[float, str]:
+    """κ and what hides an effect of the signature (3, 4, 12), whose first two parts can be taken over."""
+    signature = np.array([[3.0], [4.0], [12.0]])
+    whole = float(np.linalg.norm(signature))
+    left = signature - np.array(own)[:, None] * signature
+    triangle = RecordTriangle(np.array(shared)[:, None], left, np.empty((3, 0)), np.ones(3), 3)
+    effect = library(find_family("heater_board"))["radiation"]
+    candidate = Candidate(effect, ("radiation.area",), (0,), {})
+    fit: Any = SimpleNamespace(
+        problem=SimpleNamespace(
+            measurements=SimpleNamespace(table=False),
+            noise=SimpleNamespace(channels=()),
+            shared=(Unknown("convection", 1.0),),
+        )
+    )
+    lin = Linearisation(
+        fit,
+        (candidate,),
+        (0,),
+        ("convection",),
+        cast("Regions", None),
+        (triangle,),
+        np.array([whole]),
+        (np.zeros((1, 1)), np.zeros(1)),
+    )
+    score = screen(project(lin)).scores[0]
+    return score.kappa, score.hidden_in
+
+
+def test_what_hides_an_effect_is_the_step_that_takes_most_of_its_square() -> None:
+    nothing, last = [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]
+    assert hidden(nothing, last) == (pytest.approx(5.0 / 13.0), "convection")
+    assert hidden(last, [0.0, 1.0, 0.0]) == (pytest.approx(3.0 / 13.0), "record")
+    assert hidden([1.0, 0.0, 0.0], last) == (pytest.approx(4.0 / 13.0), "convection")

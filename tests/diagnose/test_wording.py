@@ -10,12 +10,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.folds import HeldOut
-from rigctl.diagnose.result import Drift, FoundParameter, Verdict
+from rigctl.diagnose.result import Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Differs, Rival, where_they_differ
 from rigctl.diagnose.trial import Trial
-from rigctl.diagnose.wording import drift_text, effect_text, rival_text, verdict_text
+from rigctl.diagnose.wording import drift_text, effect_text, evidence_for, rival_text, verdict_text
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -182,3 +183,17 @@ def test_two_that_move_alike_and_hold_differently_differ_in_the_hold() -> None:
 def test_two_that_predict_the_same_differ_nowhere() -> None:
     same = fitted(np.linspace(0.0, 1e-3, 20))
     assert where_they_differ(fitted(np.zeros(20)), same, same) is None
+
+
+@pytest.mark.parametrize(
+    ("hidden_in", "said"),
+    [
+        ("viscous_damping", "the fitted viscous_damping imitates it to within 15 % of its size; "),
+        ("record", "what each record has of its own (its settings, zeros, times and starts) imitates it "),
+    ],
+)
+def test_an_effect_that_hides_is_said_with_what_it_hides_in(hidden_in: str, said: str) -> None:
+    ranked = Ranked("line_loss", 1.0, 1e-9, -20.0, 0.15, hidden_in, float("nan"), float("nan"), 0.1, 9.0, {})
+    found = evidence_for(cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [])
+    assert sum(said in one for one in found) == 1
+    assert not any("85 %" in one for one in found), "lengths add in squares"

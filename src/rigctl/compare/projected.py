@@ -29,7 +29,8 @@ class Projected:
     residual: (rows) r̃.
     signatures: (rows, columns) S̃.
     lengths: (columns) ‖s̃‖.
-    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over.
+    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over; `after_own` the
+        same after the records' own unknowns alone.
     coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
     moves: (nuisances) ``J⁺r``: what the unknowns would still move by themselves.
     rank: how many of the unknowns' directions the data tell apart.
@@ -42,6 +43,7 @@ class Projected:
     signatures: Floats
     lengths: Floats
     kappa: Floats
+    after_own: Floats
     coefficients: Floats
     moves: Floats
     basis: Floats = field(repr=False)
@@ -93,8 +95,8 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
     )
     inverse = inverse / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     left_over = signatures - basis @ (basis.T @ signatures)
-    norms = np.linalg.norm(left_over, axis=0)
     sizes = linearisation.sizes
+    norms, own = np.linalg.norm(left_over, axis=0), np.linalg.norm(signatures, axis=0)
     moved = basis @ (basis.T @ residual)
     if linearisation.fit.problem.measurements.table and float(moved @ moved) > _STUCK:
         moved = np.zeros_like(moved)
@@ -105,6 +107,7 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
         signatures=left_over,
         lengths=norms,
         kappa=np.where(sizes > 0.0, norms / np.where(sizes > 0.0, sizes, 1.0), 0.0),
+        after_own=np.where(sizes > 0.0, own / np.where(sizes > 0.0, sizes, 1.0), 0.0),
         coefficients=inverse @ signatures,
         moves=inverse @ residual,
         basis=basis,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rigctl.compare.candidates import by_effect
 from rigctl.compare.projected import Projected
+from rigctl.effects.record_level import RECORD
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +39,8 @@ class Score:
     p_value: family-wise: how often the best of all candidates is at least as good by chance.
     sizes: the parameters at the linear problem's minimum, SI, less their null.
     kappa: the share of the signature that the fitted unknowns cannot take over.
-    hidden_in: the fitted unknown that takes over most of it.
+    hidden_in: the fitted unknown that takes over most of it; `record` where what each record has of its own,
+        its pressure setting or its zero, does so.
     """
 
     effect: str
@@ -183,10 +185,6 @@ def _score(
     lin = projected.linearisation
     every = np.zeros(len(lin.candidates[place].columns))
     every[columns - lin.starts[place]] = sizes
-    moves = projected.coefficients[:, columns] @ (sizes if np.any(sizes) else np.ones(columns.size))
-    sizes_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
-    scale = np.array([sizes_of[name] for name in lin.nuisances])
-    hidden = lin.nuisances[int(np.argmax(np.abs(moves) / scale))] if lin.nuisances else ""
     return Score(
         effect=lin.candidates[place].name,
         candidate=place,
@@ -195,8 +193,26 @@ def _score(
         p_value=p,
         sizes=every,
         kappa=float(projected.kappa[columns].min()),
-        hidden_in=hidden,
+        hidden_in=_hidden_in(projected, columns, sizes),
     )
+
+
+def _hidden_in(projected: Projected, columns: NDArray[np.intp], sizes: Floats) -> str:
+    """What takes over most of a signature.
+
+    Of its square the records' own unknowns take ``1 − κ₁²`` first, the shared ones then ``κ₁² − κ²``.
+    """
+    least = columns[int(np.argmin(projected.kappa[columns]))]
+    left, after_own = projected.kappa[least] ** 2, projected.after_own[least] ** 2
+    if 1.0 - after_own > after_own - left:
+        return RECORD
+    lin = projected.linearisation
+    if not lin.nuisances:
+        return ""
+    moves = projected.coefficients[:, columns] @ (sizes if np.any(sizes) else np.ones(columns.size))
+    size_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
+    scale = np.array([size_of[name] for name in lin.nuisances])
+    return lin.nuisances[int(np.argmax(np.abs(moves) / scale))]
 
 
 def _best_of_each(scores: Sequence[Score]) -> list[Score]:

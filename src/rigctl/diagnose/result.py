@@ -53,7 +53,8 @@ class Ranked:
     score_p_value: family-wise, of the score test on the model as it is.
     delta_bic: mBIC with it less without it; negative is better.
     kappa: the share of its signature that the fitted parameters cannot imitate.
-    hidden_in: the fitted parameter that imitates most of it.
+    hidden_in: the fitted parameter that imitates most of it; ``record`` where what each record has of its own
+        does so.
     heldout_before, heldout_after: noise-normalised RMSE on what was left out; NaN where not looked at.
     error_drop: the fall of the noise-normalised RMSE, as a share of it.
     size: λ, in sigmas of the data.

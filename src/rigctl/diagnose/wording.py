@@ -14,6 +14,7 @@ from rigctl.diagnose.result import Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Differs, Rival
 from rigctl.diagnose.search import SHAPE
 from rigctl.effects.declaration import Effect
+from rigctl.effects.record_level import RECORD
 from rigctl.units import parse_unit
 
 #: an effect is named as hidden in a parameter where that takes more of it
@@ -147,13 +148,19 @@ def evidence_for(
         )
     if ranked.kappa < _HIDDEN and ranked.hidden_in:
         found.append(
-            f"against {name}: {100 * (1 - ranked.kappa):.0f} % of what it does the fitted {ranked.hidden_in} "
-            f"can do too; the verdict rests on the other {100 * ranked.kappa:.0f} %"
+            f"against {name}: {_hidden_text(ranked.hidden_in)} imitates it to within "
+            f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on those {100 * ranked.kappa:.0f} %"
         )
     own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
     found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.told]
     found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told and rival.cos > _ALIKE][:1]
     return found
+
+
+def _hidden_text(hidden_in: str) -> str:
+    """What imitates an effect."""
+    own = "what each record has of its own (its settings, zeros, times and starts)"
+    return own if hidden_in == RECORD else f"the fitted {hidden_in}"
 
 
 def _size(ranked: Ranked) -> str:

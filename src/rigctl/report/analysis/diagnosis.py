@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rigctl.diagnose.result import Diagnosis, Ranked
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import parameters_text
+from rigctl.effects.record_level import RECORD
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.overlay import normalised_error, typical_records
 from rigctl.report.numbers import symbol
@@ -75,7 +76,7 @@ def _row(one: Ranked) -> dict[str, object]:
         "size": one.size,
         "delta_bic": one.delta_bic,
         "kappa": one.kappa,
-        "hidden_in": plain_name(one.hidden_in),
+        "hidden_in": "each record's own" if one.hidden_in == RECORD else plain_name(one.hidden_in),
         "before": one.heldout_before if np.isfinite(one.heldout_before) else None,
         "after": one.heldout_after if np.isfinite(one.heldout_after) else None,
         "parameters": parameters_text(one.parameters),
