@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,18 +43,27 @@ class CellMap:
         """(records, regions) where there is a value."""
         return np.isfinite(self.z)
 
+    @cached_property
+    def _largest(self) -> Floats:
+        """(draws) the largest of all the cells."""
+        return np.asarray(np.abs(self.draws).max(axis=1))
+
     def p_value(self, chosen: NDArray[np.bool_]) -> float:
-        """How often chance alone makes the largest of the chosen cells as large; parametric bootstrap."""
+        """How often chance alone makes any cell as large as the largest of the chosen ones is.
+
+        Of any cell, not of the chosen ones alone: these are looked at because they are the largest of many.
+        Parametric bootstrap.
+        """
         used = chosen & self.here
-        count = int(used.sum())
-        if not count:
+        if not used.any():
             return 1.0
+        count = int(self.here.sum())
         largest = float(np.abs(self.z[used]).max())
         single = _two_sided(largest)
         bound = 1.0 - (1.0 - single) ** count if single > 1e-12 else count * single
         if not self.draws.size:
             return float(bound)
-        drawn = np.abs(self.draws[:, used[self.here]]).max(axis=1)
+        drawn = self._largest
         reached = float((drawn >= largest).mean())
         if self.noise_degrees:
             return max(reached, 1.0 / len(drawn))

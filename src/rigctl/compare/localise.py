@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from rigctl.compare.adequacy import chi2_tail
 from rigctl.compare.cells import CellMap
 from rigctl.compare.linearise import Linearisation
+from rigctl.compare.regions import quiet_columns
+from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.read import START, condition_text
 from rigctl.model.measured.record import Measurements
@@ -30,7 +32,7 @@ class Place:
     label: which.
     share_of_error: its share of the systematic error.
     rmse: of the normalised residuals there; 1 is the noise.
-    p_value: how often chance alone makes as much.
+    p_value: how often chance alone makes as much at any such place: it holds for the worst of them too.
     """
 
     by: Literal["condition", "phase", "channel", "state", "cell", "stretch"]
@@ -47,7 +49,7 @@ def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
         found = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
         return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
     found = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
-    found += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + _states(fit)
+    found += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + ranges(fit)
     return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
 
 
@@ -150,16 +152,18 @@ def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
     return found
 
 
-def _states(fit: FitResult) -> list[Place]:
+def ranges(fit: FitResult) -> list[Place]:
     """Each channel's error over the channel's own range, in thirds."""
     found, normalised = [], _normalised(fit)
     measured = [fit.problem.records[k].values for k in fit.fitted]
+    white = [whitened_errors(fit, k) for k in fit.fitted]
     whole = sum(float(np.nansum(values**2)) for values in normalised) or 1.0
     for column, name in enumerate(fit.problem.measurements.outputs):
-        error = np.concatenate([values[:, column] for values in normalised])
-        value = np.concatenate([values[:, column] for values in measured])
+        error, value, whitened = (
+            np.concatenate([values[:, column] for values in part]) for part in (normalised, measured, white)
+        )
         good = np.isfinite(error) & np.isfinite(value)
-        error, value = error[good], value[good]
+        error, value, whitened = error[good], value[good], whitened[good]
         if value.size < 3 or np.ptp(value) == 0.0:
             continue
         edges = np.linspace(value.min(), value.max(), 4)
@@ -167,11 +171,11 @@ def _states(fit: FitResult) -> list[Place]:
         for low, high in pairwise(edges.tolist()):
             inside = (value >= low) & (value <= high)
             if inside.any():
-                squares = float(np.sum(error[inside] ** 2))
+                share = float(np.sum(error[inside] ** 2)) / whole
                 label = f"{name} {show(float(low), unit, digits=3)} to {show(float(high), unit, digits=3)}"
-                chance = chi2_tail(squares, int(inside.sum()))
-                found.append(Place("state", label, squares / whole, _rms(error[inside]), chance))
-    return found
+                chance = _chance(fit, column, whitened[inside])
+                found.append(Place("state", label, share, _rms(error[inside]), chance))
+    return _worst_of(found)
 
 
 def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
@@ -181,14 +185,43 @@ def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
     found = []
     total = sum(float(np.nansum(values**2)) for values in _normalised(fit)) or 1.0
     for k, values in zip(fit.fitted, _normalised(fit), strict=True):
-        record = fit.problem.records[k]
+        record, white = fit.problem.records[k], whitened_errors(fit, k)
         for p, phase in enumerate(record.phases):
             for c, channel in enumerate(fit.problem.measurements.outputs):
-                part = values[record.phase == p, c]
-                part = part[np.isfinite(part)]
-                if part.size:
-                    squares = float(np.sum(part**2))
+                inside = (record.phase == p) & np.isfinite(values[:, c])
+                if inside.any():
+                    part = values[inside, c]
                     label = f"{channel} in {phase} of {record.label}"
-                    chance = chi2_tail(squares, part.size)
-                    found.append(Place("stretch", label, squares / total, _rms(part), chance))
-    return tuple(sorted(found, key=lambda place: -place.rmse)[:count])
+                    chance = _chance(fit, c, white[inside, c])
+                    share = float(np.sum(part**2)) / total
+                    found.append(Place("stretch", label, share, _rms(part), chance))
+    return tuple(sorted(_worst_of(found), key=lambda place: -place.rmse)[:count])
+
+
+def whitened_errors(fit: FitResult, k: int) -> Floats:
+    """(n, channels) of a record, residuals of which noise makes unit normal ones; NaN where none counts.
+
+    What a quiet stretch of a coarsely converted channel has in common, columns Q of unit size, is noise too:
+    ``(I + QQᵀ)^(−1/2)·W(f − y)``.
+    """
+    problem, outputs = fit.problem, fit.outputs[k]
+    whitener = problem.whiteners[k]
+    rows = whitened_residual(problem, outputs, k)
+    quiet = quiet_columns(problem, k, outputs)
+    if quiet is not None:
+        left, values, _ = np.linalg.svd(whitener(quiet), full_matrices=False)
+        rows = rows - left @ ((1.0 - 1.0 / np.sqrt(1.0 + values**2)) * (left.T @ rows))
+    found = np.full(problem.ok[k].shape, np.nan)
+    found[whitener.rows[:, 0], whitener.rows[:, 1]] = rows
+    return found
+
+
+def _chance(fit: FitResult, column: int, white: Floats) -> float:
+    """How often noise makes so large whitened residuals of one channel."""
+    known = fit.problem.noise.channels[column].degrees
+    return chi2_tail(float(np.sum(white**2)), white.size, known)
+
+
+def _worst_of(places: list[Place]) -> list[Place]:
+    """With Bonferroni's bound for the number of places that were looked at."""
+    return [replace(place, p_value=min(1.0, len(places) * place.p_value)) for place in places]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.localise import variable_units
+from rigctl.compare.localise import variable_units, whitened_errors
 from rigctl.compare.result import ModelComparison
 from rigctl.report.analysis.overlay import normalised_error
 from rigctl.report.heat_map import HeatMap
@@ -37,18 +38,16 @@ def channel_maps(
         points = [(one[0], 0.0) for one in points]
     rows = sorted({_rounded(point[0]) for point in points})
     columns = sorted({_rounded(point[1]) for point in points})
+    places = range(len(points))
+    plain = [normalised_error(model.fit, k) for k in places]
+    white = [whitened_errors(model.fit, k) for k in places]
     found = []
     for c, channel in enumerate(problem.measurements.outputs):
-        cells: dict[tuple[float, float], list[Floats]] = {}
-        for k, point in enumerate(points):
-            error = normalised_error(model.fit, k)[:, c]
-            good = error[np.isfinite(error)]
-            if good.size:
-                place = (_rounded(point[0]), _rounded(point[1]))
-                cells.setdefault(place, []).append(good)
-        pooled = [[np.concatenate(cells.get((r, col), [np.empty(0)])) for col in columns] for r in rows]
-        values = tuple(tuple(map(_signed_rms, row)) for row in pooled)
-        strong = tuple(tuple(map(_stands_out, row)) for row in pooled)
+        errors, whitened = (
+            _pooled([one[:, c] for one in every], points, rows, columns) for every in (plain, white)
+        )
+        values = tuple(tuple(map(_signed_rms, row)) for row in errors)
+        strong = tuple(tuple(map(_stands_out, row)) for row in whitened)
         found.append(
             HeatMap(
                 id=f"{key}-{channel}",
@@ -68,13 +67,26 @@ def channel_maps(
     return tuple(found)
 
 
+def _pooled(
+    errors: Sequence[Floats],
+    points: Sequence[tuple[float, ...]],
+    rows: Sequence[float],
+    columns: Sequence[float],
+) -> list[list[Floats]]:
+    """The errors of all records of each condition together."""
+    cells: dict[tuple[float, float], list[Floats]] = {}
+    for error, point in zip(errors, points, strict=True):
+        cells.setdefault((_rounded(point[0]), _rounded(point[1])), []).append(error[np.isfinite(error)])
+    return [[np.concatenate(cells.get((r, col), [np.empty(0)])) for col in columns] for r in rows]
+
+
 def _signed_rms(errors: Floats) -> float:
     """Root mean square over all records of a condition, with the sign of their mean; NaN without any."""
     return float(np.sqrt(np.mean(errors**2)) * np.sign(errors.mean())) if errors.size else math.nan
 
 
 def _stands_out(errors: Floats) -> bool:
-    """By more than four standard deviations of what noise alone makes."""
+    """Whether whitened errors do, by more than four standard deviations of what noise alone makes."""
     return bool(errors.size) and abs(_signed_rms(errors)) > 1.0 + 4.0 / math.sqrt(2.0 * errors.size)
 
 

@@ -1,0 +1,26 @@
+"""Error maps: what is marked in them is more than the noise makes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+from made_fit import RECORDS, made_fit, made_noise
+from rigctl.compare.result import ModelComparison
+from rigctl.model.fit.fit import FitResult
+from rigctl.report.analysis.maps import channel_maps
+
+
+def marked(fit: FitResult) -> list[int]:
+    """How many conditions are marked, channel by channel."""
+    maps = channel_maps(cast("ModelComparison", SimpleNamespace(fit=fit)), "map")
+    return [sum(any(row) for row in one.strong) for one in maps]
+
+
+def test_noise_that_remembers_is_not_marked() -> None:
+    for seed in range(10):
+        assert marked(made_fit(made_noise(0.9), seed)) == [0, 0]
+
+
+def test_what_is_missing_is_marked_on_its_channel() -> None:
+    assert marked(made_fit(made_noise(0.9), 1, lambda place, times: 0.1 * (times % 7.0))) == [RECORDS, 0]
