@@ -8,13 +8,14 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from rigctl.cli.main import app
+import commands
+from commands import told as said
 from rigctl.effects import library, registry
 from rigctl.errors import RigctlError
 from rigctl.physics.families import FAMILIES
@@ -22,16 +23,7 @@ from rigctl.physics.families import FAMILIES
 HOW_TO = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "write-an-effect.md"
 EXAMPLE = "models/effects/piston-leakage-eccentric.yaml"
 
-
-def said(*arguments: str) -> str:
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.stdout
-
-
-def answer(*arguments: str) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(said("effects", *arguments, "--json"))
-    return document
+answer = partial(commands.answer, "effects")
 
 
 def test_the_list_has_every_effect_of_every_family() -> None:

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from rigctl.cli.main import app
+from commands import answer, refusal
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import groups
 
 ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat"]
 RIG = ["--rig", "rigs/hl32-bench.yaml"]
-
-
-def rigctl(*arguments: str) -> Any:
-    result = CliRunner().invoke(app, [*arguments, "--json"], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
 
 
 @pytest.fixture
@@ -36,7 +27,7 @@ def strokes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
             position = "" if step == 4 else f"{0.1 * step * step + place}"
             rows.append(f"{time:.2f},{record},{int(step > 12)},{40 + place},{30},{position}")
     Path("strokes.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return open_run(rigctl("import", "strokes.csv", *RIG)["path"])
+    return open_run(answer("import", "strokes.csv", *RIG)["path"])
 
 
 def same_samples(run: Run, other: Run) -> None:
@@ -49,9 +40,9 @@ def same_samples(run: Run, other: Run) -> None:
 
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
-    done = rigctl("export", strokes.id, "-o", f"out.{ending}")
+    done = answer("export", strokes.id, "-o", f"out.{ending}")
     assert (done["rows"], done["table"]) == (150, "samples")
-    again = rigctl("import", f"out.{ending}", *RIG)
+    again = answer("import", f"out.{ending}", *RIG)
     assert (again["records"], again["rows"], again["left_out"]) == (3, 150, 0)
     same_samples(strokes, open_run(again["path"]))
 
@@ -63,8 +54,8 @@ def test_a_large_file_is_read_piece_by_piece(
     module = import_module(f"rigctl.dataset.importing.{'mdf' if ending == 'mf4' else ending}_file")
     monkeypatch.setattr(module, "LARGE", 0)
     monkeypatch.setattr(groups, "PART_ROWS", 7)
-    rigctl("export", strokes.id, "-o", f"out.{ending}")
-    same_samples(strokes, open_run(rigctl("import", f"out.{ending}", *RIG)["path"]))
+    answer("export", strokes.id, "-o", f"out.{ending}")
+    same_samples(strokes, open_run(answer("import", f"out.{ending}", *RIG)["path"]))
 
 
 @pytest.mark.parametrize("ending", ["tdms", "mf4", "mat"])
@@ -74,9 +65,9 @@ def test_records_keep_their_names_where_a_format_has_names(tmp_path: Path, endin
     rows += [f"{t},{name},50,{20 + t}" for name in ("up", "down") for t in range(12)]
     path.write_text("\n".join(rows), encoding="utf-8")
     board = ["--rig", "rigs/heater-board.yaml"]
-    first = rigctl("import", str(path), *board)
-    rigctl("export", first["run"], "-o", str(tmp_path / f"out.{ending}"))
-    again = open_run(rigctl("import", str(tmp_path / f"out.{ending}"), *board)["path"])
+    first = answer("import", str(path), *board)
+    answer("export", first["run"], "-o", str(tmp_path / f"out.{ending}"))
+    again = open_run(answer("import", str(tmp_path / f"out.{ending}"), *board)["path"])
     assert again.records["name"].tolist() == ["up", "down"]
     same_samples(open_run(first["path"]), again)
 
@@ -88,10 +79,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat"])
 def test_observations_come_back_as_they_were(ending: str) -> None:
-    first = rigctl("import", "data/hl32-strokes.csv", *RIG)
-    done = rigctl("export", first["run"], "-o", f"out.{ending}")
+    first = answer("import", "data/hl32-strokes.csv", *RIG)
+    done = answer("export", first["run"], "-o", f"out.{ending}")
     assert (done["rows"], done["table"]) == (8, "observations")
-    again = open_run(rigctl("import", f"out.{ending}", *RIG)["path"])
+    again = open_run(answer("import", f"out.{ending}", *RIG)["path"])
     run = open_run(first["path"])
     assert len(again.usable) == 8
     for index in run.usable:
@@ -103,7 +94,7 @@ def test_observations_come_back_as_they_were(ending: str) -> None:
 @pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat"])
 @pytest.mark.parametrize(("table", "rows"), [("records", 3), ("events", None)])
 def test_the_other_tables_are_written_too(strokes: Run, ending: str, table: str, rows: int | None) -> None:
-    done = rigctl("export", strokes.id, "--table", table, "-o", f"out.{ending}")
+    done = answer("export", strokes.id, "--table", table, "-o", f"out.{ending}")
     assert done["rows"] == (rows if rows is not None else len(strokes.events))
 
 
@@ -113,7 +104,7 @@ def test_units_are_where_each_format_keeps_them(strokes: Run) -> None:
     from scipy.io import loadmat
 
     for ending in ("tdms", "mf4", "mat"):
-        rigctl("export", strokes.id, "-o", f"out.{ending}")
+        answer("export", strokes.id, "-o", f"out.{ending}")
     tdms = TdmsFile.read("out.tdms")
     assert [group.name for group in tdms.groups()] == [
         "between records, 0", "strokes 0", "strokes 1", "between records, 3", "strokes 2"
@@ -130,8 +121,8 @@ def test_units_are_where_each_format_keeps_them(strokes: Run) -> None:
 
 
 def test_mdf_holds_samples_only(strokes: Run) -> None:
-    result = CliRunner().invoke(app, ["export", strokes.id, "--table", "events", "-o", "out.mf4"])
-    assert "an MDF file holds samples" in str(result.exception)
+    said = refusal("export", strokes.id, "--table", "events", "-o", "out.mf4")
+    assert "an MDF file holds samples" in said
     assert not Path("out.mf4").exists()
 
 
@@ -143,11 +134,11 @@ def test_bad_rows_are_named_and_can_be_left_out(ending: str, strokes: Run) -> No
     if ending != "csv":
         convert(Path("bad.csv"), Path(f"bad.{ending}"))
     runs = len(list(Path("runs").iterdir()))
-    result = CliRunner().invoke(app, ["import", f"bad.{ending}", *RIG])
-    assert "time: it does not go on inside a record, got '20.03 s'" in str(result.exception)
-    assert "1 bad row" in str(result.exception)
+    said = refusal("import", f"bad.{ending}", *RIG)
+    assert "time: it does not go on inside a record, got '20.03 s'" in said
+    assert "1 bad row" in said
     assert len(list(Path("runs").iterdir())) == runs
-    done = rigctl("import", f"bad.{ending}", *RIG, "--keep-good")
+    done = answer("import", f"bad.{ending}", *RIG, "--keep-good")
     assert (done["records"], done["rows"], done["left_out"]) == (3, 149, 1)
 
 

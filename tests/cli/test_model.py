@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
+import commands
+from commands import MODEL
 from rigctl.cli.init import create_project
-from rigctl.cli.main import app
 from rigctl.errors import RigctlError
 from rigctl.model import Change, ModelError, load_model, save_version
 
-MODEL = "models/hl32-textbook.yaml"
+said = partial(commands.told, "model")
+answer = partial(commands.answer, "model")
 
 
 @pytest.fixture(autouse=True)
@@ -22,17 +22,6 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     create_project(tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def said(*arguments: str) -> str:
-    result = CliRunner().invoke(app, ["model", *arguments], catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.stdout
-
-
-def answer(*arguments: str) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(said(*arguments, "--json"))
-    return document
 
 
 def error(fitted: float, held_out: float) -> ModelError:

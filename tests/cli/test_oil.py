@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
+from functools import partial
 
 import pytest
-from typer.testing import CliRunner
 
-from rigctl.cli.main import app
+import commands
 from rigctl.cli.quantities import read_quantities
 from rigctl.errors import RigctlError
 
-
-def answer(*arguments: str) -> dict[str, Any]:
-    result = CliRunner().invoke(app, ["oil", *arguments, "--json"], catch_exceptions=False)
-    assert result.exit_code == 0
-    document: dict[str, Any] = json.loads(result.stdout)
-    return document
+answer = partial(commands.answer, "oil")
 
 
 def test_the_page_shows_the_published_table_and_where_it_fails() -> None:
-    result = CliRunner().invoke(app, ["oil"], catch_exceptions=False)
-    assert result.exit_code == 0
-    assert "85.19009" in result.stdout
-    assert "+3.11" in result.stdout
-    assert "largest at 80 degC" in result.stdout
+    told = commands.told("oil")
+    assert "85.19009" in told
+    assert "+3.11" in told
+    assert "largest at 80 degC" in told
 
 
 def test_json_holds_the_published_errors() -> None:
@@ -71,8 +63,7 @@ def test_points_in_either_viscosity_give_the_same_constants() -> None:
     ],
 )
 def test_mistakes_are_told_plainly(arguments: list[str], message: str) -> None:
-    with pytest.raises(RigctlError, match=message):
-        CliRunner().invoke(app, ["oil", *arguments], catch_exceptions=False)
+    assert message in commands.refusal("oil", *arguments)
 
 
 def test_ranges_keep_their_end_and_run_down_too() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
@@ -10,13 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from typer.testing import CliRunner
 
 import rigctl
+from commands import answer, refusal, told
 from rigctl.cli.init import create_project
-from rigctl.cli.main import app
 from rigctl.dataset import open_run
-from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.physics.families import using_families
 from rigctl.physics.user.program import run_family_file
@@ -83,10 +80,8 @@ def at_the_end(start: Vector, rest: float, flow: float, area: float, evaporation
 def test_the_tank_obeys_its_equations(
     here: Path, options: list[str], area: float, evaporation: float
 ) -> None:
-    arguments = ["simulate", "procedures/fill-and-drain.yaml", "--no-noise", "--json", *options]
-    result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.output
-    run = open_run(json.loads(result.stdout)["path"])
+    done = answer("simulate", "procedures/fill-and-drain.yaml", "--no-noise", *options)
+    run = open_run(done["path"])
     for record, flow in enumerate((2.0, 4.0)):
         time, level, kelvin = (run.signals(name, record) for name in ("time", "level", "temperature"))
         start = np.array([level[0], kelvin[0] - 273.15])
@@ -114,11 +109,10 @@ def test_python_that_a_file_names_does_not_run(here: Path) -> None:
         ["simulate", "procedures/fill-and-drain.yaml", "--plant", "models/trap.yaml"],
         ["simulate", "procedures/fill-and-drain.yaml", "--with", "effects/trap.yaml"],
     ):
-        result = CliRunner().invoke(app, arguments)
-        assert isinstance(result.exception, RigctlError), result.output
-        assert "a Python file is not run because another file names it" in str(result.exception)
-        assert "--family" in str(result.exception)
-        assert "trap.yaml:" in str(result.exception)
+        said = refusal(*arguments)
+        assert "a Python file is not run because another file names it" in said
+        assert "--family" in said
+        assert "trap.yaml:" in said
     assert not (here / "sprung").exists()
 
 
@@ -126,19 +120,16 @@ def test_a_file_given_on_purpose_is_known_by_its_path_too(here: Path) -> None:
     rig = (here / "rigs" / "leaky-tank.yaml").read_text(encoding="utf-8")
     rig = rig.replace("model: leaky_tank", "model: ../families/leaky_tank.py")
     (here / "rigs" / "by-path.yaml").write_text(rig, encoding="utf-8")
-    arguments = ["check", "procedures/fill.yaml", "--rig", "rigs/by-path.yaml", "--json"]
-    result = CliRunner().invoke(app, [*arguments, "--family", "families/leaky_tank.py"])
-    assert result.exit_code == 0, result.output
-    # what is given ends with its command
-    assert isinstance(CliRunner().invoke(app, arguments).exception, RigctlError)
+    arguments = ("check", "procedures/fill.yaml", "--rig", "rigs/by-path.yaml")
+    told(*arguments, "--family", "families/leaky_tank.py")
+    assert "leaky_tank.py" in refusal(*arguments)  # what is given ends with its command
 
 
 def test_a_rig_is_held_to_its_family(here: Path) -> None:
     rig = (here / "rigs" / "water-tank.yaml").read_text(encoding="utf-8")
     broken = rig.replace("orifice_area: 20 mm^2", "orifice_aera: 20 mm^2").replace("0.05 m^2", "0.05 m")
     (here / "rigs" / "broken.yaml").write_text(broken, encoding="utf-8")
-    result = CliRunner().invoke(app, ["check", "procedures/fill-and-drain.yaml", "--rig", "rigs/broken.yaml"])
-    said = str(result.exception)
+    said = refusal("check", "procedures/fill-and-drain.yaml", "--rig", "rigs/broken.yaml")
     assert "broken.yaml:29:14: wrong dimension, got '0.05 m'" in said
     assert "broken.yaml:30:3: unknown constant of water_tank, got 'orifice_aera'" in said
     assert "did you mean 'orifice_area'?" in said
@@ -154,3 +145,17 @@ def test_from_python_a_family_has_its_name_inside_its_context(here: Path) -> Non
     elapsed = time - time[0]
     expected = rising + (level[0] - rising) * np.exp(-elapsed / 300.0)
     assert level == pytest.approx(expected, abs=0.16e-3)
+
+
+def test_a_page_compares_a_model_of_a_family_that_is_given(here: Path) -> None:
+    family = ("--family", "families/leaky_tank.py")
+    (here / "models" / "leaky.yaml").write_text(
+        "model: leaky_tank\nrig: rigs/leaky-tank.yaml\nparameters:\n"
+        "  drain_time: {value: 280 s, fit: true}\n",
+        encoding="utf-8",
+    )
+    run = answer("simulate", "procedures/fill.yaml", "--seed", "1", *family)["run"]
+    told("report", run, "--model", "models/leaky.yaml", *family, "-o", "leaky.html")
+    page = Path("leaky.html").read_text(encoding="utf-8")
+    assert "Model against measurement" in page
+    assert "Measured and model: the worst record" in page

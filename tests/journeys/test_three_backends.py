@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from rigctl.cli.main import app
+from commands import answer
 from rigctl.dataset import Run, open_run
 from rigctl.files.shipped import shipped
 
@@ -52,13 +51,11 @@ def test_a_procedure_gives_the_same_records_on_three_benches(
 
 
 def carried_out(name: str, *bench: str) -> Run:
-    arguments = ["run", str(shipped("procedures", f"{name}.yaml"))]
-    rig = shipped("rigs", "hl32-bench-uno.yaml")
-    how = ["--rig", str(rig), "--speed", "max", "--json"]
-    result = CliRunner().invoke(app, [*arguments, *bench[2:], *bench[:2], *PROCEDURES[name], *how])
-    told = json.loads(result.stdout)
-    assert (told["status"], told["exit_code"]) == ("finished", 0), told["reason"]
-    return open_run(Path(told["path"]))
+    procedure, rig = shipped("procedures", f"{name}.yaml"), shipped("rigs", "hl32-bench-uno.yaml")
+    how = ("--rig", str(rig), "--speed", "max")
+    done = answer("run", str(procedure), *bench[2:], *bench[:2], *PROCEDURES[name], *how)
+    assert (done["status"], done["exit_code"]) == ("finished", 0), done["reason"]
+    return open_run(Path(done["path"]))
 
 
 def phases(run: Run, record: int) -> list[pd.DataFrame]:
