@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from rigctl.compare.disturbance_columns import disturbance_columns
+from rigctl.compare.disturbance_normals import disturbance_normals
+from rigctl.compare.linearise import linearise
 from rigctl.compare.slots import SlotEvidence, slot_evidence
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
@@ -143,6 +145,17 @@ def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> Non
     position = problem.measurements.outputs.index("position")
     assert found.readings[0][:, position, reading.columns].sum(axis=1) == pytest.approx(1.0)
     assert found.courses[0][:, reading.columns].sum(axis=1) == pytest.approx(1.0)
+
+
+def test_a_model_taken_as_it_is_moves_nothing(nothing: FitResult) -> None:
+    """As in the linearisation: what its parameters could take over is a misfit too."""
+    taken = replace(nothing, solution=None)
+    columns = disturbance_columns(nothing, nothing.problem, 7)
+    free, held = (disturbance_normals(fit, nothing.problem, columns) for fit in (nothing, taken))
+    assert free.unknowns.matrix.shape[0] == len(linearise(nothing, nothing.problem, ()).nuisances) > 0
+    assert held.unknowns.matrix.shape[0] == len(linearise(taken, nothing.problem, ()).nuisances) == 0
+    assert held.cross.shape[2] == 0
+    assert held.excess > free.excess - 2.0 * free.unknowns.matrix.shape[0]
 
 
 def test_long_records_are_interpolated(nothing: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:

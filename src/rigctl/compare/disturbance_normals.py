@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigctl.compare.disturbance_columns import DisturbanceColumns
 from rigctl.compare.evidence import Normal
+from rigctl.compare.free_unknowns import free_unknowns
 from rigctl.compare.linearise import own_rows, slopes_at
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.errors import RigctlError
@@ -42,16 +43,15 @@ class DisturbanceNormals:
 
 
 def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceColumns) -> DisturbanceNormals:
-    """The matrices of the records of `problem`, the fitted ones of `fit`.
+    """The matrices of the records of `problem`, the fitted ones of `fit`, by what the fit could move.
 
     Raises
     ------
     RigctlError
         a derivative is not a finite number.
     """
-    held = set(fit.solution.at_bound) if fit.solution is not None else set()
-    free = [place for place, unknown in enumerate(fit.problem.shared) if unknown.name not in held]
-    shared = [fit.problem.shared[place] for place in free]
+    shared = free_unknowns(fit)
+    places = {unknown.name: place for place, unknown in enumerate(fit.problem.shared)}
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, [unknown.name for unknown in shared], (), local)
     whole, freedom = [], 0
@@ -70,7 +70,7 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
             matrix[-1, -1] += prior @ prior
         whole.append(matrix - taken.T @ taken)
         freedom += whitener.size + int((weight > 0.0).sum()) - own.shape[1]
-    prior, weight = prior_rows(shared, fit.values[free])
+    prior, weight = prior_rows(shared, fit.values[[places[unknown.name] for unknown in shared]])
     return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, freedom)
 
 
