@@ -79,8 +79,10 @@ def import_(
 
 def _lead_on(rig: Path | None) -> None:
     """What to type next, on stderr: compare it with a model of this bench, else look at it."""
+    from rigctl.cli.next_command import analysis
+
     model = _model_of(rig)
-    command = "rigctl report latest" if model is None else f"rigctl compare latest --model {model}"
+    command = "rigctl report latest" if model is None else analysis("compare", ["latest"], model)
     typer.echo(f"Next: {command}", err=True)
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from rich.markup import escape
 
 from rigctl.cli.tables import console
+
+#: what no shell takes for anything else
+_PLAIN = re.compile(r"[\w./\\:@+-]+")
 
 
 def show_next(command: str, why: str) -> None:
@@ -36,4 +40,4 @@ def page_of(
 
 def _quoted(text: str) -> str:
     """An argument as every shell takes it."""
-    return f'"{text}"' if " " in text else text
+    return text if _PLAIN.fullmatch(text) else f'"{text}"'
