@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,18 @@ class Trend:
     def wrong_sign(self) -> bool:
         """Both changes are there and go opposite ways."""
         return self.measured * self.predicted < 0.0 and abs(self.z) > 3.0
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "quantity": self.quantity,
+            "variable": self.variable,
+            "measured": self.measured,
+            "predicted": self.predicted,
+            "z": self.z,
+            "wrong_sign": self.wrong_sign,
+            "text": self.text,
+        }
 
 
 def trends(fit: FitResult) -> tuple[Trend, ...]:

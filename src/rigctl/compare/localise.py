@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,16 @@ class Place:
     share_of_error: float
     rmse: float
     p_value: float
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "by": self.by,
+            "label": self.label,
+            "share_of_error": self.share_of_error,
+            "rmse": self.rmse,
+            "p_value": self.p_value,
+        }
 
 
 def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.compare.adequacy import Adequacy
 from rigctl.compare.cells import CellMap
+from rigctl.compare.channel_document import in_unit
 from rigctl.compare.direction import Trend
 from rigctl.compare.linearise import Linearisation
 from rigctl.compare.localise import Place
@@ -22,7 +23,6 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
 from rigctl.noise import ChannelNoise
-from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,9 +99,9 @@ class ModelComparison:
             "chi2_reduced": _finite(self.fit.chi2_reduced),
             "channels": self.channels(),
             "parameters": parameters,
-            "where": [_place(place) for place in self.where],
-            "trends": [_trend(trend) for trend in self.trends],
-            "slots": [_slot(slot) for slot in self.slots],
+            "where": [place.document() for place in self.where],
+            "trends": [trend.document() for trend in self.trends],
+            "slots": [slot.document() for slot in self.slots],
             "rows": [row.document() for row in self.rows],
             "findings": list(self.findings),
             "statement": self.statement,
@@ -187,13 +187,8 @@ class Comparison:
 def _channel(
     error: ChannelError, unit: str, noise: ChannelNoise, held_out: ChannelError | None
 ) -> dict[str, Any]:
-    factor = 1.0 / parse_unit(unit).factor
     return {
-        "rmse": error.rmse * factor,
-        "unit": "K" if parse_unit(unit).offset else unit,
-        "bias": error.bias * factor,
-        "max": error.maximum * factor,
-        "noise": error.noise * factor,
+        **in_unit(error, unit),
         "noise_share": noise.share or None,
         "noise_source": noise.source,
         "masked": noise.masked,
@@ -201,40 +196,7 @@ def _channel(
         "nrmse": error.nrmse,
         "chi2_reduced": error.chi2_reduced,
         "r2": _finite(error.r2),
-        "heldout_rmse": None if held_out is None else held_out.rmse * factor,
-    }
-
-
-def _place(place: Place) -> dict[str, Any]:
-    return {
-        "by": place.by,
-        "label": place.label,
-        "share_of_error": place.share_of_error,
-        "rmse": place.rmse,
-        "p_value": place.p_value,
-    }
-
-
-def _slot(slot: SlotEvidence) -> dict[str, Any]:
-    return {
-        "slot": slot.slot,
-        "meaning": slot.meaning,
-        "log_evidence": slot.log_evidence,
-        "share_of_error": slot.share,
-        "when": slot.when,
-        "alike": list(slot.alike),
-    }
-
-
-def _trend(trend: Trend) -> dict[str, Any]:
-    return {
-        "quantity": trend.quantity,
-        "variable": trend.variable,
-        "measured": trend.measured,
-        "predicted": trend.predicted,
-        "z": trend.z,
-        "wrong_sign": trend.wrong_sign,
-        "text": trend.text,
+        "heldout_rmse": None if held_out is None else in_unit(held_out, unit)["rmse"],
     }
 
 

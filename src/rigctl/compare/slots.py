@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,17 @@ class SlotEvidence:
     share: float
     when: str
     alike: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "slot": self.slot,
+            "meaning": self.meaning,
+            "log_evidence": self.log_evidence,
+            "share_of_error": self.share,
+            "when": self.when,
+            "alike": list(self.alike),
+        }
 
 
 @one_thread()

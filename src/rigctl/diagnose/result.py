@@ -187,10 +187,7 @@ class Diagnosis:
                 for d in self.drift
             ],
             "where": {"slot": self.slot, "statement": self.before.statement},
-            "excluded": [
-                {"effect": one.effect, "reached": one.reached, "only": list(one.only)}
-                for one in self.excluded
-            ],
+            "excluded": [one.document() for one in self.excluded],
             "excluded_because": list(self.excluded_because),
             "findings": list(self.before.findings),
             "next_steps": list(self.next_steps),

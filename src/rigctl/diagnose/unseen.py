@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rigctl.compare.channel_document import in_unit
 from rigctl.compare.compare import judge
 from rigctl.compare.fitting import fit_model
 from rigctl.compare.localise import variable_units
@@ -20,7 +21,7 @@ from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.read import condition_text
 from rigctl.model.measured.record import MeasuredRecord
-from rigctl.units import parse_unit, show
+from rigctl.units import show
 
 #: errors are as good as where they were fitted up to this factor
 _AS_GOOD = 1.1
@@ -101,14 +102,14 @@ class Unseen:
         shown = dict(zip(measurements.outputs, measurements.units, strict=True))
         found = {}
         for name, error in self.fit.errors.items():
-            unit = parse_unit(shown[name])
             there = self.fitted.get(name)
+            here = in_unit(error, shown[name])
             found[name] = {
-                "rmse": error.rmse / unit.factor,
-                "fitted_rmse": None if there is None else there.rmse / unit.factor,
-                "noise": error.noise / unit.factor,
-                "bias": error.bias / unit.factor,
-                "unit": "K" if unit.offset else shown[name],
+                "rmse": here["rmse"],
+                "fitted_rmse": None if there is None else in_unit(there, shown[name])["rmse"],
+                "noise": here["noise"],
+                "bias": here["bias"],
+                "unit": here["unit"],
             }
         return found
 

@@ -1,0 +1,44 @@
+"""What a diagnosis answers to programs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+from rigctl.diagnose.exclusion import Exclusion
+from rigctl.diagnose.result import Diagnosis, Verdict
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "json-answers.md"
+BEFORE: Any = SimpleNamespace(statement="", findings=(), adequacy=SimpleNamespace(p_value=0.5))
+
+
+def diagnosis(excluded: tuple[Exclusion, ...]) -> Diagnosis:
+    return Diagnosis(
+        runs=("r",),
+        model="m",
+        verdict=Verdict.ADEQUATE,
+        effects=(),
+        classes=(),
+        indistinguishable=(),
+        ranking=(),
+        untestable=(),
+        drift=(),
+        slot="",
+        statement="",
+        evidence=(),
+        held_out=(),
+        notes=(),
+        before=BEFORE,
+        best=cast("Any", None),
+        trials=(),
+        excluded=excluded,
+    )
+
+
+def test_an_excluded_effect_has_every_field_of_the_page() -> None:
+    (row,) = re.findall(r"^\| `excluded` \|(.*)\|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    (told,) = diagnosis((Exclusion("piston_leakage", 0.1, ("20 degC",), 4.5),)).document()["excluded"]
+    assert set(told) == set(re.findall(r"`(\w+)`", row))
+    assert (told["effect"], told["only"], told["worse"]) == ("piston_leakage", ["20 degC"], 4.5)
