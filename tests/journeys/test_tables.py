@@ -127,6 +127,7 @@ def test_the_page_of_a_table_has_no_axis_of_time(viscosity: str) -> None:
     for words in ("What these data can and cannot tell", "What to measure next", "over oil temperature [°C]"):
         assert words in page
     assert "time in the record" not in page
+    assert "</b> samples" not in page
     assert "Probability that an effect is among what is missing" not in page  # nothing is
 
 

@@ -128,11 +128,10 @@ def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
     """The few numbers a reader looks for first."""
     complete, total = _complete(run), len(run.records)
     open_ended = run.info.get("status") != "finished" and complete == total
-    found = [
-        ("records complete", str(complete) if open_ended else f"{complete} of {total}"),
-        ("duration", duration(_length(run))),
-        ("samples", whole(len(run.time))),
-    ]
+    found = [("records complete", str(complete) if open_ended else f"{complete} of {total}")]
+    timed = bool(len(run.time)) or not total  # the rows of a table have no course in time
+    if timed:
+        found += [("duration", duration(_length(run))), ("samples", whole(len(run.time)))]
     excluded = sum(record.excluded is not None for record in run.records)
     if excluded:
         found.append(("records excluded", str(excluded)))
@@ -140,7 +139,8 @@ def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
     if limited:
         found.append(("values within limits", f"{limited - missed} of {limited}"))
     alarms = sum(event.kind in ALARMS for event in run.events)
-    found.append(("alarms and faults", str(alarms) if alarms else "none"))
+    if timed or alarms:
+        found.append(("alarms and faults", str(alarms) if alarms else "none"))
     return found
 
 
