@@ -65,13 +65,13 @@ def test_what_an_effect_explains_of_a_change_of_its_own_is_all_of_it(made) -> No
     seen, whole, linearisation = made
     left = seen.of([4e-15 * each for each in slopes(whole, linearisation, "piston_leakage.conductance")])
     own = seen.share_of("piston_leakage", left)
-    assert own is not None
-    np.testing.assert_allclose(own, left, atol=1e-6 * float(np.linalg.norm(left)))
+    assert own is not None and own[0].name == "piston_leakage"
+    np.testing.assert_allclose(own[1], left, atol=1e-6 * float(np.linalg.norm(left)))
     assert seen.share_of("piston_leakage", -left) is None
     cosines = seen.cosines(left)
     nearest = max((name for name in cosines if name != "piston_leakage"), key=lambda name: cosines[name])
     other = seen.share_of(nearest, left)
     assert other is not None
-    assert float(np.linalg.norm(other)) == pytest.approx(
+    assert float(np.linalg.norm(other[1])) == pytest.approx(
         cosines[nearest] * float(np.linalg.norm(left)), rel=1e-6
     )

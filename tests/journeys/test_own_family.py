@@ -159,3 +159,4 @@ def test_a_page_compares_a_model_of_a_family_that_is_given(here: Path) -> None:
     page = Path("leaky.html").read_text(encoding="utf-8")
     assert "Model against measurement" in page
     assert "Measured and model: the worst record" in page
+    assert "leaky agrees with the measurements" in page  # each record begins with a command

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -53,3 +54,12 @@ def test_missing_values_and_short_records_are_taken_as_they_are() -> None:
     values[149] = np.nan
     assert set(edges(values)) <= {150, 151}
     assert not edges(np.array([0.0, 50.0]), np.array([0.0, 0.01])).size
+
+
+@pytest.mark.parametrize("period", [5, 20, 50])
+def test_a_channel_that_bends_everywhere_has_no_edges(period: int) -> None:
+    sweep = 1000.0 * SIGMA * np.sin(2 * np.pi * np.arange(300) / period)
+    assert not edges(sweep).size
+    stepped = np.where(np.arange(300) < 150, 0.0, 50.0)  # beside one whose edges are
+    found = find_edges(TIMES, np.column_stack([sweep, stepped]), np.array([SIGMA, SIGMA]))
+    assert found.sum(axis=0).tolist() == [0, 4]

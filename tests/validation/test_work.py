@@ -43,3 +43,9 @@ def test_an_effect_that_cannot_be_as_large_is_not_counted() -> None:
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("thermocouple_offset", 30.0),)))
     assert not outcome.counts
     assert "thermocouple_offset" in outcome.untested
+
+
+def test_an_effect_that_begins_at_a_threshold_is_found_although_its_slope_at_none_says_nothing() -> None:
+    """The relief valve makes up for a pump's slip until it has no flow to spare."""
+    outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("pump_slip", 30.0),)))
+    assert (outcome.verdict, outcome.effects) == ("missing_effect", ("pump_slip",))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.registry import library
@@ -20,12 +20,15 @@ class Candidate:
     columns: the parameters that switch it on, as a system knows them.
     signs: of each column, 1 or -1 where physics allows one direction only, 0 where both.
     shapes: values of its shapes that differ from their starts, by qualified name, SI.
+    sizes: parameters that are looked at at this value, by qualified name, SI, and not at their null: the
+        effect begins at a threshold, and its slope at the null says nothing of it.
     """
 
     effect: Effect
     columns: tuple[str, ...]
     signs: tuple[int, ...]
     shapes: Mapping[str, float]
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -60,7 +63,12 @@ def _at_each_shape(effect: Effect) -> Iterator[Candidate]:
     switching = [parameter for parameter in effect.parameters if not parameter.shape]
     columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
     signs = tuple(int(parameter.sign) for parameter in switching)
-    yield Candidate(effect, columns, signs, {})
+    at_sizes = [(qualified(effect.name, one.name), size) for one in switching for size in one.grid]
+    for name, size in at_sizes:
+        yield Candidate(effect, columns, signs, {}, {name: size})
+    if not at_sizes:
+        yield Candidate(effect, columns, signs, {})
     for parameter in effect.parameters:
-        for value in parameter.grid:
-            yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})
+        if parameter.shape:
+            for value in parameter.grid:
+                yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})

@@ -163,21 +163,23 @@ def slopes_at(
 ) -> Slopes:
     """Derivatives of the records of `problem` at `fit`, by the unknowns `free`, the candidates and their own.
 
-    Simulates once with every column, and once more for each further choice of shapes.
+    Simulates once with every column, and once more for each further choice of shapes and each size.
     """
     base = _base(problem, fit)
     at = problem.with_shared((), base)
-    plain = [name for one in chosen if not one.shapes for name in one.columns]
+    plain = [name for one in chosen if not (one.shapes or one.sizes) for name in one.columns]
     columns = tuple(dict.fromkeys([*free, *problem.local_names, *plain]))
     found = at.simulate(np.empty(0), local, columns, initial=True).require()
     index = {name: k for k, name in enumerate(found.columns)}
     every = [np.take(array, problem.channels, axis=1) for array in found.sensitivities]
     parts: list[list[Floats]] = [[] for _ in every]
-    shaped = _shaped(at, base, chosen, local)
+    elsewhere = _shaped(at, base, chosen, local) | _sized(at, base, chosen, local, found.outputs)
     for place, one in enumerate(chosen):
         for k, array in enumerate(every):
-            own = shaped[place][k] if one.shapes else array[:, :, [index[name] for name in one.columns]]
-            parts[k].append(own)
+            if place in elsewhere:
+                parts[k].append(elsewhere[place][k])
+            else:
+                parts[k].append(array[:, :, [index[name] for name in one.columns]])
     return Slopes(
         nuisance=[array[:, :, [index[name] for name in free]] for array in every],
         signatures=[
@@ -225,6 +227,38 @@ def _shaped(
         for place, one in together.items():
             at = [columns.index(name) for name in one.columns]
             result[place] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in found.sensitivities]
+    return result
+
+
+def _sized(
+    problem: Problem,
+    base: Floats,
+    chosen: Sequence[Candidate],
+    local: Sequence[Floats],
+    here: Sequence[Floats],
+) -> dict[int, list[Floats]]:
+    """Of the candidates looked at at a size a: the secant ``(f(a) − f(φ))/(a − φ)`` in the slope's place.
+
+    `here` are the outputs f(φ) at the point itself, where the effect is off, or of its fitted size.
+    """
+    names = problem.compiled.system.parameter_names
+    result: dict[int, list[Floats]] = {}
+    for place, one in enumerate(chosen):
+        if not one.sizes:
+            continue
+        moved = base.copy()
+        for name, value in one.sizes.items():
+            moved[names.index(name)] = value
+        rest = [name for name in one.columns if name not in one.sizes]
+        found = problem.with_shared((), moved).simulate(np.empty(0), local, rest).require()
+        steps = {name: value - base[names.index(name)] for name, value in one.sizes.items()}
+        result[place] = []
+        for k, before in enumerate(here):
+            columns = {name: found.sensitivities[k][:, :, i] for i, name in enumerate(rest)}
+            for name, step in steps.items():
+                columns[name] = (found.outputs[k] - before) / step if step else np.zeros_like(before)
+            seen = [np.take(columns[name], problem.channels, axis=1) for name in one.columns]
+            result[place].append(np.stack(seen, axis=2))
     return result
 
 

@@ -65,12 +65,15 @@ class Unexplained:
             found[candidate.name] = max(share, found.get(candidate.name, 0.0))
         return found
 
-    def share_of(self, effect: str, left: Floats) -> Floats | None:
-        """(rows) what an effect of the library explains of what is left; None where it explains nothing."""
+    def share_of(self, effect: str, left: Floats) -> tuple[Candidate, Floats] | None:
+        """An effect in the shape that explains most of what is left, and (rows) what it explains; None where
+        that is nothing."""
         places = [place for place, candidate in enumerate(self.candidates) if candidate.name == effect]
-        explained = [self._explained(place, left) for place in places]
-        gain, share = max(explained, key=lambda one: one[0], default=(0.0, left))
-        return share if gain > 0.0 else None
+        explained = {place: self._explained(place, left) for place in places}
+        best = max(places, key=lambda place: explained[place][0], default=None)
+        if best is None or explained[best][0] <= 0.0:
+            return None
+        return self.candidates[best], explained[best][1]
 
     def _explained(self, place: int, left: Floats) -> tuple[float, Floats]:
         """(squares, rows) that one candidate explains of what is left, its signs as physics allows."""

@@ -144,8 +144,10 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
             continue  # what it has beyond the best set explains no more than the shape of that may
         key = tuple(sorted(trial.effects))
         sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
+    tried = search.before.linearisation.candidates
     for score in screened:
-        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + search.price
+        price = search.price(tried[score.candidate])
+        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + price
     least = min(sets.values())
     weights = {names: math.exp(-0.5 * min(value - least, 1400.0)) for names, value in sets.items()}
     total = sum(weights.values())
@@ -170,7 +172,7 @@ def _ranked(search: Search, best: Trial, name: str, probability: float) -> Ranke
         candidate = lin.candidates[score.candidate]
         sizes = search.alone_sizes(name) or score.sizes.tolist()
         parameters = _linear_parameters(candidate, sizes)
-        difference = search.price - search.promised(score)
+        difference = search.price(candidate) - search.promised(score)
         drop, size = 0.0, math.sqrt(search.promised(score))
     else:
         candidate = next(one for one in trial.candidates if one.name == name)
@@ -234,14 +236,15 @@ def _nrmse(trial: Trial) -> float:
 
 def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
     """The leave-out check of one member of the best set, at its fit."""
-    lin = search.at(best).linearisation
+    here = search.at(best)
+    lin = here.linearisation
     values = [
         best.value(column)[0] - candidate.effect.parameter(column.partition(".")[2]).at_null
         for column in candidate.columns
     ]
     if len(lin.records) < 2:
         return None
-    return held_out_gain(lin, candidate.columns, values)
+    return held_out_gain(lin, candidate.columns, values, here.held(candidate))
 
 
 def _with_check(ranked: Ranked, check: HeldOut | None) -> Ranked:

@@ -28,7 +28,7 @@ class PairGain:
 
 
 def pair_gains(projected: Projected, keep: int = 12) -> tuple[PairGain, ...]:
-    """The best pairs of different effects, the largest gain for their number of parameters first."""
+    """The best pairs of different effects, the largest gain first; of a pair's shapes the best one."""
     lin = projected.linearisation
     usable = projected.usable
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
@@ -54,7 +54,10 @@ def pair_gains(projected: Projected, keep: int = 12) -> tuple[PairGain, ...]:
             _name(projected, int(c)): float(size * unit[c]) for c, size in zip(both, sizes[0], strict=True)
         }
         found.append(PairGain((one, other), float(gain[0]), used, named))
-    return tuple(sorted(found, key=lambda pair: -pair.gain)[:keep])
+    best: dict[frozenset[str], PairGain] = {}
+    for pair in sorted(found, key=lambda pair: -pair.gain):
+        best.setdefault(frozenset(lin.candidates[place].name for place in pair.places), pair)
+    return tuple(best.values())[:keep]
 
 
 def _contradict(projected: Projected, one: int, other: int) -> bool:

@@ -6,6 +6,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rigctl.compare.adequacy import Adequacy, adequacy
 from rigctl.compare.candidates import Candidate, candidates
 from rigctl.compare.linearise import Linearisation, linearise
@@ -13,6 +16,8 @@ from rigctl.compare.projected import Projected, project
 from rigctl.compare.scores import Screening, screen
 from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,20 @@ class Point:
         rest = [place for place in self._members if place != own]
         return project(self._everything.rearranged(rest, [own, *self._others]))
 
+    def held(self, member: Candidate) -> list[Floats]:
+        """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
+        place = next(place for place in self._members if self._name(place) == member.name)
+        solution, start = self.trial.fit.solution, self._everything.starts[place]
+        at_bound = [name in solution.at_bound for name in member.columns] if solution is not None else []
+        sizes = np.array(
+            [
+                self.trial.value(name)[0] - member.effect.parameter(name.partition(".")[2]).at_null
+                for name in member.columns
+            ]
+        )
+        moved = np.where(at_bound, sizes, 0.0)
+        return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
+
     def _name(self, place: int) -> str:
         return self._everything.candidates[place].name
 
@@ -85,6 +104,12 @@ class Point:
             problem=problem.with_shared([problem.shared[k] for k in keep], base),
             values=trial.fit.values[keep],
         )
-        members = [replace(one, shapes={}) for one in trial.candidates]
+        members = [_from_here_to_null(one) for one in trial.candidates]
         others = [one for one in candidates(self.whole.model, self.excluded) if one.name not in present]
         return replace(linearise(fixed, self.whole, [*members, *others]), fit=trial.fit)
+
+
+def _from_here_to_null(member: Candidate) -> Candidate:
+    """Its shapes are the fit's; what a threshold keeps from its slope, the way to its null tells."""
+    null = {name: member.effect.parameter(name.partition(".")[2]).at_null for name in member.sizes}
+    return replace(member, shapes={}, sizes=null)

@@ -76,18 +76,22 @@ class Search:
 
     @cached_property
     def samples(self) -> float:
-        """Effective sample size: autocorrelated readings count for less, records at least once each."""
+        """Effective sample size: n/(1 + 2·Σρ_k) of each channel, ρ_k at lag k; records at least once each.
+
+        What acts between records only is paid for as dearly as what acts within them: by too much, never by
+        too little.
+        """
         problem = self.before.fit.problem
         total = 0.0
         for c, channel in enumerate(problem.noise.channels):
             count = sum(int(problem.ok[k][:, c].sum()) for k in self.before.fit.fitted)
-            total += count * (1.0 - channel.correlation) / (1.0 + channel.correlation)
+            together = (1.0 - channel.white) * channel.correlation / (1.0 - channel.correlation)
+            total += count / (1.0 + 2.0 * together)
         return max(total, float(len(self.before.fit.fitted)), 2.0)
 
-    @cached_property
-    def price(self) -> float:
-        """What mBIC asks of one effect more, with one parameter."""
-        return math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
+    def price(self, candidate: Candidate) -> float:
+        """What mBIC asks of one effect more."""
+        return len(candidate.columns) * math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
 
     def mbic(self, trial: Trial) -> float:
         """The criterion of a trial."""
@@ -122,7 +126,11 @@ class Search:
         if here.adequacy.adequate:
             return 0.0
         excess = max(test.excess for test in here.adequacy.tests.values())
-        promised = max((score.gain for score in here.screening.scores), default=0.0) - self.price
+        there = here.linearisation.candidates
+        promised = max(
+            (score.gain - self.price(there[score.candidate]) for score in here.screening.scores),
+            default=0.0,
+        )
         reached = max(self.none.chi2 - trial.chi2, 1e-12)
         return max(excess, promised) / (reached + max(excess, promised))
 

@@ -97,14 +97,15 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | Non
 
 
 def _values(candidate: Candidate) -> dict[str, float]:
-    """The effect's parameters to begin with: at their null, but never at a bound, from which a fit must find
-    in first."""
+    """The effect's parameters to begin with: at their null, or the size at which they were seen, but never at
+    a bound, from which a fit must find in first."""
     values = {}
     for column in candidate.columns:
         declared = candidate.effect.parameter(column.partition(".")[2])
         room = _ROOM * (declared.high - declared.low)
         values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
-    return values | {name.partition(".")[2]: value for name, value in candidate.shapes.items()}
+    chosen = {**candidate.sizes, **candidate.shapes}
+    return values | {name.partition(".")[2]: value for name, value in chosen.items()}
 
 
 def _started(problem: Problem, fitted: FitResult) -> list[Unknown]:

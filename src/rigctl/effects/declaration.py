@@ -52,7 +52,8 @@ class EffectParameter:
     start: a typical size, where a fit begins.
     low, high: bounds; where null is one of them the effect has one sign only.
     difference: a temperature that is an interval.
-    grid: of a shape, the values besides `start` at which a diagnosis looks for the effect, SI.
+    grid: values at which a diagnosis looks for the effect, SI: of a shape, those besides `start`; of a parameter
+        that switches the effect on at a threshold, those in place of its null, where its slope says nothing.
     """
 
     name: str
@@ -217,4 +218,8 @@ def problems(effect: Effect, family: ModelFamily) -> list[str]:
             found.append(f"{parameter.name}: null and start must lie within finite bounds")
         if parameter.start == parameter.null:
             found.append(f"{parameter.name}: start is the null value")
+        if not all(parameter.low <= value <= parameter.high for value in parameter.grid):
+            found.append(f"{parameter.name}: its grid must lie within its bounds")
+        if parameter.null in parameter.grid:
+            found.append(f"{parameter.name}: its grid holds the null value")
     return found

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 THRESHOLD = 4.0
 #: standard deviation of a second difference of white noise, in those of the noise
 _SECOND = float(np.sqrt(6.0))
+#: a channel that bends so in more than this share of a record does so everywhere: that is its signal
+_MOST = 0.25
 #: spacings that differ by more than this from the usual one are gaps
 _GAP = 1.5
 
@@ -22,7 +24,8 @@ def find_edges(
     within the interval it was taken, and on every detail of how the edge runs: the pressure of a chamber when
     its valve opens rings at hundreds of hertz for some samples. Such readings weigh hundreds of sigmas, have
     a minimum for every beat, and tell of the clock rather than of the bench. With
-    ``d_i = y_(i+1) − 2y_i + y_(i−1)`` the three samples of every ``|d_i| > THRESHOLD·√6·σ`` are on an edge.
+    ``d_i = y_(i+1) − 2y_i + y_(i−1)`` the three samples of every ``|d_i| > THRESHOLD·√6·σ`` are on an edge;
+    none of them where that is true of a quarter of the record: a sweep at a high frequency is no edge.
 
     Parameters
     ----------
@@ -43,4 +46,4 @@ def find_edges(
     sharp = (bend > THRESHOLD * _SECOND * sigma) & (even[1:] & even[:-1])[:, None]
     for shift in range(3):
         found[shift : shift + sharp.shape[0]] |= sharp
-    return found
+    return np.asarray(found & (found.mean(axis=0) <= _MOST))

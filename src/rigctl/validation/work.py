@@ -18,6 +18,7 @@ from rigctl.compare.unexplained import Unexplained, unexplained
 from rigctl.diagnose.confound import separation
 from rigctl.diagnose.diagnose import diagnose_comparison
 from rigctl.diagnose.result import Diagnosis
+from rigctl.diagnose.trial import refit
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult, fit
@@ -42,6 +43,8 @@ Floats = NDArray[np.float64]
 
 #: sizes are wanted to some percent, and so is the misfit that they are read from
 _COST = 1e-3
+#: so many of the effects that look most like a hidden one are fitted to it
+_NEAREST = 2
 #: a normal distribution's two-sided 95 %
 _WIDTH = 1.959963984540054
 
@@ -207,23 +210,35 @@ def _rival(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float |
     steady = replace(scenario.plain, seed=0)
     alike, apart = None, None
     for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
-        reference = _reference(_plain_of(scenario))
+        seen = _reference(_plain_of(scenario)).seen
         with_it = clean_outputs(hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape))
-        left = refitted(reference.fitted, with_it)
+        left = refitted(_reference(_plain_of(scenario)).fitted, with_it)
         readings = [record.values for record in left.problem.records]
-        changed = reference.seen.of([a - b for a, b in zip(readings, left.outputs, strict=True)])
-        cosine = _nearest(reference.seen, changed, wanted.effect)
-        own = reference.seen.share_of(wanted.effect, changed)
-        nearest = cosine if own is None else max(cosine, _nearest(reference.seen, own, wanted.effect))
-        d = separation(amplitude.size, nearest)
+        changed = seen.of([a - b for a, b in zip(readings, left.outputs, strict=True)])
+        rivals = _rivals(seen, changed, wanted.effect)
+        cosine = max(
+            [*rivals.values(), *(_by_refit(seen, left, changed, name, amplitude.size) for name in rivals)],
+            default=0.0,
+        )
+        own = seen.share_of(wanted.effect, changed)
+        as_named = {} if own is None else _rivals(seen, own[1], wanted.effect)
+        d = separation(amplitude.size, max([cosine, *as_named.values()]))
         alike = cosine if alike is None else max(alike, cosine)
         apart = d if apart is None else min(apart, d)
     return alike, apart
 
 
-def _nearest(seen: Unexplained, left: Floats, effect: str) -> float:
-    """How well the best of the other effects explains it."""
-    return max((cos for name, cos in seen.cosines(left).items() if name != effect), default=0.0)
+def _rivals(seen: Unexplained, left: Floats, effect: str) -> dict[str, float]:
+    """The two of the other effects that explain most of it, and their cosines."""
+    others = [(cosine, name) for name, cosine in seen.cosines(left).items() if name != effect]
+    return {name: cosine for cosine, name in sorted(others, reverse=True)[:_NEAREST]}
+
+
+def _by_refit(seen: Unexplained, fitted: FitResult, left: Floats, effect: str, size: float) -> float:
+    """The cosine of a rival fitted to what is hidden, ``sqrt(Δχ²)/λ``: a fit goes further than slopes."""
+    share = seen.share_of(effect, left)
+    trial = refit(fitted, [share[0]]) if share is not None else None
+    return 0.0 if trial is None else min(1.0, math.sqrt(max(0.0, _squares(fitted) - trial.chi2)) / size)
 
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:

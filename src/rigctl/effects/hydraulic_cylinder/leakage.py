@@ -27,8 +27,10 @@ def gap_flow(m: Scope, conductance: Scalar, before: Scalar, after: Scalar = 0.0)
     return conductance * (before - after) / viscosity_at(m, 0.5 * (before + after))
 
 
-def _conductance(start: float, high: float, meaning: str) -> EffectParameter:
-    return EffectParameter("conductance", "m^3", null=0.0, start=start, low=0.0, high=high, meaning=meaning)
+def _conductance(start: float, high: float, meaning: str, grid: tuple[float, ...] = ()) -> EffectParameter:
+    return EffectParameter(
+        "conductance", "m^3", null=0.0, start=start, low=0.0, high=high, meaning=meaning, grid=grid
+    )
 
 
 def _of_piston(clearance: float, family: Mapping[str, float]) -> float:
@@ -121,6 +123,9 @@ ROD_LEAKAGE = Effect(
     needs="a hold with the valve closed, or chamber pressures",
 )
 
+#: while the relief valve has flow to spare it makes up for the slip: these leave it none, in hot oil and in cold
+_PUMP_WITHOUT_RESERVE = (1e-14, 2e-14, 4e-14)
+
 PUMP_SLIP = Effect(
     name="pump_slip",
     family=_FAMILY,
@@ -128,7 +133,14 @@ PUMP_SLIP = Effect(
     equation="Q_slip = k·p_S/µ",
     source="Merritt (1967), section 4-3: laminar slip of positive-displacement pumps",
     terms=(("flow_p_to_tank", lambda m, p: gap_flow(m, p.conductance, m.supply_pressure)),),
-    parameters=(_conductance(3.5e-14, 1e-12, "k of the pump: 6 % at 120 bar and 40 degC is 3.5e-14 m^3"),),
+    parameters=(
+        _conductance(
+            3.5e-14,
+            1e-12,
+            "k of the pump: 6 % at 120 bar and 40 degC is 3.5e-14 m^3",
+            grid=_PUMP_WITHOUT_RESERVE,
+        ),
+    ),
     looks_like=(
         "The supply pressure sags when the cylinder wants nearly all of the pump's flow, more in hot oil; "
         "nothing shows while the relief valve is open."

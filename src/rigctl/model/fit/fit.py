@@ -205,7 +205,10 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
     back = brought_back(begun, found.values)
     if back is None:
         return found
-    again = least_squares(problem.evaluate, back, own, options=plan.options, progress=plan.progress)
+    try:
+        again = least_squares(problem.evaluate, back, own, options=plan.options, progress=plan.progress)
+    except RigctlError:  # the model has no value there: the first fit stands
+        return found
     return again if again.cost < found.cost else found
 
 

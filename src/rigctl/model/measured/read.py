@@ -160,6 +160,7 @@ def _commands(
 ) -> tuple[np.ndarray, np.ndarray, list[dict[str, float]]]:
     """(times from the first sample, half-widths, actuators' values): the first at the first sample.
 
+    A command given at the moment of the first sample holds from there on, whatever was noted with that sample.
     A rig's commands that were not recorded stay at 0.
     """
     used = {name for source in sources for name, _ in source.actuators}
@@ -170,10 +171,12 @@ def _commands(
     times, half, rows = [0.0], [0.0], [dict(now)]
     last = float(record.time[-1])
     for switch in sorted(record.switches, key=lambda one: one.time):
-        if switch.actuator not in used or not origin < switch.time <= last:
+        if switch.actuator not in used or not origin <= switch.time <= last:
             continue
         now[switch.actuator] = switch.value
-        if rows[-1] != now:
+        if switch.time == origin:
+            rows[0] = dict(now)
+        elif rows[-1] != now:
             times.append(switch.time - origin)
             half.append(switch.uncertainty)
             rows.append(dict(now))
