@@ -11,7 +11,8 @@ import rigctl
 from rigctl.compare.compare import compare
 from rigctl.compare.result import Comparison
 from rigctl.dataset.importing import import_file
-from rigctl.diagnose.unseen import Unseen, unseen
+from rigctl.diagnose.unseen import unseen
+from rigctl.diagnose.unseen_group import Unseen
 from rigctl.report.analysis.unseen import unseen_sections
 from rigctl.rig import load_rig
 

@@ -13,7 +13,7 @@ from rigctl.cli.tables import console, table
 from rigctl.compare.chance import chance
 from rigctl.diagnose.loop import Improvement, Step
 from rigctl.diagnose.result import Diagnosis, Drift, Ranked, Verdict
-from rigctl.diagnose.unseen import Unseen
+from rigctl.diagnose.unseen_group import Unseen
 from rigctl.diagnose.wording import parameters_text
 from rigctl.report.bars import draw_bar
 

@@ -15,7 +15,8 @@ from rigctl.diagnose.diagnose import diagnose_comparison, found_parameters
 from rigctl.diagnose.result import Diagnosis, Verdict
 from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.trial import Trial, refit
-from rigctl.diagnose.unseen import Unseen, unseen
+from rigctl.diagnose.unseen import unseen
+from rigctl.diagnose.unseen_group import Unseen
 from rigctl.diagnose.wording import effect_text
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError

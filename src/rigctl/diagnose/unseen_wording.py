@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from rigctl.diagnose.error_course import course_text
 from rigctl.diagnose.remedies import Remedy, still_missing
+from rigctl.diagnose.unseen_group import Unseen
 from rigctl.units import parse_unit
-
-if TYPE_CHECKING:
-    from rigctl.diagnose.unseen import Unseen
 
 #: one record is named where it holds so much of the misfit
 _MOST_OF_IT = 0.4

@@ -52,8 +52,8 @@ class EffectParameter:
     start: a typical size, where a fit begins.
     low, high: bounds; where null is one of them the effect has one sign only.
     difference: a temperature that is an interval.
-    grid: values at which a diagnosis looks for the effect, SI: of a shape, those besides `start`; of a parameter
-        that switches the effect on at a threshold, those in place of its null, where its slope says nothing.
+    grid: values at which a diagnosis looks for the effect, SI: of a shape, those besides `start`; of one that
+        switches the effect on at a threshold, those in place of its null, where its slope says nothing.
     """
 
     name: str

@@ -123,7 +123,7 @@ ROD_LEAKAGE = Effect(
     needs="a hold with the valve closed, or chamber pressures",
 )
 
-#: while the relief valve has flow to spare it makes up for the slip: these leave it none, in hot oil and in cold
+#: while the relief valve has flow to spare it makes up for a slip: these leave it none, in hot oil or in cold
 _PUMP_WITHOUT_RESERVE = (1e-14, 2e-14, 4e-14)
 
 PUMP_SLIP = Effect(

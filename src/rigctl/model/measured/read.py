@@ -160,7 +160,7 @@ def _commands(
 ) -> tuple[np.ndarray, np.ndarray, list[dict[str, float]]]:
     """(times from the first sample, half-widths, actuators' values): the first at the first sample.
 
-    A command given at the moment of the first sample holds from there on, whatever was noted with that sample.
+    A command given at the moment of the first sample holds from there on, whatever that sample says.
     A rig's commands that were not recorded stay at 0.
     """
     used = {name for source in sources for name, _ in source.actuators}
