@@ -12,7 +12,8 @@ class Exclusion:
 
     Attributes
     ----------
-    reached: the share of the missing change that it makes at its best: 0 for none, below 0 for the wrong way.
+    reached: the share of the missing change that it makes at its best: 0 for none, below 0 for the wrong way;
+        `at_most` the largest at any size that was looked at, up to the largest that physics allows.
     only: the conditions at which it makes at least half of it; empty where at none or at all.
     worse: by so many standard deviations it fits less well than the best does.
     """
@@ -21,12 +22,14 @@ class Exclusion:
     reached: float
     only: tuple[str, ...]
     worse: float
+    at_most: float
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
         return {
             "effect": self.effect,
             "reached": self.reached,
+            "at_most": self.at_most,
             "only": list(self.only),
             "worse": self.worse,
         }

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from rigctl.compare.direction import Trend, trends
 from rigctl.compare.result import ModelComparison
 from rigctl.compare.table_rows import TableRow, table_rows
-from rigctl.diagnose.alone import Alone
+from rigctl.diagnose.alone import Alone, at_sizes
 from rigctl.diagnose.confound import LEAST_DIFFERENCE
 from rigctl.diagnose.exclusion import Exclusion
 from rigctl.model.fit.fit import FitResult
@@ -59,20 +59,28 @@ def exclusions(
         only = _only(before, trend, tried.fit)
         if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
             worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
-            found.append(Exclusion(name, reached, only, worse))
+            held = () if only or reached >= _TURNS else at_sizes(before, tried)
+            at_most = max([reached, *(_reached(trend, one) for one in held)])
+            found.append(Exclusion(name, reached, only, worse, at_most))
     return tuple(sorted(found, key=lambda one: (bool(one.only), one.effect)))
 
 
 def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
     """Which effects change nothing or the wrong way, which do so in places, and which fit less well."""
-    never = [one.effect for one in found if not one.only and one.reached < _TURNS]
+    never = [one.effect for one in found if not one.only and one.at_most < _TURNS]
+    unfit = [one.effect for one in found if not one.only and one.reached < _TURNS <= one.at_most]
+    want = "rise" if trend.measured > 0.0 else "fall"
+    ends = trend.text.partition(", the model")[0].partition(" from ")[2]
+    change = f"make the {trend.quantity} {want} from {ends} as it does"
     sentences = []
     if never:
-        want = "rise" if trend.measured > 0.0 else "fall"
-        ends = trend.text.partition(", the model")[0].partition(" from ")[2]
         sentences.append(
-            f"excluded, because alone and at any size that physics allows they cannot make the "
-            f"{trend.quantity} {want} from {ends} as it does: {', '.join(never)}"
+            f"excluded, because alone and at any size that physics allows they cannot {change}: "
+            f"{', '.join(never)}"
+        )
+    if unfit:
+        sentences.append(
+            f"excluded, because alone and at the size that fits best they do not {change}: {', '.join(unfit)}"
         )
     sentences += [
         f"excluded, because alone it explains {' and '.join(one.only)} only: {one.effect}"
