@@ -55,10 +55,11 @@ def compare_with_versions(
     path = models[0].path if earlier and len(models) == 1 else None
     numbers = [] if path is None else _versions_with_errors(path)
     before = [] if path is None else [load_version(path, number) for number in numbers[:-1]]
-    found = compare(runs, [*models, *before], **choice)
-    in_order = [*found.models[len(models) :], found.models[0]]
-    named = [replace(one, name=f"version {number}") for one, number in zip(in_order, numbers, strict=False)]
-    return replace(found, models=found.models[: len(models)]), named
+    found = compare(runs, models, **choice)
+    versions = [*compare(runs, before, **choice).models, found.models[0]] if before else []
+    return found, [
+        replace(one, name=f"version {number}") for one, number in zip(versions, numbers, strict=bool(before))
+    ]
 
 
 def _versions_with_errors(path: Path) -> list[int]:
