@@ -11,6 +11,7 @@ from rigctl.compare.adequacy import LEVEL, Adequacy, chi2_tail
 from rigctl.compare.chance import chance_text
 from rigctl.compare.linearise import Linearisation
 from rigctl.compare.localise import variable_units
+from rigctl.compare.near_chance import near_chance
 from rigctl.compare.scores import Screening
 from rigctl.compare.table_rows import TableRow, shows_unfitted
 from rigctl.model.fit.fit import FitResult
@@ -23,8 +24,6 @@ _FAR, _NEAR = 3.0, 2.0
 _USUAL = 0.2
 #: with more than this share of it left, a misfit has not been taken away
 _MOST = 0.7
-#: effects that lower the misfit by so many standard deviations are worth a word
-_NOTABLE = 2.5
 
 
 def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], direction: str) -> str:
@@ -55,7 +54,7 @@ def table_findings(
     found += _levels(fit)
     found += _power(fit, rows)
     if adequacy.adequate:
-        found += _undecided(fit, screening)
+        found += _undecided(screening)
     return tuple(found)
 
 
@@ -209,9 +208,9 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
     ]
 
 
-def _undecided(fit: FitResult, screening: Screening) -> list[str]:
+def _undecided(screening: Screening) -> list[str]:
     """Effects that would make the misfit smaller, though chance does as much."""
-    near = [score for score in screening.scores if score.z > _NOTABLE and score.kappa > 0.05]
+    near = near_chance(screening)
     if not near:
         return []
     named = ", ".join(f"{score.effect} (by {score.z:.1f} sigma: {_often(score.p_value)})" for score in near)

@@ -10,7 +10,9 @@ from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.alone import Alone
 from rigctl.diagnose.exclusion import Exclusion
 from rigctl.diagnose.exclusions import exclusion_text, exclusions, main_trend
-from rigctl.diagnose.next_measurement import more_rows, next_for_chance, next_for_class
+from rigctl.diagnose.next_against_chance import next_against_chance
+from rigctl.diagnose.next_channels import next_channels
+from rigctl.diagnose.next_rows import next_rows
 from rigctl.diagnose.result import Ranked, Verdict
 from rigctl.diagnose.rivals import Rival, classes_of
 from rigctl.diagnose.trial import Trial
@@ -46,7 +48,9 @@ def table_remarks(
     if not before.rows:
         return TableRemarks()
     if verdict is Verdict.ADEQUATE:
-        return TableRemarks(next_steps=tuple(dict.fromkeys([*next_for_chance(before), *more_rows(before)])))
+        return TableRemarks(
+            next_steps=tuple(dict.fromkeys([*next_against_chance(before), *next_rows(before)]))
+        )
     trend = main_trend(before)
     classes = classes_of(best, rivals)
     kept = {name for names in classes for name in names}
@@ -58,7 +62,7 @@ def table_remarks(
         statement=_ambiguous(before, best, rivals, ranking) if verdict is Verdict.AMBIGUOUS else "",
         excluded=excluded,
         why=tuple(exclusion_text(excluded, trend)) if trend is not None else (),
-        next_steps=tuple(next_for_class(before, trend, members)),
+        next_steps=(*next_channels(before, trend, members), *next_rows(before)),
     )
 
 

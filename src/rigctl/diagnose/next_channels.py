@@ -1,4 +1,4 @@
-"""What to measure next, in words: channels and operating points at which what is alike so far would part.
+"""Channels that would part what a table does not tell apart, in words.
 
 The effects that explain a table equally well are asked what else they would change, in readings that were
 not taken. Differences that the fitted parameters could still make up for are not subtracted: what is named
@@ -14,13 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.adequacy import LEVEL
 from rigctl.compare.direction import Trend
-from rigctl.compare.localise import variable_units
 from rigctl.compare.result import ModelComparison
-from rigctl.compare.scores import Score
-from rigctl.compare.table_rows import short_condition
-from rigctl.diagnose.alone import alone
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.units import show
@@ -33,13 +28,6 @@ _PLAIN = 10.0
 _SAMPLES = 150
 #: noise of a channel that neither the rig nor another channel of its unit tells, as a share of its change
 _UNKNOWN = 0.01
-#: effects that lower the misfit by so many standard deviations are worth a measurement
-_NOTABLE = 2.5
-#: a reading shows what changes it by so many standard deviations
-_SEEN = 3.0
-#: chance to miss what repeats are meant to show
-_MISSED = 0.1
-_MOST_REPEATS = 20
 
 
 @dataclass(frozen=True)
@@ -52,58 +40,26 @@ class _Part:
     unit: str
 
 
-def next_for_class(
+def next_channels(
     before: ModelComparison, trend: Trend | None, members: Mapping[str, FitResult]
 ) -> list[str]:
-    """Sentences on what would part effects that a table does not tell apart.
+    """Sentences on channels that would part effects which a table does not tell apart.
 
     Parameters
     ----------
     trend: the change that all of them explain.
     members: each one's fit.
     """
-    found = []
-    if len(members) > 1 and trend is not None and before.fit.problem.model.family.standard_record is not None:
-        parts = _parts(before, trend, members)
-        rows = before.fit.problem.measurements.outputs
-        found += [_part_text(part, part.channel in rows) for part in parts if len(part.groups) > 1]
-        found += _never_parted(parts, list(members), trend.quantity)
-    return [*found, *more_rows(before)]
-
-
-def more_rows(before: ModelComparison) -> list[str]:
-    """What the rows themselves lack: operating points in between, and repeats."""
-    measurements = before.fit.problem.measurements
-    units = variable_units(measurements)
-    found = []
-    conditions = [record.condition for record in measurements.records]
-    for name in dict.fromkeys(name for condition in conditions for name in condition):
-        points = sorted({condition[name] for condition in conditions if name in condition})
-        if len(points) == 1:
-            found.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
-        if len(points) == 2:
-            low, high = (show(point, units[name], digits=3) for point in points)
-            found.append(
-                f"take more values of {name} than {low} and {high}: with two, any course in between fits"
-            )
-    if any(channel.guessed for channel in before.fit.problem.noise.channels):
-        found.append("repeat each condition three times: so far the noise is only guessed")
-    return found
-
-
-def next_for_chance(before: ModelComparison) -> list[str]:
-    """What would tell effects that bring a model closer to a table, though no more than chance does."""
-    near = [s for s in before.screening.scores if s.z > _NOTABLE and s.kappa > 0.05]
-    found = []
-    for score in near:
-        found += _elsewhere(before, score)
-        repeats = _repeats(before, score)
-        if repeats:
-            found.append(
-                f"read each condition {repeats} times: {score.effect}, if it is as large as it seems, would "
-                f"then stand out by {score.z * math.sqrt(repeats):.1f} sigma"
-            )
-    return found
+    problem = before.fit.problem
+    if len(members) < 2 or trend is None or problem.model.family.standard_record is None:
+        return []
+    parts = _parts(before, trend, members)
+    found = [
+        _part_text(part, part.channel in problem.measurements.outputs)
+        for part in parts
+        if len(part.groups) > 1
+    ]
+    return found + _never_parted(parts, list(members), trend.quantity)
 
 
 def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[_Part]:
@@ -226,85 +182,3 @@ def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> li
         for group in _groups(names, told)
         if len(group) > 1
     ]
-
-
-def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
-    """Operating points beyond the table's ends at which an effect changes most."""
-    problem = before.fit.problem
-    standard = problem.model.family.standard_record
-    tried = alone(before, before.linearisation.candidates[score.candidate], from_null=True)
-    if standard is None or tried is None or any(problem.local):
-        return []
-    points = _other_points(problem)
-    if not points:
-        return []
-    without, with_it = _at(before.fit, points), _at(tried.fit, points)
-    apart = (with_it - without) / problem.noise.channels[0].sigma_at(without)
-    output, units = problem.measurements.outputs[0], variable_units(problem.measurements)
-    (name,) = problem.measurements.variables
-    middle = float(np.mean([record.condition[name] for record in problem.records]))
-    found = []
-    for side in (1.0, -1.0):  # beyond the upper end, and below the lower one
-        chosen = [k for k, point in enumerate(points) if side * (point[name] - middle) > 0.0]
-        place = max(chosen, key=lambda k: abs(apart[k]), default=None)
-        if place is not None and abs(apart[place]) > _SEEN:
-            change = 100.0 * (with_it[place] / without[place] - 1.0)
-            found.append(
-                f"read {problem.measurements.titles.get(output, output)} at "
-                f"{short_condition(points[place], units)} too: {score.effect} changes it there by "
-                f"{change:+.0f} %, {abs(apart[place]):.0f} sigma of a reading"
-            )
-    return found
-
-
-def _other_points(problem: Problem) -> list[dict[str, float]]:
-    """Operating points of the family's standard record that lie next to the table's, and not in it."""
-    standard = problem.model.family.standard_record
-    records = problem.records
-    assert standard is not None  # noqa: S101 - asked for before
-    names = list(problem.measurements.variables)
-    if len(names) != 1:
-        return []
-    (name,) = names
-    here = [record.condition[name] for record in records]
-    low, high = min(here), max(here)
-    room = (high - low) / 3.0
-    every = sorted({float(changed[name]) for _, changed in standard.switches if name in changed})
-    return [{name: point} for point in every if low - room <= point < low or high < point <= high + room]
-
-
-def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
-    """(points) the first channel as a fitted model predicts it at other operating points."""
-    problem = fit.problem
-    first = problem.records[0]
-    names = list(problem.measurements.inputs)
-    records = []
-    for point in points:
-        inputs = first.inputs.copy()
-        for name, value in point.items():
-            inputs[:, names.index(name)] = value
-        records.append(replace(first, inputs=inputs, condition=dict(point)))
-    count = len(records)
-    other = replace(
-        problem,
-        measurements=replace(problem.measurements, records=tuple(records)),
-        local=((),) * count,
-        starts=(problem.starts[0],) * count,
-    )
-    outputs = other.simulate(fit.values, [np.empty(0)] * count).require().outputs
-    return np.array([float(array[-1, problem.channels[0]]) for array in outputs])
-
-
-def _repeats(before: ModelComparison, score: Score) -> int:
-    """How often each row must be read for an effect of its size to be told; 0 where that is out of reach."""
-    from scipy.stats import norm, t
-
-    channel = before.fit.problem.noise.channels[0]
-    rows = len(before.fit.problem.records)
-    if not channel.degrees:
-        return 0
-    for count in range(2, _MOST_REPEATS + 1):
-        needed = float(t.isf(0.5 * LEVEL, channel.degrees + rows * (count - 1)) + norm.isf(_MISSED))
-        if score.z * math.sqrt(count) > needed:
-            return count
-    return 0
