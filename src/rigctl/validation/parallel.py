@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import TypeAlias
 
 from rigctl.errors import RigctlError
@@ -95,7 +96,7 @@ def _outcomes(scenarios: Sequence[Scenario], work: Work, workers: int) -> Iterat
             yield attempt(work, scenario)
         return
     with _one_thread_each():
-        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=end_with_parent)
         try:
             yield from _finished(pool, scenarios, work, workers)
         except BrokenProcessPool as problem:
@@ -121,6 +122,18 @@ def _finished(
         ready, running = wait(running, return_when=FIRST_COMPLETED)
         for future in ready:
             yield future.result()
+
+
+def end_with_parent() -> None:
+    """Let this process end as soon as the one that started it has: killed, that one could not tell it."""
+    parent = parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)  # no clean-up: it would wait for work that nobody wants any more
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager
