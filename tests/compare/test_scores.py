@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
-from rigctl.compare.adequacy import chi2_tail
+from rigctl.compare.adequacy import LEVEL, Test, chi2_tail
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.linearise import Linearisation, RecordTriangle
 from rigctl.compare.projected import project
@@ -96,3 +96,16 @@ def test_what_hides_an_effect_is_the_step_that_takes_most_of_its_square() -> Non
     assert hidden(nothing, last) == (pytest.approx(5.0 / 13.0), "convection")
     assert hidden(last, [0.0, 1.0, 0.0]) == (pytest.approx(3.0 / 13.0), "record")
     assert hidden([1.0, 0.0, 0.0], last) == (pytest.approx(4.0 / 13.0), "convection")
+
+
+@pytest.mark.parametrize("known", [2, 4, 40])
+def test_a_table_that_a_test_passes_has_no_excess(known: int) -> None:
+    """By the same distribution as the p-value: noise of few degrees of freedom explains more than χ² does."""
+    for statistic in (15.0, 30.0, 60.0, 200.0, 2000.0):
+        p = chi2_tail(statistic, 10, known)
+        assert (Test(statistic, p, 10, known=known).excess > 0.0) is (p < LEVEL)
+    assert Test(1e6, 0.0, 10, known=known).excess == pytest.approx(1e6 - 10 * f.isf(LEVEL, 10, known))
+
+
+def test_of_records_the_excess_is_beyond_the_spread_of_chi_squared() -> None:
+    assert Test(50.0, 0.0, 10, 4.0).excess == pytest.approx(50.0 - 10.0 - 2.33 * 4.0)

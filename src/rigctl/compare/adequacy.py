@@ -27,19 +27,29 @@ class Test:
     ----------
     freedom: degrees of freedom; 0 where the statistic has none.
     spread: standard deviation of the statistic when nothing is missing.
+    known: degrees of freedom behind the noise of a table's rows; 0 where the noise counts as known.
     """
 
     statistic: float
     p_value: float
     freedom: int = 0
     spread: float = 0.0
+    known: int = 0
 
     __test__ = False  # not a test case
 
     @property
     def excess(self) -> float:
-        """What of the statistic chance does not explain, in χ²; 0 where it has no degrees of freedom."""
-        return max(0.0, self.statistic - self.freedom - _SURE * self.spread) if self.freedom else 0.0
+        """What of the statistic chance does not explain, in χ²; 0 where it has no degrees of freedom.
+
+        Of a table, whose noise is known from few rows, chance explains
+        ``freedom·F⁻¹(1 − LEVEL; freedom, known)``.
+        """
+        if not self.freedom:
+            return 0.0
+        if self.known:
+            return max(0.0, self.statistic - self.freedom * _quantile(self.freedom, self.known))
+        return max(0.0, self.statistic - self.freedom - _SURE * self.spread)
 
 
 @dataclass(frozen=True)
@@ -95,7 +105,7 @@ def plane_test(projected: Projected) -> Test:
     span = span[:, values > 1e-3 * values[0]]
     statistic = float(np.square(span.T @ projected.residual).sum())
     freedom, known = span.shape[1], projected.noise_degrees
-    return Test(statistic, chi2_tail(statistic, freedom, known), freedom, math.sqrt(2.0 * freedom))
+    return Test(statistic, chi2_tail(statistic, freedom, known), freedom, math.sqrt(2.0 * freedom), known)
 
 
 def chi2_test(projected: Projected) -> Test:
@@ -106,7 +116,8 @@ def chi2_test(projected: Projected) -> Test:
     if freedom <= 0:
         return Test(statistic, 1.0, 0)
     if projected.noise_degrees:
-        return Test(statistic, chi2_tail(statistic, freedom, projected.noise_degrees), freedom)
+        known = projected.noise_degrees
+        return Test(statistic, chi2_tail(statistic, freedom, known), freedom, known=known)
     extra = 0.0
     problem = lin.fit.problem.only(lin.fit.fitted)
     for c, channel in enumerate(problem.noise.channels):
@@ -130,6 +141,13 @@ def chi2_tail(statistic: float, freedom: int, known: int = 0) -> float:
     if known:
         return float(fdtrc(freedom, known, max(statistic, 0.0) / freedom))
     return float(gammaincc(0.5 * freedom, 0.5 * max(statistic, 0.0)))
+
+
+def _quantile(freedom: int, known: int) -> float:
+    """Of F(freedom, known), what chance exceeds with probability `LEVEL`."""
+    from scipy.special import fdtri
+
+    return float(fdtri(freedom, known, 1.0 - LEVEL))
 
 
 def _outer(regions: Floats, plane: Floats) -> Floats:
