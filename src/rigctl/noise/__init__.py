@@ -7,6 +7,7 @@ from rigctl.noise.record import NoiseRecord
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
+from rigctl.noise.statements import recounted
 from rigctl.noise.whitening import Whitener, whiten
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "find_edges",
     "find_spikes",
     "find_spikes_in_records",
+    "recounted",
     "row_noise",
     "same_reading",
     "usual_spacing",

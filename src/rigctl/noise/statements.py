@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from rigctl.noise.noise_model import ChannelNoise
+from rigctl.noise.noise_model import ChannelNoise, NoiseModel
 
 _FROM = {
     "replicates": "differences between replicates and quiet stretches",
@@ -26,7 +27,7 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
     if noise.step > 0.5 * noise.sigma:
         parts.append(f"converter steps of {noise.step / noise.sigma:.1f} sigma")
     if noise.masked:
-        parts.append(f"{noise.masked} {'spike' if noise.masked == 1 else 'spikes'} masked")
+        parts.append(_spikes(noise.masked))
     if known is not None and not noise.guessed and not 1 / 3 < noise.sigma / known < 3:
         times = noise.sigma / known
         parts.append(
@@ -51,5 +52,30 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
         parts.append(f"only guessed for {which}, from {why}")
     masked = sum(channel.masked for channel in channels)
     if masked:
-        parts.append(f"{masked} {'spike' if masked == 1 else 'spikes'} masked")
+        parts.append(_spikes(masked))
     return "Noise: " + "; ".join(parts)
+
+
+def recounted(noise: NoiseModel, masked: Sequence[int], edges: Sequence[int]) -> NoiseModel:
+    """The same noise for some of the records that it was learned from: of each channel so many samples of these
+    are spikes, and so many lie on edges.
+    """
+    channels = tuple(
+        replace(
+            channel,
+            masked=spikes,
+            edges=left_out,
+            statement=_recount(channel.statement, channel.masked, spikes),
+        )
+        for channel, spikes, left_out in zip(noise.channels, masked, edges, strict=True)
+    )
+    before = sum(channel.masked for channel in noise.channels)
+    return replace(noise, channels=channels, statement=_recount(noise.statement, before, sum(masked)))
+
+
+def _spikes(count: int) -> str:
+    return f"{count} {'spike' if count == 1 else 'spikes'} masked"
+
+
+def _recount(statement: str, before: int, after: int) -> str:
+    return statement.replace(f"; {_spikes(before)}", f"; {_spikes(after)}" if after else "")

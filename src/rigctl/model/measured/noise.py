@@ -18,6 +18,7 @@ from rigctl.noise import (
     estimate_noise,
     find_edges,
     find_spikes_in_records,
+    recounted,
     row_noise,
 )
 from rigctl.units import show
@@ -31,14 +32,25 @@ class DataNoise:
     ----------
     model: of all channels.
     ok: (n, outputs) of each record: read, no spike, and on no edge that the sampling does not resolve.
+    masked, edges: (records, outputs) how many samples are spikes, and lie on such edges; None where that was
+        not looked for.
     """
 
     model: NoiseModel
     ok: tuple[NDArray[np.bool_], ...]
+    masked: NDArray[np.intp] | None = None
+    edges: NDArray[np.intp] | None = None
 
     def only(self, places: Sequence[int]) -> DataNoise:
-        """Of these records alone."""
-        return replace(self, ok=tuple(self.ok[place] for place in places))
+        """Of these records alone: the noise as learned from all, what was left out counted in these."""
+        chosen = list(places)
+        masked, edges = (None if one is None else one[chosen] for one in (self.masked, self.edges))
+        model = recounted(
+            self.model,
+            [channel.masked for channel in self.model.channels] if masked is None else _sums(masked),
+            [channel.edges for channel in self.model.channels] if edges is None else _sums(edges),
+        )
+        return DataNoise(model, tuple(self.ok[place] for place in chosen), masked, edges)
 
 
 def noise_of(measurements: Measurements) -> DataNoise:
@@ -57,7 +69,8 @@ def noise_of(measurements: Measurements) -> DataNoise:
     spikes = find_spikes_in_records(records)
     ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
     noise = estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes)
-    return without_edges(DataNoise(noise, ok), measurements)
+    masked = np.array([mask.sum(axis=0) for mask in spikes], dtype=np.intp)
+    return without_edges(DataNoise(noise, ok, masked), measurements)
 
 
 def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
@@ -67,13 +80,15 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
         good & find_edges(record.times, np.where(good, record.values, np.nan), sigma)
         for record, good in zip(measurements.records, noise.ok, strict=True)
     ]
-    counts = np.sum([mask.sum(axis=0) for mask in found], axis=0)
-    channels = tuple(
-        replace(channel, edges=int(count))
-        for channel, count in zip(noise.model.channels, counts, strict=True)
-    )
+    edges = np.array([mask.sum(axis=0) for mask in found], dtype=np.intp)
+    model = recounted(noise.model, [channel.masked for channel in noise.model.channels], _sums(edges))
     ok = tuple(good & ~mask for good, mask in zip(noise.ok, found, strict=True))
-    return DataNoise(replace(noise.model, channels=channels), ok)
+    return replace(noise, model=model, ok=ok, edges=edges)
+
+
+def _sums(counts: NDArray[np.intp]) -> list[int]:
+    """(records, outputs) to a number for each output."""
+    return [int(count) for count in counts.sum(axis=0)]
 
 
 def _known(measurements: Measurements) -> dict[str, float]:
@@ -93,7 +108,7 @@ def _of_rows(measurements: Measurements) -> DataNoise:
     channels = []
     for place, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
         values = column(measurements, place)
-        size = float(np.nanmedian(np.abs(values)))
+        size = _typical(values)
         found = row_noise(points, values, series)
         channels.append(
             _guessed(name, size, unit, known.get(name))
@@ -125,8 +140,15 @@ def _from_rows(name: str, size: float, unit: str, found: RowNoise, over: str) ->
 _SHARE = 0.005
 
 
+def _typical(values: NDArray[np.float64]) -> float:
+    """The size of a typical value; where most of them are 0, the largest, and 1 where all are."""
+    sizes = np.abs(values[np.isfinite(values)])
+    largest = float(sizes.max(initial=0.0))
+    return (float(np.median(sizes)) or largest) if largest else 1.0
+
+
 def _guessed(name: str, size: float, unit: str, known: float | None) -> ChannelNoise:
-    sigma = max(_SHARE * size, known or 0.0) or 1e-12
+    sigma = max(_SHARE * size, known or 0.0)
     from_rig = known is not None and known >= sigma
     why = "what the rig file says" if from_rig else f"{100 * _SHARE:g} % of a typical value"
     return ChannelNoise(
