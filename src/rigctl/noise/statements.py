@@ -57,8 +57,8 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
 
 
 def recounted(noise: NoiseModel, masked: Sequence[int], edges: Sequence[int]) -> NoiseModel:
-    """The same noise for some of the records that it was learned from: of each channel so many samples of these
-    are spikes, and so many lie on edges.
+    """The same noise for some of the records that it was learned from: so many samples of each channel
+    are spikes there, and so many lie on edges.
     """
     channels = tuple(
         replace(
