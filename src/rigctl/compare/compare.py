@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from rigctl.compare.adequacy import adequacy
 from rigctl.compare.candidates import candidates
@@ -101,32 +102,40 @@ def judge(
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
-    cells = cell_map(projected)
-    where = (*localise(linearisation, cells), *worst_stretches(fitted)) if locate else ()
-    directions = trends(fitted) if locate else ()
-    slots = slot_evidence(fitted) if locate else ()
-    rows = table_rows(fitted) if locate else ()
-    statement = (
-        table_statement(name, tests, rows, sentence(directions))
-        if rows
-        else _statement(name, tests.adequate, tests.p_value, where, sentence(directions))
-    )
-    return ModelComparison(
+    found = ModelComparison(
         name=name,
         fit=fitted,
         adequacy=tests,
-        where=where,
-        trends=directions,
-        slots=slots,
-        statement=statement,
+        where=(),
+        trends=(),
+        slots=(),
+        statement=_statement(name, tests.adequate, tests.p_value, (), ""),
         linearisation=linearisation,
         projected=projected,
         screening=screening,
-        cells=cells,
+        cells=cell_map(projected),
         whole=whole,
         excluded=frozenset(excluded),
+    )
+    return _located(found) if locate else found
+
+
+def _located(found: ModelComparison) -> ModelComparison:
+    """With the places of the error, its directions, the equations and, of a table, its rows."""
+    fitted, tests = found.fit, found.adequacy
+    where = (*localise(found.linearisation, found.cells), *worst_stretches(fitted))
+    directions, slots, rows = trends(fitted), slot_evidence(fitted), table_rows(fitted)
+    direction = sentence(directions)
+    return replace(
+        found,
+        where=where,
+        trends=directions,
+        slots=slots,
+        statement=table_statement(found.name, tests, rows, direction)
+        if rows
+        else _statement(found.name, tests.adequate, tests.p_value, where, direction),
         rows=rows,
-        findings=table_findings(linearisation, tests, screening, rows) if rows else (),
+        findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
     )
 
 

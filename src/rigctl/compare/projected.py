@@ -79,21 +79,7 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
     nuisance = np.vstack([*(one.nuisance for one in records), weight])
     signatures = _stack(records, "signatures", weight.shape[0])
     residual = np.concatenate([*(one.residual for one in records), prior])
-    lengths = np.linalg.norm(nuisance, axis=0)
-    scaled = nuisance / np.where(lengths > 0.0, lengths, 1.0)
-    if scaled.shape[1]:
-        left, values, right = np.linalg.svd(scaled, full_matrices=False)
-        good = values > _RANK * max(values[0], 1e-300)
-    else:
-        left, values, right = np.empty((residual.size, 0)), np.empty(0), np.empty((0, 0))
-        good = np.empty(0, dtype=bool)
-    basis = left[:, good]
-    inverse = (
-        (right[good].T / values[good]) @ basis.T
-        if good.any()
-        else np.zeros((nuisance.shape[1], residual.size))
-    )
-    inverse = inverse / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    basis, inverse = _span(nuisance)
     left_over = signatures - basis @ (basis.T @ signatures)
     sizes = linearisation.sizes
     norms, own = np.linalg.norm(left_over, axis=0), np.linalg.norm(signatures, axis=0)
@@ -111,9 +97,22 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
         coefficients=inverse @ signatures,
         moves=inverse @ residual,
         basis=basis,
-        rank=int(good.sum()),
-        freedom=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - int(good.sum()),
+        rank=basis.shape[1],
+        freedom=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - basis.shape[1],
     )
+
+
+def _span(columns: Floats) -> tuple[Floats, Floats]:
+    """(rows, rank) orthonormal basis of columns, each scaled to length one first; and the pseudo-inverse."""
+    lengths = np.linalg.norm(columns, axis=0)
+    scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
+    if not scaled.shape[1]:
+        return np.empty((columns.shape[0], 0)), np.zeros((0, columns.shape[0]))
+    left, values, right = np.linalg.svd(scaled, full_matrices=False)
+    good = values > _RANK * max(values[0], 1e-300)
+    basis = left[:, good]
+    inverse = (right[good].T / values[good]) @ basis.T
+    return basis, inverse / np.where(lengths > 0.0, lengths, 1.0)[:, None]
 
 
 def _stack(records: Sequence[RecordTriangle], name: str, more: int) -> Floats:

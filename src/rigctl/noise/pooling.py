@@ -65,39 +65,85 @@ def pool(
     total = sum(group.total_degrees for group in groups)
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
         return None
-    used, used_differences = _quietest(groups, differences, cells)
-    quiet, replicates = _chosen(groups, used), _chosen(differences, used_differences)
+    chosen = _taken(groups, differences, *_quietest(groups, differences, cells))
     seen: set[bytes] = set()
-    fit = start or fit_noise([*quiet, *replicates], white=0.0)
+    fit = start or fit_noise(chosen.windows, white=0.0)
     white, searched = fit.white, False
     for _ in range(_ROUNDS):
         if fit.sigma == 0.0:
             return None
-        far = [_far(group, fit) for group in groups]
-        far_differences = [_far(group, fit) for group in differences]
-        agreeing = _agreeing(groups, far, fit, cells, tolerance, means=True)
-        agreeing_too = _agreeing(differences, far_differences, fit, cells, tolerance, means=False) & ~agreeing
-        if not (agreeing.any() or agreeing_too.any()):
+        agreed = _agreed(groups, differences, fit, cells, tolerance)
+        if agreed is None:
             break
-        used, used_differences = agreeing, agreeing_too
-        quiet = _chosen(groups, used, far)
-        replicates = _chosen(differences, used_differences, far_differences)
-        fit = fit_noise([*quiet, *replicates], white=white)
-        state = used.tobytes() + used_differences.tobytes()
-        if state in seen:
+        chosen = agreed
+        fit = fit_noise(chosen.windows, white=white)
+        if chosen.state in seen:
             # looking for white noise on top costs ten times a fit, so it waits until the rest stands
-            fit = fit_noise([*quiet, *replicates])
+            fit = fit_noise(chosen.windows)
             if searched or fit.white == white:
                 break
             white, searched = fit.white, True
             seen.clear()
-        seen.add(state)
+        seen.add(chosen.state)
     return Pooled(
         fit,
-        sum(group.total_degrees for group in quiet),
-        sum(group.total_degrees for group in replicates),
-        used,
+        sum(group.total_degrees for group in chosen.quiet),
+        sum(group.total_degrees for group in chosen.replicates),
+        chosen.used,
     )
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """The cells that were taken, of the records and of their differences, and the windows left of them."""
+
+    used: NDArray[np.bool_]
+    used_differences: NDArray[np.bool_]
+    quiet: list[WindowGroup]
+    replicates: list[WindowGroup]
+
+    @property
+    def windows(self) -> list[WindowGroup]:
+        return [*self.quiet, *self.replicates]
+
+    @property
+    def state(self) -> bytes:
+        """The same where the same cells were taken."""
+        return self.used.tobytes() + self.used_differences.tobytes()
+
+
+def _taken(
+    groups: Sequence[WindowGroup],
+    differences: Sequence[WindowGroup],
+    used: NDArray[np.bool_],
+    used_differences: NDArray[np.bool_],
+    far: Sequence[NDArray[np.bool_]] | None = None,
+    far_differences: Sequence[NDArray[np.bool_]] | None = None,
+) -> _Taken:
+    """The windows of the cells, those left out that are far off."""
+    return _Taken(
+        used,
+        used_differences,
+        _chosen(groups, used, far),
+        _chosen(differences, used_differences, far_differences),
+    )
+
+
+def _agreed(
+    groups: Sequence[WindowGroup],
+    differences: Sequence[WindowGroup],
+    fit: NoiseFit,
+    cells: int,
+    tolerance: float,
+) -> _Taken | None:
+    """What agrees with a fit: of the records, else of their differences; None where nothing does."""
+    far = [_far(group, fit) for group in groups]
+    far_differences = [_far(group, fit) for group in differences]
+    used = _agreeing(groups, far, fit, cells, tolerance, means=True)
+    instead = _agreeing(differences, far_differences, fit, cells, tolerance, means=False) & ~used
+    if not (used.any() or instead.any()):
+        return None
+    return _taken(groups, differences, used, instead, far, far_differences)
 
 
 def _quietest(
