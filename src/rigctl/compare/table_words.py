@@ -61,12 +61,17 @@ def table_findings(
 def off(row: TableRow, predicted: float) -> str:
     """In words, e.g. ``the model is 3.0 % (0.29 cSt) below the measured value, 4.2 sigma``."""
     z = (predicted - row.measured) / row.noise
-    side = "above" if z > 0.0 else "below"
+    return f"the model is {_how_far(row, predicted)}, {abs(z):.1f} sigma"
+
+
+def _how_far(row: TableRow, predicted: float, value: str = "value") -> str:
+    """In words, e.g. ``3.0 % (0.29 cSt) below the measured value``."""
+    side = "above" if predicted > row.measured else "below"
     share = row.share(predicted)
     size = f"{100 * abs(share):.1f} %" if abs(share) < 10.0 else ""
     absolute = f"{abs(predicted - row.measured):.2g} {row.unit}"
     how_much = absolute if not size else f"{size} ({absolute})"
-    return f"the model is {how_much} {side} the measured value, {abs(z):.1f} sigma"
+    return f"{how_much} {side} the measured {value}"
 
 
 def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
@@ -92,17 +97,21 @@ def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list
     fit, records = linearisation.fit, linearisation.records
     over = curve_variable(fit.problem.measurements)
     count = max(2, len(rows) // 4)
-    single = all(one.residual.size == 1 for one in records) and len(records) == len(rows)
+    at = {fit.fitted.index(row.place): row for row in rows}
+    single = all(one.residual.size == 1 for one in records) and len(records) == len(rows) == len(at)
     if fit.solution is None or over is None or not single or len(rows) < 2 * count + 2:
         return []
     if len(fit.problem.measurements.variables) > 1 or linearisation.prior[0].any():
         return []
-    order = np.argsort([fit.problem.records[row.place].condition[over] for row in rows], kind="stable")
-    return [_end_off(linearisation, rows, sorted(end.tolist())) for end in (order[-count:], order[:count])]
+    # rows stand quantity by quantity, the linearisation record by record
+    by_record = [at[k] for k in range(len(records))]
+    points = [fit.problem.records[row.place].condition[over] for row in by_record]
+    order = np.argsort(points, kind="stable").tolist()
+    return [_end_off(linearisation, by_record, end) for end in (order[-count:], order[:count])]
 
 
 def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequence[int]) -> str:
-    """What a fit to the other rows predicts of those at `out`."""
+    """What a fit to the other rows predicts of those at `out`; `rows` in the order of the linearisation."""
     matrix = np.vstack([one.nuisance for one in linearisation.records])
     residual = np.concatenate([one.residual for one in linearisation.records])
     matrix = matrix / np.where((norms := np.linalg.norm(matrix, axis=0)) > 0.0, norms, 1.0)
@@ -115,11 +124,11 @@ def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequen
     chance = chi2_tail(float(off_by @ np.linalg.solve(covariance, off_by)), len(out), degrees)
     worst = int(np.argmax(np.abs(off_by) / np.sqrt(np.diag(covariance))))
     row, wide = rows[out[worst]], float(np.sqrt(covariance[worst, worst]))
-    share = 100.0 * abs(float(off_by[worst])) * row.noise / abs(row.measured)
-    side = "below" if off_by[worst] > 0.0 else "above"
+    value = "value" if len({one.quantity for one in rows}) == 1 else row.quantity
+    leads = _how_far(row, row.measured - float(off_by[worst]) * row.noise, value)
     return (
         f"Fitted without the {len(out)} values from {rows[out[0]].condition} to {rows[out[-1]].condition}, "
-        f"the model leads {share:.1f} % {side} the measured value at {row.condition}, "
+        f"the model leads {leads} at {row.condition}, "
         f"{abs(float(off_by[worst])) / wide:.1f} sigma of what noise and extrapolation do together: "
         f"{_often(chance)}"
     )
