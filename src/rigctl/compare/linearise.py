@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.compare.candidates import Candidate, candidates
+from rigctl.compare.free_unknowns import free_unknowns
 from rigctl.compare.regions import Regions, make_regions, quiet_columns
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.errors import RigctlError
@@ -114,9 +115,7 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
         the model cannot be simulated there.
     """
     chosen = tuple(candidates(fit.problem.model) if tried is None else tried)
-    held = set(fit.solution.at_bound) if fit.solution is not None else set()
-    fitted = fit.problem.shared if fit.solution is not None else ()  # a model taken as it is moves nothing
-    free = [unknown for unknown in fitted if unknown.name not in held]
+    free = free_unknowns(fit)
     places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]

@@ -93,15 +93,6 @@ _GUESSED = {
 }
 
 
-def _normalised(fit: FitResult) -> list[Floats]:
-    """(n, channels) of each fitted record: model less measurement over the noise, NaN where none counts."""
-    found = []
-    for k in fit.fitted:
-        record, ok = fit.problem.records[k], fit.problem.ok[k]
-        found.append(np.where(ok, (fit.outputs[k] - record.values) / fit.problem.sigma[k], np.nan))
-    return found
-
-
 def _rms(values: Floats) -> float:
     present = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(present**2))) if present.size else 0.0
@@ -109,7 +100,8 @@ def _rms(values: Floats) -> float:
 
 def _conditions(lin: Linearisation, cells: CellMap) -> list[Place]:
     fit, groups = lin.fit, np.array(lin.regions.groups)
-    normalised, units = _normalised(fit), variable_units(fit.problem.measurements)
+    normalised = list(map(fit.normalised_error, fit.fitted))
+    units = variable_units(fit.problem.measurements)
     found = []
     for group in dict.fromkeys(groups.tolist()):
         chosen = np.zeros(cells.z.shape, dtype=bool)
@@ -141,7 +133,8 @@ def _of_region(lin: Linearisation, phase: str | None, channel: str | None) -> Fl
     outputs = fit.problem.measurements.outputs
     columns = [k for k, name in enumerate(outputs) if channel in (None, name)]
     pieces = []
-    for k, values in zip(fit.fitted, _normalised(fit), strict=True):
+    for k in fit.fitted:
+        values = fit.normalised_error(k)
         record = fit.problem.records[k]
         names = np.array(record.phases, dtype=object)[record.phase]
         rows = np.ones(record.times.size, bool) if phase in (None, "all") else names == phase
@@ -164,7 +157,8 @@ def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
 
 def ranges(fit: FitResult) -> list[Place]:
     """Each channel's error over the channel's own range, in thirds."""
-    found, normalised = [], _normalised(fit)
+    found = []
+    normalised = list(map(fit.normalised_error, fit.fitted))
     measured = [fit.problem.records[k].values for k in fit.fitted]
     white = [whitened_errors(fit, k) for k in fit.fitted]
     whole = sum(float(np.nansum(values**2)) for values in normalised) or 1.0
@@ -193,8 +187,9 @@ def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
     if fit.problem.measurements.table:
         return ()
     found = []
-    total = sum(float(np.nansum(values**2)) for values in _normalised(fit)) or 1.0
-    for k, values in zip(fit.fitted, _normalised(fit), strict=True):
+    total = sum(float(np.nansum(values**2)) for values in map(fit.normalised_error, fit.fitted)) or 1.0
+    for k in fit.fitted:
+        values = fit.normalised_error(k)
         record, white = fit.problem.records[k], whitened_errors(fit, k)
         for p, phase in enumerate(record.phases):
             for c, channel in enumerate(fit.problem.measurements.outputs):

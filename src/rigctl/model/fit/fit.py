@@ -61,6 +61,12 @@ class FitResult:
         """The places of the records that the fit did not see."""
         return tuple(place for place in range(len(self.problem.records)) if place not in self.fitted)
 
+    def normalised_error(self, place: int) -> Floats:
+        """(n, channels) (f − y)/σ of the record at `place`; NaN where no reading counts."""
+        problem = self.problem
+        error = (self.outputs[place] - problem.records[place].values) / problem.sigma[place]
+        return np.where(problem.ok[place], error, np.nan)
+
     @cached_property
     def model(self) -> Model:
         """The model with the values found, their standard deviations and the runs they come from."""

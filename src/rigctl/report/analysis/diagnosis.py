@@ -11,7 +11,7 @@ from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import parameters_text
 from rigctl.effects.record_level import RECORD
 from rigctl.report.analysis.bars import Bar, bars
-from rigctl.report.analysis.overlay import normalised_error, typical_records
+from rigctl.report.analysis.overlay import typical_records
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
@@ -92,7 +92,7 @@ def signature_plot(diagnosis: Diagnosis) -> Plot | None:
     before = diagnosis.before.fit
     record, measurements = before.problem.records[k], before.problem.measurements
     panels: list[Panel] = []
-    residual = -normalised_error(before, k)
+    residual = -before.normalised_error(k)
     changes = [(trial.fit.outputs[k] - before.outputs[k]) / before.problem.sigma[k] for trial in trials]
     shows = np.max([np.abs(change).max(axis=0) for change in changes], axis=0) > _SHOWS
     for c, name in enumerate(measurements.outputs):

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from rigctl.compare.localise import variable_units, whitened_errors
 from rigctl.compare.result import ModelComparison
-from rigctl.report.analysis.overlay import normalised_error
 from rigctl.report.heat_map import HeatMap
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
@@ -39,7 +38,7 @@ def channel_maps(
     rows = sorted({_rounded(point[0]) for point in points})
     columns = sorted({_rounded(point[1]) for point in points})
     places = range(len(points))
-    plain = [normalised_error(model.fit, k) for k in places]
+    plain = [model.fit.normalised_error(k) for k in places]
     white = [whitened_errors(model.fit, k) for k in places]
     found = []
     for c, channel in enumerate(problem.measurements.outputs):

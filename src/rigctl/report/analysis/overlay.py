@@ -20,15 +20,9 @@ _MOST_POINTS = 1500
 _AFTER_MODELS = 2
 
 
-def normalised_error(fit: FitResult, k: int) -> Floats:
-    """(n, channels) model less measurement over the noise of the record at place k; NaN where none counts."""
-    record, ok = fit.problem.records[k], fit.problem.ok[k]
-    return np.where(ok, (fit.outputs[k] - record.values) / fit.problem.sigma[k], np.nan)
-
-
 def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
     """(what it is, place) of the worst, the middle and the best record."""
-    sizes = [float(np.sqrt(np.nanmean(normalised_error(fit, k) ** 2))) for k in range(len(fit.outputs))]
+    sizes = [float(np.sqrt(np.nanmean(fit.normalised_error(k) ** 2))) for k in range(len(fit.outputs))]
     order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
     chosen = {order[0]: "the worst record"}
     if len(order) > 2:
@@ -49,7 +43,7 @@ def overlay_plot(models: Sequence[tuple[str, FitResult]], k: int, key: str, capt
     seen = [c for c in range(len(problem.measurements.outputs)) if problem.ok[k][rows, c].any()]
     times = record.times[rows]  # once: what traces share is written to the page once
     panels = [_channel_panel(models, k, c, rows, times, named=c == seen[0]) for c in seen]
-    error = normalised_error(models[0][1], k)[rows]
+    error = models[0][1].normalised_error(k)[rows]
     residuals = [
         Trace(
             plain_name(problem.measurements.outputs[c]),

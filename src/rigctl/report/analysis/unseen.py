@@ -8,7 +8,7 @@ import numpy as np
 
 from rigctl.diagnose.unseen_group import Unseen
 from rigctl.report.analysis.bars import Bar, bars
-from rigctl.report.analysis.overlay import normalised_error, overlay_plot
+from rigctl.report.analysis.overlay import overlay_plot
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Plot
 from rigctl.report.section import Section, plot_slot, render
@@ -47,6 +47,6 @@ def _bars(name: str, values: dict[str, object]) -> object:
 def _worst(one: Unseen, number: int) -> Plot:
     """The record with the largest error."""
     fit = one.fit
-    k = max(fit.fitted, key=lambda place: float(np.nanmean(normalised_error(fit, place) ** 2)))
+    k = max(fit.fitted, key=lambda place: float(np.nanmean(fit.normalised_error(place) ** 2)))
     label = one.called(fit.problem.records[k].label)
     return overlay_plot([("model", fit)], k, f"unseen-{number}", f"The worst of these records, {label}")
