@@ -51,6 +51,30 @@ def test_values_of_one_size_have_one_sigma_and_steps_need_not_be_equal() -> None
     assert found.sigma == pytest.approx(0.2, rel=0.15)
 
 
+def test_what_a_curve_bends_more_than_a_quadratic_is_not_read_as_noise() -> None:
+    """A viscosity from −20 to 100 °C: four points each would read 0.35 % where there is none."""
+    wide = np.arange(-20.0, 101.0, 10.0)
+    bare = row_noise(wide, vogel(wide), ONE)
+    assert bare is not None
+    assert bare.sigma < 6e-4
+    rng = np.random.default_rng(6)
+    squares = []
+    for _ in range(300):
+        found = row_noise(wide, vogel(wide) * np.exp(0.001 * rng.standard_normal(13)), ONE)
+        assert found is not None
+        squares.append(found.sigma**2)
+    assert np.sqrt(np.mean(squares)) == pytest.approx(0.00112, rel=0.1)
+    assert found.differences == 9
+
+
+def test_noise_alone_is_read_from_four_points() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(500):
+        found = row_noise(TEMPERATURES, 100.0 + rng.standard_normal(13), ONE)
+        assert found is not None
+        assert found.differences == 10
+
+
 def test_each_curve_is_read_by_itself() -> None:
     points, series = np.tile(np.arange(10.0), 2), np.repeat([0, 1], 10)
     rng = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""Noise of a table: what neighbouring rows do not have in common with any smooth curve through them."""
+"""Noise of a table: what neighbouring rows do not have in common with a smooth curve through them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ Floats = NDArray[np.float64]
 
 #: neighbouring points of one difference: with their quadratic taken out, one number is left
 POINTS = 4
+#: so much less with one point more, and the cubic taken out too, is no chance: from 11 rows on, noise alone
+#: does so in less than one table of 10 000
+_BENDS = 0.5
 #: differences that a number can be read from
 FEWEST = 6
 #: values that span more than this factor are read with an error that is a share of the value
@@ -47,10 +50,16 @@ def row_noise(points: Floats, values: Floats, series: NDArray[np.intp]) -> RowNo
 
     Of each four neighbouring points x_1 … x_4 the one combination ``d = w·y``, ``|w| = 1``, is taken that no
     quadratic in x shows (``Σ w = Σ w·x = Σ w·x² = 0``; at equal steps the third difference over √20): of
-    independent values it has the variance σ², whatever smooth curve they lie on. So have differences between
-    rows at one point, of which the mean then stands for the point. y is ln(value) where the noise is a share
-    of the value. ``σ² = mean d²``, and as rows occur in several d its degrees of freedom are
-    ``tr(Q)²/tr(Q²)``, Q the matrix of the products of all w.
+    independent values it has the variance σ², and what a curve adds is its departure from a quadratic over
+    four points, at equal steps h ``h³·y‴/√20``. Where five points without their cubic show less than half of
+    that scatter, it was the curve's, and theirs is taken. What stays is a floor, below which noise cannot be
+    read: for the viscosity of a mineral oil over 13 rows 0.002 % from 20 to 80 °C and 0.05 % from −20 to
+    100 °C; of 9 rows, too few for differences of five points, 0.07 % and 1 %. Noise is then read too wide,
+    and an effect has to be larger to show.
+
+    Differences between rows at one point have the variance σ² too; their mean then stands for the point. y is
+    ln(value) where the noise is a share of the value. ``σ² = mean d²``, and as rows occur in several d its
+    degrees of freedom are ``tr(Q)²/tr(Q²)``, Q the matrix of the products of all w.
 
     Parameters
     ----------
@@ -67,11 +76,14 @@ def row_noise(points: Floats, values: Floats, series: NDArray[np.intp]) -> RowNo
     """
     relative = is_relative(values)
     logs = np.log(np.where(values > 0.0, values, np.nan)) if relative else values
+    present = np.where(np.isfinite(logs), logs, 0.0)
     weights = _contrasts(points, logs, series)
     if len(weights) < FEWEST:
         return None
-    differences = weights @ np.where(np.isfinite(logs), logs, 0.0)
-    sigma = float(np.sqrt(np.mean(differences**2)))
+    sigma = _scatter(weights @ present)
+    longer = _contrasts(points, logs, series, POINTS + 1)
+    if len(longer) >= FEWEST and _scatter(longer @ present) < _BENDS * sigma:
+        weights, sigma = longer, _scatter(longer @ present)
     if sigma <= 1e-12 * float(np.nanmax(np.abs(logs))):
         return None
     products = weights @ weights.T
@@ -80,8 +92,12 @@ def row_noise(points: Floats, values: Floats, series: NDArray[np.intp]) -> RowNo
     return RowNoise(sigma, relative, len(weights), repeats, max(1, int(degrees)))
 
 
-def _contrasts(points: Floats, values: Floats, series: NDArray[np.intp]) -> Floats:
-    """(differences, rows) the weights of each difference: between repeats, and of neighbouring points."""
+def _scatter(differences: Floats) -> float:
+    return float(np.sqrt(np.mean(differences**2)))
+
+
+def _contrasts(points: Floats, values: Floats, series: NDArray[np.intp], size: int = POINTS) -> Floats:
+    """(differences, rows) the weights of each difference: between repeats, and of `size` neighbours."""
     found: list[Floats] = []
     for one in np.unique(series):
         rows = np.flatnonzero((series == one) & np.isfinite(values) & np.isfinite(points))
@@ -91,10 +107,10 @@ def _contrasts(points: Floats, values: Floats, series: NDArray[np.intp]) -> Floa
             repeats = rows[points[rows] == x]
             means[number, repeats] = 1.0 / repeats.size
             found += _helmert(repeats, values.size)
-        for first in range(xs.size - POINTS + 1):
-            chosen = slice(first, first + POINTS)
+        for first in range(xs.size - size + 1):
+            chosen = slice(first, first + size)
             centred = (xs[chosen] - xs[chosen].mean()) / np.ptp(xs[chosen])
-            weight = np.linalg.svd(np.vander(centred, POINTS - 1).T)[2][-1] @ means[chosen]
+            weight = np.linalg.svd(np.vander(centred, size - 1).T)[2][-1] @ means[chosen]
             found.append(weight / np.linalg.norm(weight))
     return np.array(found).reshape(-1, values.size)
 
