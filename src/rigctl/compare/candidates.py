@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.declaration import Effect, EffectParameter, qualified
 from rigctl.effects.registry import library
 from rigctl.model.model import Model
 
@@ -34,6 +34,10 @@ class Candidate:
     def name(self) -> str:
         """The effect's name."""
         return self.effect.name
+
+    def parameter(self, column: str) -> EffectParameter:
+        """The effect's parameter that a system knows as `column`."""
+        return self.effect.parameter(column.partition(".")[2])
 
 
 def candidates(model: Model, excluded: Collection[str] = ()) -> tuple[Candidate, ...]:

@@ -13,5 +13,4 @@ def free_unknowns(fit: FitResult) -> list[Unknown]:
     """
     if fit.solution is None:
         return []
-    held = set(fit.solution.at_bound)
-    return [unknown for unknown in fit.problem.shared if unknown.name not in held]
+    return [unknown for unknown in fit.problem.shared if unknown.name not in fit.at_bound]

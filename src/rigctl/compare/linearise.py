@@ -73,12 +73,11 @@ class Linearisation:
 
         A parameter that the fit left at its bound is no nuisance.
         """
-        held = set(self.fit.solution.at_bound) if self.fit.solution is not None else set()
         moved = [
             (self.starts[place] + k, name)
             for place in fitted
             for k, name in enumerate(self.candidates[place].columns)
-            if name not in held
+            if name not in self.fit.at_bound
         ]
         joined = [column for column, _ in moved]
         columns = [

@@ -81,7 +81,7 @@ def near_best(found: Mapping[str, Alone | None]) -> list[str]:
 
 
 def _declared(candidate: Candidate) -> dict[str, EffectParameter]:
-    return {name: candidate.effect.parameter(name.partition(".")[2]) for name in candidate.columns}
+    return {name: candidate.parameter(name) for name in candidate.columns}
 
 
 def _sizes(candidate: Candidate) -> list[dict[str, float]]:

@@ -210,19 +210,20 @@ def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParam
     """An effect's parameters as fitted, in the units they are shown in."""
     found = {}
     for column in candidate.columns:
-        own = column.partition(".")[2]
-        declared = candidate.effect.parameter(own)
+        declared = candidate.parameter(column)
         value, std = trial.value(column)
         unit = parse_unit(declared.unit)
         offset = 0.0 if declared.difference else unit.offset
-        found[own] = FoundParameter((value - offset) / unit.factor, declared.unit, std / unit.factor)
+        found[declared.name] = FoundParameter(
+            (value - offset) / unit.factor, declared.unit, std / unit.factor
+        )
     return found
 
 
 def _linear_parameters(candidate: Candidate, sizes: Sequence[float]) -> dict[str, FoundParameter]:
     found = {}
     for column, size in zip(candidate.columns, sizes, strict=True):
-        declared = candidate.effect.parameter(column.partition(".")[2])
+        declared = candidate.parameter(column)
         factor = parse_unit(declared.unit).factor
         found[declared.name] = FoundParameter((declared.at_null + size) / factor, declared.unit, math.nan)
     return found
@@ -238,13 +239,9 @@ def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
     """The leave-out check of one member of the best set, at its fit."""
     here = search.at(best)
     lin = here.linearisation
-    values = [
-        best.value(column)[0] - candidate.effect.parameter(column.partition(".")[2]).at_null
-        for column in candidate.columns
-    ]
     if len(lin.records) < 2:
         return None
-    return held_out_gain(lin, candidate.columns, values, here.held(candidate))
+    return held_out_gain(lin, candidate.columns, best.sizes(candidate), here.held(candidate))
 
 
 def _with_check(ranked: Ranked, check: HeldOut | None) -> Ranked:

@@ -59,7 +59,10 @@ class HeldOut:
 
 
 def held_out_gain(
-    lin: Linearisation, columns: Sequence[str], values: Sequence[float], held: Sequence[Floats] | None = None
+    lin: Linearisation,
+    columns: Sequence[str],
+    values: Sequence[float] | Floats,
+    held: Sequence[Floats] | None = None,
 ) -> HeldOut:
     """Leave-out gains of the effect parameters `columns`, which are among the nuisances of `lin`.
 

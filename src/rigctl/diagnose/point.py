@@ -66,15 +66,8 @@ class Point:
     def held(self, member: Candidate) -> list[Floats]:
         """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
         place = next(place for place in self._members if self._name(place) == member.name)
-        solution, start = self.trial.fit.solution, self._everything.starts[place]
-        at_bound = [name in solution.at_bound for name in member.columns] if solution is not None else []
-        sizes = np.array(
-            [
-                self.trial.value(name)[0] - member.effect.parameter(name.partition(".")[2]).at_null
-                for name in member.columns
-            ]
-        )
-        moved = np.where(at_bound, sizes, 0.0)
+        start, at_bound = self._everything.starts[place], self.trial.fit.at_bound
+        moved = np.where([name in at_bound for name in member.columns], self.trial.sizes(member), 0.0)
         return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
 
     def _name(self, place: int) -> str:
@@ -111,5 +104,5 @@ class Point:
 
 def _from_here_to_null(member: Candidate) -> Candidate:
     """Its shapes are the fit's; what a threshold keeps from its slope, the way to its null tells."""
-    null = {name: member.effect.parameter(name.partition(".")[2]).at_null for name in member.sizes}
+    null = {name: member.parameter(name).at_null for name in member.sizes}
     return replace(member, shapes={}, sizes=null)

@@ -14,7 +14,7 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
     seen: dict[str, bool] = {}
     for place, candidate in enumerate(lin.candidates):
         for column, name in enumerate(candidate.columns):
-            parameter = candidate.effect.parameter(name.partition(".")[2])
+            parameter = candidate.parameter(name)
             typical = abs(parameter.start - parameter.at_null)
             size = float(projected.lengths[lin.starts[place] + column]) * typical
             seen[candidate.name] = seen.get(candidate.name, False) or size >= _SEEN

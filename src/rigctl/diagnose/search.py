@@ -224,9 +224,7 @@ class Search:
         if found is None:
             return []
         at = {u.name: float(v) for u, v in zip(found.fit.problem.shared, found.fit.values, strict=True)}
-        own = {
-            name: found.candidate.effect.parameter(name.partition(".")[2]) for name in found.candidate.columns
-        }
+        own = {name: found.candidate.parameter(name) for name in found.candidate.columns}
         return [at.get(name, declared.at_null) - declared.at_null for name, declared in own.items()]
 
     def _near_alone(self, effects: Sequence[str]) -> list[str]:

@@ -62,6 +62,12 @@ class Trial:
         names = [unknown.name for unknown in self.fit.problem.shared]
         return float(self.fit.values[names.index(column)]), self.fit.std.get(column, math.nan)
 
+    def sizes(self, candidate: Candidate) -> Floats:
+        """(columns) the parameters of one of its effects less their null, SI."""
+        return np.array(
+            [self.value(name)[0] - candidate.parameter(name).at_null for name in candidate.columns]
+        )
+
 
 def plain(fitted: FitResult) -> Trial:
     """The model itself, as it was fitted."""
@@ -101,7 +107,7 @@ def _values(candidate: Candidate) -> dict[str, float]:
     a bound, from which a fit must find in first."""
     values = {}
     for column in candidate.columns:
-        declared = candidate.effect.parameter(column.partition(".")[2])
+        declared = candidate.parameter(column)
         room = _ROOM * (declared.high - declared.low)
         values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
     chosen = {**candidate.sizes, **candidate.shapes}

@@ -210,9 +210,10 @@ def _rival(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float |
     steady = replace(scenario.plain, seed=0)
     alike, apart = None, None
     for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
-        seen = _reference(_plain_of(scenario)).seen
+        reference = _reference(_plain_of(scenario))
+        seen = reference.seen
         with_it = clean_outputs(hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape))
-        left = refitted(_reference(_plain_of(scenario)).fitted, with_it)
+        left = refitted(reference.fitted, with_it)
         readings = [record.values for record in left.problem.records]
         changed = seen.of([a - b for a, b in zip(readings, left.outputs, strict=True)])
         rivals = _rivals(seen, changed, wanted.effect)

@@ -61,6 +61,11 @@ class FitResult:
         """The places of the records that the fit did not see."""
         return tuple(place for place in range(len(self.problem.records)) if place not in self.fitted)
 
+    @cached_property
+    def at_bound(self) -> frozenset[str]:
+        """The shared unknowns that the fit left at a bound; none of a model that was taken as it is."""
+        return frozenset() if self.solution is None else frozenset(self.solution.at_bound)
+
     def normalised_error(self, place: int) -> Floats:
         """(n, channels) (f − y)/σ of the record at `place`; NaN where no reading counts."""
         problem = self.problem
