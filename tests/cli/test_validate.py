@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rigctl.cli.main import app
-from rigctl.errors import RigctlError
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.validation.outcome import Outcome
 from rigctl.validation.scenario import Scenario, Wanted
 
@@ -75,3 +75,16 @@ def test_it_goes_on_where_it_was_and_never_mixes_by_accident() -> None:
         told()
     told("--resume")
     assert sorted(DONE) == sorted(scenario.name for scenario in SCENARIOS)
+
+
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(scenario: Scenario) -> Outcome:
+        if DONE:
+            raise KeyboardInterrupt
+        return work(scenario)
+
+    monkeypatch.setattr("rigctl.validation.work.carry_out", stopped)
+    with pytest.raises(RigctlError, match="every finished trial is kept, and '--resume' goes on") as end:
+        told("--tier", "quick")
+    assert end.value.exit_code == ExitCode.INTERRUPTED
+    assert len(Path("validation/quick.jsonl").read_text("utf-8").splitlines()) == 1

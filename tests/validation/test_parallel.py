@@ -11,10 +11,10 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-from rigctl.validation.parallel import end_with_parent
+from rigctl.validation.parallel import begin_worker
 
 if __name__ == "__main__":
-    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent)
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=begin_worker)
     pool.submit(print, "working", flush=True).result()
     pool.submit(time.sleep, 600.0)
     time.sleep(600.0)
@@ -30,3 +30,15 @@ def test_processes_end_with_the_one_that_started_them(tmp_path: Path) -> None:
         parent.kill()
         # the process that works holds the other end too: it is read to its end when both are gone
         assert parent.communicate(timeout=60.0)[0] == ""
+
+
+def test_ctrl_c_ends_a_process_at_once_and_without_a_word() -> None:
+    """In a process of its own, as the terminal sends it to each of them."""
+    code = (
+        "import signal, time; from rigctl.validation.parallel import begin_worker; "
+        "begin_worker(); signal.raise_signal(signal.SIGINT); time.sleep(600.0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True, text=True, timeout=60.0
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -88,23 +90,20 @@ def validate(
 @contextmanager
 def _told() -> Iterator[Callable[[Standing], None]]:
     """What is told of the progress: a line that changes on a terminal, else one now and then."""
-    from rich.console import Console
+    from rigctl.cli.telling import telling
 
-    console = Console(stderr=True, highlight=False)
-    if console.is_terminal:
-        with console.status("Beginning") as status:
-            yield lambda standing: status.update(str(standing))
-        return
-    last = -_OFTEN
+    often = 0.0 if sys.stderr.isatty() else _OFTEN
+    last = -math.inf
+    with telling("every finished trial is kept, and '--resume' goes on") as tell:
 
-    def tell(standing: Standing) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last >= _OFTEN or standing.done == standing.total:
-            last = now
-            console.print(str(standing), soft_wrap=True)
+        def told(standing: Standing) -> None:
+            nonlocal last
+            now = time.monotonic()
+            if now - last >= often or standing.done == standing.total:
+                last = now
+                tell(str(standing))
 
-    yield tell
+        yield told
 
 
 def _show(found: Sequence[Outcome], path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -96,7 +97,7 @@ def _outcomes(scenarios: Sequence[Scenario], work: Work, workers: int) -> Iterat
             yield attempt(work, scenario)
         return
     with _one_thread_each():
-        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=end_with_parent)
+        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=begin_worker)
         try:
             yield from _finished(pool, scenarios, work, workers)
         except BrokenProcessPool as problem:
@@ -122,6 +123,12 @@ def _finished(
         ready, running = wait(running, return_when=FIRST_COMPLETED)
         for future in ready:
             yield future.result()
+
+
+def begin_worker() -> None:
+    """Let this process end with the one that started it, and by Ctrl-C at once: the other one tells of it."""
+    signal.signal(signal.SIGINT, lambda *_: os._exit(1))
+    end_with_parent()
 
 
 def end_with_parent() -> None:
