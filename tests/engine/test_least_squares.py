@@ -428,3 +428,36 @@ def test_records_of_the_cylinder_are_fitted_from_far_away(
         assert value == pytest.approx(nominal[unknown.name], rel=1e-4)
     for record, own in zip(records, result.local, strict=True):
         assert own[0] == pytest.approx(record.initial[pressure], rel=1e-3)
+
+
+def test_a_narrow_curved_valley_is_followed_to_its_end() -> None:
+    """Two gains that do nearly the same: their product is known 500 times as well as their ratio.
+
+    Along the valley the damping of Levenberg and Marquardt leaves a step nothing to gain, and a step of a
+    useful length leaves the valley, because the product bends.
+    """
+    x = np.linspace(0.0, 1.0, 40000)
+    sigma = 1e-3
+    random = np.random.default_rng(3)
+
+    def model(area: float, gain: float) -> Floats:
+        return area * (1.0 + gain) * x + 0.002 * gain * np.sin(9.0 * x)
+
+    seen = model(1.0, -0.05) + sigma * random.normal(size=x.size)
+
+    def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
+        area, gain = shared
+        residual = (model(area, gain) - seen) / sigma
+        columns = np.column_stack([(1.0 + gain) * x, area * x + 0.002 * np.sin(9.0 * x)]) / sigma
+        return [Block(residual, columns) if derivatives else Block(residual)]
+
+    def residuals(values: Floats) -> Floats:
+        return np.asarray((model(values[0], values[1]) - seen) / sigma)
+
+    begun = scipy_least_squares(lambda a: residuals(np.array([a[0], 0.0])), [0.9])
+    unknowns = [Unknown("area", float(begun.x[0])), Unknown("gain", 0.0, -0.5, 0.5, scale=0.01)]
+    found = least_squares(evaluate, unknowns, [()], options=Options(cost=1e-5, largest_step=1.0))
+    best = scipy_least_squares(residuals, [0.9, 0.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert begun.cost - best.cost > 10.0
+    assert found.cost - best.cost < 0.01 * (begun.cost - best.cost)
+    assert found.value("gain") == pytest.approx(best.x[1], abs=0.5 * float(found.std[1]))

@@ -17,7 +17,7 @@ from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
 
-#: a trial is fitted until the next step would lower its cost by less than this share
+#: a trial of noisy data is fitted until the next step would lower its cost by less than this share
 _COST = 1e-5
 #: a parameter may double in one step: an effect begins at its null, far below its size
 _STEP = 1.0
@@ -75,7 +75,9 @@ def plain(fitted: FitResult) -> Trial:
     return Trial((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
 
 
-def refit(fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | None = None) -> Trial | None:
+def refit(
+    fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | None = None, *, cost: float = _COST
+) -> Trial | None:
     """Fit the model's parameters and those of `chosen`; None when that cannot be done.
 
     Effects that `begin` does not have begin at their null, where the misfit is what it was: begun at the
@@ -86,6 +88,7 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | Non
     ----------
     fitted: of the model with none of the effects.
     begin: where the unknowns begin: the fit of another set; `fitted` when left out.
+    cost: fitted until the next step would lower the cost by less than this share.
     """
     try:
         model = fitted.model
@@ -94,7 +97,7 @@ def refit(fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | Non
         problem = fitted.problem.rebuilt(model)
         known = fitted if begin is None else begin
         problem = problem.with_shared(_started(problem, known))
-        found = fit(problem, fitted.held_out, local=known.local, cost=_COST, largest_step=_STEP)
+        found = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     assert found.solution is not None  # noqa: S101 - there is something to fit

@@ -38,8 +38,9 @@ class Outcome:
     classes: effects that it says the data cannot tell apart.
     first: the effect at the top of its ranking.
     sizes, amplitudes: λ and amplitude (SI) of each hidden effect, as they were made.
-    rival_cosine: largest |cos| between a hidden effect and any other of the library, in this data.
+    rival_cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of a hidden one, in this data.
     separation: d between the hidden effect and its nearest rival.
+    beside: λ of each of several hidden effects beside the others: what those leave of it.
     intervals: of parameters whose truth is known.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
     failure: what went wrong; such a trial counts against the tool.
@@ -55,6 +56,7 @@ class Outcome:
     amplitudes: tuple[float, ...] = ()
     rival_cosine: float | None = None
     separation: float | None = None
+    beside: tuple[float, ...] = ()
     intervals: tuple[Interval, ...] = ()
     untested: str = ""
     failure: str = ""
@@ -95,7 +97,7 @@ class Outcome:
     def read(cls, document: Mapping[str, Any]) -> Outcome:
         """The outcome that `document` made, also after a way through JSON."""
         fields = dict(document)
-        for name in ("effects", "sizes", "amplitudes"):
+        for name in ("effects", "sizes", "amplitudes", "beside"):
             fields[name] = tuple(fields[name])
         fields["scenario"] = Scenario.read(fields["scenario"])
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])

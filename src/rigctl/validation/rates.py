@@ -16,6 +16,8 @@ _Z = 1.959963984540054
 SEPARABLE = 2.33
 #: a rival nearer than this caps what any method can reach
 NEAR_TWIN = 0.85
+#: least λ of two effects that are to be found together
+TOGETHER = 10.0
 #: what stands in the confusion matrix where no effect was named
 NOTHING_NAMED = "none"
 
@@ -201,12 +203,13 @@ def _accepted(made: Sequence[Outcome]) -> list[Rate]:
 
 
 def _together(made: Sequence[Outcome]) -> list[Rate]:
-    two = _of(made, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= 10.0)
+    two = _of(made, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= TOGETHER)
+    beside = _of(two, lambda o: min(o.beside, default=0.0) >= TOGETHER)
+    name = "two hidden effects exactly"
     return [
-        _rate("two hidden effects exactly", "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),
-        _rate(
-            "two hidden effects exactly", f"all cos < {NEAR_TWIN:g}", _of(two, _distinct), lambda o: o.exact
-        ),
+        _rate(name, "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),
+        _rate(name, "λ >= 10 each, also beside the other", beside, lambda o: o.exact),
+        _rate(name, f"all cos < {NEAR_TWIN:g}", _of(two, _distinct), lambda o: o.exact),
     ]
 
 

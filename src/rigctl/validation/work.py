@@ -15,10 +15,8 @@ from rigctl.compare.compare import judge
 from rigctl.compare.fitting import fit_model
 from rigctl.compare.linearise import linearise
 from rigctl.compare.unexplained import Unexplained, unexplained
-from rigctl.diagnose.confound import separation
 from rigctl.diagnose.diagnose import diagnose_comparison
 from rigctl.diagnose.result import Diagnosis
-from rigctl.diagnose.trial import refit
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult, fit
@@ -36,6 +34,7 @@ from rigctl.validation.bench.sensing import Noise
 from rigctl.validation.hidden_effect import hide
 from rigctl.validation.hidden_effects import find_hidden
 from rigctl.validation.in_memory import measure
+from rigctl.validation.likeness import Likeness, beside_each_other, likeness
 from rigctl.validation.outcome import Interval, Outcome
 from rigctl.validation.scenario import Scenario, Wanted
 
@@ -43,8 +42,6 @@ Floats = NDArray[np.float64]
 
 #: sizes are wanted to some percent, and so is the misfit that they are read from
 _COST = 1e-3
-#: so many of the effects that look most like a hidden one are fitted to it
-_NEAREST = 2
 #: a normal distribution's two-sided 95 %
 _WIDTH = 1.959963984540054
 
@@ -74,15 +71,16 @@ def carry_out(scenario: Scenario) -> Outcome:
     if short:
         return replace(made, untested=f"no amplitude of {', '.join(short)} has the size wanted")
     diagnosis = _diagnose(scenario, made.amplitudes)
-    cosine, apart = _rival(scenario, amplitudes)
+    alike = _alike(scenario, amplitudes)
     return replace(
         made,
         verdict=diagnosis.verdict.value,
         effects=diagnosis.effects,
         classes=diagnosis.classes,
         first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
-        rival_cosine=cosine,
-        separation=apart,
+        rival_cosine=max((each.cosine for each in alike), default=None),
+        separation=min((each.separation for each in alike), default=None),
+        beside=_beside(scenario, amplitudes),
         intervals=tuple(_intervals(scenario, made.amplitudes, diagnosis)),
         seconds=time.process_time() - began,
     )
@@ -201,45 +199,30 @@ def _diagnose(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
     return diagnose_comparison(compared, measurements.runs)
 
 
-def _rival(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float | None, float | None]:
-    """(largest cosine, smallest separation) between what a hidden effect does and any other one.
+def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness]:
+    """Of each hidden effect, by itself."""
+    seen = _reference(_plain_of(scenario)).seen
+    return [
+        likeness(seen, _left(scenario, [each]), each[0].effect, each[1].size)
+        for each in zip(scenario.hidden, amplitudes, strict=True)
+    ]
 
-    The cosine is of what the bench hides, the separation also of what the library's effect of that name makes
-    of it: a bench's own shape may stand off from two effects of the library that are one to the data.
-    """
+
+def _beside(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float, ...]:
+    """λ of each of several hidden effects beside the others; none of a single one."""
+    if len(amplitudes) < 2:
+        return ()
+    left = _left(scenario, list(zip(scenario.hidden, amplitudes, strict=True)))
+    return beside_each_other(_reference(_plain_of(scenario)).seen, left, scenario.truth)
+
+
+def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:
+    """The textbook model fitted to readings without noise of a bench that hides something."""
     steady = replace(scenario.plain, seed=0)
-    alike, apart = None, None
-    for wanted, amplitude in zip(scenario.hidden, amplitudes, strict=True):
-        reference = _reference(_plain_of(scenario))
-        seen = reference.seen
-        with_it = clean_outputs(hide(steady, [(find_hidden(wanted.effect), amplitude.value)], scenario.shape))
-        left = refitted(reference.fitted, with_it)
-        readings = [record.values for record in left.problem.records]
-        changed = seen.of([a - b for a, b in zip(readings, left.outputs, strict=True)])
-        rivals = _rivals(seen, changed, wanted.effect)
-        cosine = max(
-            [*rivals.values(), *(_by_refit(seen, left, changed, name, amplitude.size) for name in rivals)],
-            default=0.0,
-        )
-        own = seen.share_of(wanted.effect, changed)
-        as_named = {} if own is None else _rivals(seen, own[1], wanted.effect)
-        d = separation(amplitude.size, max([cosine, *as_named.values()]))
-        alike = cosine if alike is None else max(alike, cosine)
-        apart = d if apart is None else min(apart, d)
-    return alike, apart
-
-
-def _rivals(seen: Unexplained, left: Floats, effect: str) -> dict[str, float]:
-    """The two of the other effects that explain most of it, and their cosines."""
-    others = [(cosine, name) for name, cosine in seen.cosines(left).items() if name != effect]
-    return {name: cosine for cosine, name in sorted(others, reverse=True)[:_NEAREST]}
-
-
-def _by_refit(seen: Unexplained, fitted: FitResult, left: Floats, effect: str, size: float) -> float:
-    """The cosine of a rival fitted to what is hidden, ``sqrt(Δχ²)/λ``: a fit goes further than slopes."""
-    share = seen.share_of(effect, left)
-    trial = refit(fitted, [share[0]]) if share is not None else None
-    return 0.0 if trial is None else min(1.0, math.sqrt(max(0.0, _squares(fitted) - trial.chi2)) / size)
+    chosen = [(find_hidden(wanted.effect), amplitude.value) for wanted, amplitude in hidden]
+    return refitted(
+        _reference(_plain_of(scenario)).fitted, clean_outputs(hide(steady, chosen, scenario.shape))
+    )
 
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:

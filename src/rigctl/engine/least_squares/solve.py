@@ -24,6 +24,10 @@ _SQUARES = Squares()
 _FIRST_DAMPING = 1e-2
 _STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a longer step
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
+_LESS = 1e-2  # of the damping, where that alone leaves a step little to gain
+_LITTLE = 10.0  # times the fall at which a fit is done, and the share of what is to be gained without damping
+_BOLD = 3  # steps of little damping that may lead nowhere
+_LEAST_GAIN = 1e-4  # share of the expected fall that a step must bring
 _PATIENCE = 4  # iterations that together must lower the cost by the share at which a fit is done
 
 
@@ -60,8 +64,10 @@ def least_squares(
     """Minimise ``sum of loss(residuals)/2 + sum of ((value - mean)/std)²/2`` over all parameters.
 
     Levenberg's damping of a Gauss-Newton step with Marquardt's scaling by the columns' lengths and Nielsen's
-    updates; the records' own parameters are eliminated record by record, so that the cost is linear in the
-    number of records; a parameter at a bound is held there while it would leave (see `bounded_step`).
+    updates; where the damping alone leaves a step little to gain, it is left out, and a step that then leaves
+    a curved valley is given up only when a second one does not lead back into it; the records' own parameters
+    are eliminated record by record, so that the cost is linear in the number of records; a parameter at a
+    bound is held there while it would leave (see `bounded_step`).
 
     Parameters
     ----------
@@ -77,7 +83,8 @@ def least_squares(
         the blocks do not fit the parameters.
 
     Sources: K. Madsen, H. B. Nielsen, O. Tingleff, Methods for non-linear least squares problems (2004),
-    section 3.2; J. J. Moré, The Levenberg-Marquardt algorithm (1978).
+    section 3.2; J. J. Moré, The Levenberg-Marquardt algorithm (1978); R. M. Chamberlain and others, The
+    watchdog technique for forcing convergence, Math. Programming Study 16 (1982) 1.
     """
     search = _Search(evaluate, unknowns, local, options or Options(), progress)
     return search.run()
@@ -105,6 +112,8 @@ class _Search:
         self.evaluations = self.iterations = 0
         self.column_size = np.zeros(len(self.all))
         self.falls: list[float] = []
+        self.turned_down = False  # a step from the present point
+        self.timid = 0  # steps of little damping that led nowhere
 
     def run(self) -> LeastSquaresResult:
         """Iterate to an end and conclude."""
@@ -121,12 +130,16 @@ class _Search:
         eager = True
         while self.iterations < self.options.iterations:
             self.iterations += 1
-            found = self._step()
+            before = self.cost
+            found = self._step(self.damping)
+            bolder = self._bolder(found)
+            if bolder is not None and self._dare(*bolder):
+                self.falls.append(before - self.cost)
+                continue
             ended = self._at_end(found)
             if ended is not None:
                 outcome, message = ended
                 break
-            before = self.cost
             eager, stalled = self._try(found, eager)
             self.falls.append(before - self.cost)
             stalled = stalled or self._out_of_patience()
@@ -190,7 +203,44 @@ class _Search:
         scale = np.maximum(self.column_size, weight)
         return np.where(scale > 0.0, scale, 1.0 / self.size)
 
-    def _step(self) -> BoundedStep:
+    def _bolder(self, found: BoundedStep) -> tuple[float, BoundedStep] | None:
+        """(damping, step) where it is the damping that leaves a step little to gain; None where it is not.
+
+        Damping holds back most what the data tell least: the way along a valley in which two parameters do
+        nearly the same.
+        """
+        expected = self._expected(found.step)
+        if self.timid >= _BOLD or self.turned_down or expected > _LITTLE * self.options.cost * self.cost:
+            return None
+        free = self._expected(self._step(_LEAST_DAMPING).step)
+        if free <= max(_LITTLE * expected, self.options.cost * self.cost):
+            return None
+        damping = self.damping
+        while self._expected(found.step) < 0.5 * free and damping > _LEAST_DAMPING:
+            damping *= _LESS
+            found = self._step(damping)
+        return damping, found
+
+    def _dare(self, damping: float, found: BoundedStep) -> bool:
+        """Take a step with less damping if that ends lower, straight away or by way of a second one."""
+        before, expected = self.damping, self._expected(found.step)
+        self.damping = damping
+        trial = self._ahead(found.step, 1.0)
+        blocks = self._blocks(trial, derivatives=True)
+        done = not isinstance(blocks, Refused) and self._taken(trial, blocks, expected)
+        if not done:
+            self.damping, self.timid = before, self.timid + 1
+        self._report(found, blocks, done, self.cost)
+        return done
+
+    def _taken(self, trial: Vector, blocks: Sequence[Block], expected: float) -> bool:
+        cost = self._cost(blocks, trial)
+        if self.cost - cost > _LEAST_GAIN * expected:
+            self._move(trial, cost, blocks)
+            return True
+        return self._led_back(trial, cost, blocks, expected)
+
+    def _step(self, damping: float) -> BoundedStep:
         """The damped step inside the bounds, in the parameters' own units."""
         scale = self._scale()
         flat = self.point.flat()
@@ -199,7 +249,7 @@ class _Search:
         upper = np.minimum(self.upper - flat, reach) * scale
         residual, weight = prior_rows(self.all, flat)
         weight = weight / scale
-        total = np.sqrt(weight**2 + self.damping)
+        total = np.sqrt(weight**2 + damping)
         like = self.point.like
         found = bounded_step(
             self.arrow.scaled(like(scale)),
@@ -257,7 +307,7 @@ class _Search:
         blocks = self._blocks(trial, derivatives=eager)
         cost = np.inf if isinstance(blocks, Refused) else self._cost(blocks, trial)
         gain = (self.cost - cost) / expected if expected > 0.0 else -1.0
-        accepted = gain > 1e-4
+        accepted = gain > _LEAST_GAIN
         complete = eager
         if gain > _STRETCHED:
             trial, cost, complete = self._stretch(found.step, trial, cost, eager)
@@ -266,16 +316,37 @@ class _Search:
             blocks = self._blocks(trial, derivatives=True)
             accepted = not isinstance(blocks, Refused)
         if accepted and not isinstance(blocks, Refused):
-            self.point, self.cost = trial, float(cost)
-            self._linearise(blocks)
+            self._move(trial, cost, blocks)
             self._relax(gain)
             return 0.25 < gain <= _STRETCHED, None
+        self.turned_down = True
         if 0.0 <= expected <= 1e-6 * self.cost and self.damping < 1.0:
             return False, (Outcome.COST, "The cost falls no further than the model is exact")
         self.damping, self.growth = self.damping * self.growth, self.growth * 2.0
         if self.damping > _MOST_DAMPING:
             return False, (Outcome.STALLED, "No step lowers the cost")
         return False, None
+
+    def _move(self, point: Vector, cost: float, blocks: Sequence[Block]) -> None:
+        self.point, self.cost, self.turned_down = point, float(cost), False
+        self._linearise(blocks)
+
+    def _led_back(self, trial: Vector, cost: float, blocks: Sequence[Block], expected: float) -> bool:
+        """Whether a second step, from where a first one raised the cost, ends below where that began.
+
+        Along a curved valley every step of a useful length leads up its side, and damping would shorten it to
+        nothing; from there the next one leads down to the valley's floor.
+        """
+        here = self.point, self.cost, self.arrow, self.column_size
+        self._move(trial, cost, blocks)
+        further = self._ahead(self._step(self.damping).step, 1.0)
+        found = self._blocks(further, derivatives=True)
+        reached = np.inf if isinstance(found, Refused) else self._cost(found, further)
+        if isinstance(found, Refused) or here[1] - reached <= _LEAST_GAIN * expected:
+            self.point, self.cost, self.arrow, self.column_size = here
+            return False
+        self._move(further, reached, found)
+        return True
 
     def _relax(self, gain: float) -> None:
         """Less damping after a step that went as the linear model expected (Nielsen's rule)."""
