@@ -94,6 +94,18 @@ def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
     assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
 
 
+def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_weak() -> None:
+    seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
+    before = cast("ModelComparison", None)
+    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], 1.0, {}, seen)
+    assert said == (
+        "Something is missing, and too little of it is seen to say what: position_gain would explain most of it "
+        "(3.9 sigmas), but with it mBIC rises by 2.4"
+    )
+    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], 1.0, {})
+    assert unseen == "Something is missing that no effect of the library explains"
+
+
 def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
     said = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage", "coulomb_friction"])
     assert "valve_leakage and coulomb_friction do not predict what they were not fitted on" in said

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from rigctl.compare.adequacy import LEVEL
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
 from rigctl.compare.fitting import require_free_parameters
@@ -86,6 +87,7 @@ def diagnose_comparison(
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
     remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
+    seen = ranking[0] if ranking and before.screening.p_value < LEVEL else None
     after = search.at(best) if best.candidates else None
     return Diagnosis(
         runs=tuple(runs),
@@ -98,7 +100,7 @@ def diagnose_comparison(
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
-        statement=remarks.statement or verdict_text(verdict, before, chosen, rivals, left, checks),
+        statement=remarks.statement or verdict_text(verdict, before, chosen, rivals, left, checks, seen),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),

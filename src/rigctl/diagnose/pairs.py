@@ -27,8 +27,8 @@ class PairGain:
     sizes: dict[str, float]
 
 
-def pair_gains(projected: Projected, keep: int = 12) -> tuple[PairGain, ...]:
-    """The best pairs of different effects, the largest gain first; of a pair's shapes the best one."""
+def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
+    """All pairs of different effects, the largest gain first; of a pair's shapes the best one."""
     lin = projected.linearisation
     usable = projected.usable
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
@@ -57,7 +57,7 @@ def pair_gains(projected: Projected, keep: int = 12) -> tuple[PairGain, ...]:
     best: dict[frozenset[str], PairGain] = {}
     for pair in sorted(found, key=lambda pair: -pair.gain):
         best.setdefault(frozenset(lin.candidates[place].name for place in pair.places), pair)
-    return tuple(best.values())[:keep]
+    return tuple(best.values())
 
 
 def _contradict(projected: Projected, one: int, other: int) -> bool:

@@ -1,8 +1,8 @@
 """Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again.
 
-No effect of a library has a bench's exact shape: what is left of a misfit that one explains to nine tenths is
-more likely to be its own shape than another effect. A set is therefore made longer only while it leaves more
-than `SHAPE` of the misfit, and a member that explains less than that share is not kept.
+No effect of a library has a bench's exact shape. What a second effect explains beyond a first one is
+therefore more likely to be the first one's shape than an effect where it is little (`_SLIGHT`), and a set
+that leaves more than hardly anything (`SHAPE`) is not what is missing, or not all of it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from rigctl.model.fit.problem import Problem
 Tell = Callable[[str], None]
 
 #: the share of a squared misfit that an effect of the right cause may leave by not having the bench's exact
-#: shape: 40 % of its size
-SHAPE = 0.15
+#: shape: a sixth of its size
+SHAPE = 0.03
+#: a member of a pair that explains less than this share of what both explain may be the shape of the other
+_SLIGHT = 0.15
 _BEST = 3
 #: rivals more alike than this are refitted
 _ALIKE = 0.5
@@ -111,7 +113,7 @@ class Search:
             if longer is None or self.mbic(longer) >= self.mbic(best):
                 break
             best = longer
-        return self._swapped(self._backward(best))
+        return self._exchanged(self._swapped(self._backward(best)))
 
     def left(self, trial: Trial) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more.
@@ -242,19 +244,47 @@ class Search:
         return cos > _ALIKE and separation(size, cos) < _FAR
 
     def _pairs(self, best: Trial) -> Trial:
-        """The best pairs of the linear problem, where they promise more than the best single effect."""
+        """The best pairs of the linear problem, with what the best single effect asks for and without it."""
         if self.most < 2 or (best.candidates and self.left(best) <= SHAPE):
             return best
         lin = self.before.linearisation
         promised = self.none.chi2 - min(
             [best.chi2, *(trial.chi2 for trial in self.trials.values())], default=self.none.chi2
         )
-        for pair in pair_gains(self.before.projected)[:_PAIRS]:
-            if pair.gain > promised + _WORTH:
-                chosen = tuple(lin.candidates[place] for place in pair.places)
-                self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
-                self._try(chosen, self.none)
+        pairs = [
+            (pair.gain, [lin.candidates[k] for k in pair.places])
+            for pair in pair_gains(self.before.projected)
+        ]
+        better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + _WORTH]
+        without = [chosen for _, chosen in pairs if not {one.name for one in chosen} & set(best.effects)]
+        for chosen in [*better, *without[:_PAIRS]]:
+            self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+            self._try(chosen, self.none)
+        if best.candidates:
+            self._forward(best)
         return self._least([best, *self.trials.values()])
+
+    def _exchanged(self, best: Trial) -> Trial:
+        """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
+        for _ in range(_SWAPS):
+            if len(best.candidates) < 2 or not self.left(best):
+                break
+            found = self._least([best, *self._exchanges(best)])
+            if found is best:
+                break
+            best = found
+        return best
+
+    def _exchanges(self, best: Trial) -> list[Trial]:
+        here = self.at(best)
+        found = []
+        for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
+            candidate = here.linearisation.candidates[score.candidate]
+            for member in best.candidates if score.gain > _WORTH else ():
+                self.tell(f"Refitting with {candidate.name} for {member.name}")
+                rest = tuple(one for one in best.candidates if one is not member)
+                found.append(self._try((*rest, candidate), best))
+        return [trial for trial in found if trial is not None]
 
     def _forward(self, best: Trial) -> Trial | None:
         """`best` and one effect more: the ones that its own linearisation promises most of."""
@@ -278,7 +308,7 @@ class Search:
             found = self._least([best, *shorter])
             if found is best:
                 reached = self.none.chi2 - best.chi2
-                slight = [one for one in shorter if one.chi2 - best.chi2 < SHAPE * reached]
+                slight = [one for one in shorter if one.chi2 - best.chi2 < _SLIGHT * reached]
                 if not slight:
                     break
                 found = min(slight, key=lambda one: one.chi2)

@@ -46,8 +46,15 @@ def verdict_text(
     rivals: Sequence[Rival],
     left: float,
     checks: Mapping[str, HeldOut | None],
+    seen: Ranked | None = None,
 ) -> str:
-    """The statement of a verdict; `checks` are those by leaving out, of each member of the best set."""
+    """The statement of a verdict.
+
+    Parameters
+    ----------
+    checks: those by leaving out, of each member of the best set.
+    seen: where no set pays for itself, the effect that is seen nevertheless.
+    """
     if verdict is Verdict.ADEQUATE:
         return before.statement
     described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
@@ -68,6 +75,12 @@ def verdict_text(
         return (
             "What is missing is more than one or two effects of the library, or not in it. The nearest is "
             f"this, but {why}: {described}"
+        )
+    if seen is not None:
+        return (
+            "Something is missing, and too little of it is seen to say what: "
+            f"{seen.effect} would explain most of it ({seen.size:.1f} sigmas), but with it mBIC rises by "
+            f"{seen.delta_bic:.1f}"
         )
     return "Something is missing that no effect of the library explains"
 

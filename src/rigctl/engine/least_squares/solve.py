@@ -26,7 +26,8 @@ _STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
 _LESS = 1e-2  # of the damping, where that alone leaves a step little to gain
 _LITTLE = 10.0  # times the fall at which a fit is done, and the share of what is to be gained without damping
-_BOLD = 3  # steps of little damping that may lead nowhere
+_BOLD = 2  # steps of little damping that may lead nowhere
+_ASIDE = 3  # steps from where one of them raised the cost
 _LEAST_GAIN = 1e-4  # share of the expected fall that a step must bring
 _PATIENCE = 4  # iterations that together must lower the cost by the share at which a fit is done
 
@@ -65,7 +66,7 @@ def least_squares(
 
     Levenberg's damping of a Gauss-Newton step with Marquardt's scaling by the columns' lengths and Nielsen's
     updates; where the damping alone leaves a step little to gain, it is left out, and a step that then leaves
-    a curved valley is given up only when a second one does not lead back into it; the records' own parameters
+    a curved valley is given up only when the next ones do not lead back into it; the records' own parameters
     are eliminated record by record, so that the cost is linear in the number of records; a parameter at a
     bound is held there while it would leave (see `bounded_step`).
 
@@ -222,7 +223,7 @@ class _Search:
         return damping, found
 
     def _dare(self, damping: float, found: BoundedStep) -> bool:
-        """Take a step with less damping if that ends lower, straight away or by way of a second one."""
+        """Take a step with less damping if that ends lower, straight away or by way of further ones."""
         before, expected = self.damping, self._expected(found.step)
         self.damping = damping
         trial = self._ahead(found.step, 1.0)
@@ -332,21 +333,23 @@ class _Search:
         self._linearise(blocks)
 
     def _led_back(self, trial: Vector, cost: float, blocks: Sequence[Block], expected: float) -> bool:
-        """Whether a second step, from where a first one raised the cost, ends below where that began.
+        """Whether further steps, from where a first one raised the cost, end below where that began.
 
         Along a curved valley every step of a useful length leads up its side, and damping would shorten it to
-        nothing; from there the next one leads down to the valley's floor.
+        nothing; from there the next ones lead down to the valley's floor.
         """
         here = self.point, self.cost, self.arrow, self.column_size
         self._move(trial, cost, blocks)
-        further = self._ahead(self._step(self.damping).step, 1.0)
-        found = self._blocks(further, derivatives=True)
-        reached = np.inf if isinstance(found, Refused) else self._cost(found, further)
-        if isinstance(found, Refused) or here[1] - reached <= _LEAST_GAIN * expected:
-            self.point, self.cost, self.arrow, self.column_size = here
-            return False
-        self._move(further, reached, found)
-        return True
+        for _ in range(_ASIDE):
+            further = self._ahead(self._step(self.damping).step, 1.0)
+            found = self._blocks(further, derivatives=True)
+            if isinstance(found, Refused):
+                break
+            self._move(further, self._cost(found, further), found)
+            if here[1] - self.cost > _LEAST_GAIN * expected:
+                return True
+        self.point, self.cost, self.arrow, self.column_size = here
+        return False
 
     def _relax(self, gain: float) -> None:
         """Less damping after a step that went as the linear model expected (Nielsen's rule)."""
