@@ -22,7 +22,7 @@ from rigctl.model.fit.fit import FitResult
 Floats = NDArray[np.float64]
 
 #: so many of the effects that look most like a hidden one are fitted to it
-_NEAREST = 5
+_NEAREST = 3
 #: how well, without noise
 _COST = 1e-3
 
