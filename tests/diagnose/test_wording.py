@@ -99,8 +99,8 @@ def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_we
     before = cast("ModelComparison", None)
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], 1.0, {}, seen)
     assert said == (
-        "Something is missing, and too little of it is seen to say what: position_gain would explain most of "
-        "it (3.9 sigmas), but with it mBIC rises by 2.4"
+        "Something is missing, and too little of it is seen to say what: position_gain explains more of it "
+        "than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
     )
     unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], 1.0, {})
     assert unseen == "Something is missing that no effect of the library explains"

@@ -87,7 +87,7 @@ def diagnose_comparison(
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
     remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
-    seen = ranking[0] if ranking and before.screening.p_value < LEVEL else None
+    seen = _seen(search, ranking) if not best.candidates else None
     after = search.at(best) if best.candidates else None
     return Diagnosis(
         runs=tuple(runs),
@@ -133,6 +133,18 @@ def _verdict(
     if close or failed:
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
+
+
+def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
+    """The refitted effect that explains most of what the scores alone see, and that does not pay for itself.
+
+    None where another test rejects as well: what that sees no effect has explained.
+    """
+    tests = search.before.adequacy.tests
+    rejecting = {name for name, test in tests.items() if len(tests) * test.p_value < LEVEL}
+    refitted = {trial.effects[0] for trial in search.trials.values() if len(trial.effects) == 1}
+    tried = [one for one in ranking if one.effect in refitted and one.size > 0.0]
+    return min(tried, key=lambda one: one.delta_bic, default=None) if rejecting == {"score"} else None
 
 
 def _ranking(search: Search, best: Trial) -> list[Ranked]:

@@ -216,7 +216,7 @@ def _reason(found: Diagnosis, trial: Trial, difference: float) -> str:
     if classes:
         text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
-        text += ". It is not all that is missing, or only the nearest to it in the library"
+        text += ". It is not all that is missing, has another shape, or is only the nearest in the library"
     return text
 
 

@@ -28,7 +28,7 @@ class PairGain:
 
 
 def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
-    """All pairs of different effects, the largest gain first; of a pair's shapes the best one."""
+    """All pairs that can stand together, the largest gain first; of a pair's shapes the best one."""
     lin = projected.linearisation
     usable = projected.usable
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)

@@ -2,7 +2,8 @@
 
 No effect of a library has a bench's exact shape. What a second effect explains beyond a first one is
 therefore more likely to be the first one's shape than an effect where it is little (`_SLIGHT`), and a set
-that leaves more than hardly anything (`SHAPE`) is not what is missing, or not all of it.
+that leaves more than hardly anything (`SHAPE`) may be it in another shape, a part of it, or a stand-in: it is
+not named.
 """
 
 from __future__ import annotations
@@ -100,20 +101,12 @@ class Search:
         return trial.mbic(self.samples, self.library)
 
     def best(self) -> Trial:
-        """The set that explains the misfit best: singles, pairs, then forward and backward."""
+        """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
         if not self.before.screening.scores:
             return self.none
         self._singles()
         best = self._swapped(self._least([self.none, *self.trials.values()]))
-        best = self._pairs(best)
-        while (
-            best.candidates and len(best.candidates) < min(self.most, _TOGETHER) and self.left(best) > SHAPE
-        ):
-            longer = self._forward(best)
-            if longer is None or self.mbic(longer) >= self.mbic(best):
-                break
-            best = longer
-        return self._exchanged(self._swapped(self._backward(best)))
+        return self._exchanged(self._swapped(self._backward(self._pairs(best))))
 
     def left(self, trial: Trial) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more.
@@ -248,16 +241,15 @@ class Search:
         if self.most < 2 or (best.candidates and self.left(best) <= SHAPE):
             return best
         lin = self.before.linearisation
-        promised = self.none.chi2 - min(
-            [best.chi2, *(trial.chi2 for trial in self.trials.values())], default=self.none.chi2
-        )
+        promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
             (pair.gain, [lin.candidates[k] for k in pair.places])
             for pair in pair_gains(self.before.projected)
         ]
         better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + _WORTH]
-        without = [chosen for _, chosen in pairs if not {one.name for one in chosen} & set(best.effects)]
-        for chosen in [*better, *without[:_PAIRS]]:
+        own = set(best.effects)
+        without = [chosen for gain, chosen in pairs if gain > _WORTH and not {c.name for c in chosen} & own]
+        for chosen in better + [one for one in without[: _PAIRS if own else 0] if one not in better]:
             self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
             self._try(chosen, self.none)
         if best.candidates:
@@ -272,7 +264,7 @@ class Search:
             found = self._least([best, *self._exchanges(best)])
             if found is best:
                 break
-            best = found
+            best = self._swapped(self._backward(found))
         return best
 
     def _exchanges(self, best: Trial) -> list[Trial]:

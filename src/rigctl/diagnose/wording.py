@@ -64,23 +64,34 @@ def verdict_text(
         if alike:
             text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
         if left > _LEFT:
-            text += (
-                f". A remainder of {100 * left:.0f} % of the misfit stays: its shape is not exactly this one"
-            )
+            remainder = f"A remainder of {100 * left:.0f} % of the misfit stays"
+            text += f". {remainder}: its shape may not be exactly this one"
         return text
     if verdict is Verdict.AMBIGUOUS:
         return _ambiguous_text(described, [rival for rival in rivals if not rival.told], checks)
-    if chosen:
-        why = f"with it {100 * left:.0f} % of the misfit is left" if left > SHAPE else _failed_text(checks)
+    return _outside_text(described, left, checks, seen)
+
+
+def _outside_text(
+    described: str, left: float, checks: Mapping[str, HeldOut | None], seen: Ranked | None
+) -> str:
+    """What is nearest, and why it is not named; `described` is "" where nothing pays for itself."""
+    if described and left > SHAPE:
+        return (
+            "Something is missing. The nearest in the library is this, but with it "
+            f"{100 * left:.0f} % of the misfit is left: its shape may be another one, something else may be "
+            f"missing beside it, or it only resembles what is missing: {described}"
+        )
+    if described:
         return (
             "What is missing is more than one or two effects of the library, or not in it. The nearest is "
-            f"this, but {why}: {described}"
+            f"this, but {_failed_text(checks)}: {described}"
         )
     if seen is not None:
         return (
             "Something is missing, and too little of it is seen to say what: "
-            f"{seen.effect} would explain most of it ({seen.size:.1f} sigmas), but with it mBIC rises by "
-            f"{seen.delta_bic:.1f}"
+            f"{seen.effect} explains more of it than any other effect ({seen.size:.1f} sigmas), but with it "
+            f"mBIC rises by {seen.delta_bic:.1f}"
         )
     return "Something is missing that no effect of the library explains"
 

@@ -37,7 +37,7 @@ def simulate(
     Parameters
     ----------
     excitations: the records; they share nothing and are integrated by `workers` threads, one for each core
-        unless told otherwise. The result does not depend on how many there are.
+        or as many as NUMBA_NUM_THREADS allows. The result does not depend on how many there are.
     columns, initial_columns: names of parameters and of states.
     tolerance: of each step.
 
@@ -54,7 +54,7 @@ def simulate(
     plan = _plan(compiled, columns, initial_columns, tolerance)
     for excitation in excitations:
         check_fits(excitation, compiled.system)
-    threads = min(len(excitations), workers or os.cpu_count() or 1)
+    threads = min(len(excitations), workers or _cores())
     if threads <= 1:
         results = [_integrate(plan, excitation) for excitation in excitations]
     else:
@@ -76,6 +76,11 @@ def simulate(
         columns=tuple(columns) + tuple(initial_columns),
         stats=tuple(result.statistics for result in results),
     )
+
+
+def _cores() -> int:
+    allowed = os.environ.get("NUMBA_NUM_THREADS", "")
+    return int(allowed) if allowed.isdigit() and int(allowed) else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

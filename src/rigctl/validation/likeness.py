@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 #: so many of the effects that look most like a hidden one are fitted to it
 _NEAREST = 3
+#: and not those that are less alike than this: no refit makes them near
+_FAR = 0.5
 #: how well, without noise
 _COST = 1e-3
 
@@ -33,13 +35,17 @@ class Likeness:
 
     Attributes
     ----------
-    cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of what is hidden.
-    separation: d of the library's effect of that name and the other one that explains most, by what each
-        leaves: the cosine in it is ``sqrt(Δχ²_other/Δχ²_own)``, its λ ``sqrt(Δχ²_own)``.
+    own: the library's effect of that name in the shape that explains most; None where it explains nothing.
+    cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of what is hidden, or by its slopes where
+        that is larger.
+    separation: d of the library's own effect and the other one that explains most, by what each leaves: the
+        cosine in it is ``sqrt(Δχ²_other/Δχ²_own)``, its λ ``sqrt(Δχ²_own)``. None where the own effect could
+        not be fitted.
     """
 
+    own: Candidate | None
     cosine: float
-    separation: float
+    separation: float | None
 
 
 def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Likeness:
@@ -59,34 +65,33 @@ def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Li
         for name, cosine in seen.cosines(own[1]).items():
             near[name] = max(near[name], cosine)
     others = sorted((name for name in near if name != effect), key=lambda name: -near[name])[:_NEAREST]
-    shapes = {name: seen.share_of(name, changed) for name in others}
-    falls = {name: _fall(left, shape[0]) for name, shape in shapes.items() if shape is not None}
+    shapes = [seen.share_of(name, changed) for name in others if near[name] > _FAR]
     slopes = max((cosine for name, cosine in alike.items() if name != effect), default=0.0)
-    most = math.sqrt(max(falls.values(), default=0.0))
+    falls = [_fall(left, shape[0]) for shape in shapes if shape is not None]
+    most = max([slopes * size, *(math.sqrt(fall) for fall in falls if fall is not None)])
+    fall = None if own is None else _fall(left, own[0])
     return Likeness(
-        cosine=min(1.0, max(slopes, most / size)),
-        separation=_apart(0.0 if own is None else math.sqrt(_fall(left, own[0])), most),
+        own=None if own is None else own[0],
+        cosine=min(1.0, most / size),
+        separation=_apart(math.sqrt(fall), most) if fall else None,
     )
 
 
-def beside_each_other(seen: Unexplained, left: FitResult, effects: Sequence[str]) -> tuple[float, ...]:
+def beside_each_other(left: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
     """λ of each of several hidden effects beside the others: what leaving its library's effect out costs.
 
-    An effect that another one nearly takes up has far less than its own size.
+    An effect that another one nearly takes up has far less than its own size. Empty where that is not known.
 
     Parameters
     ----------
-    seen, left: as of `likeness`, the readings with all of the effects.
+    left: the model without any effect, fitted to the readings with all of them.
     """
-    changed = _changed(seen, left)
-    shapes = [seen.share_of(effect, changed) for effect in effects]
-    chosen = [shape[0] for shape in shapes if shape is not None]
-    every = refit(left, chosen, cost=_COST) if len(chosen) == len(effects) else None
+    every = refit(left, chosen, cost=_COST)
     if every is None:
-        return tuple(0.0 for _ in effects)
+        return ()
     rest = [tuple(one for one in chosen if one is not member) for member in chosen]
     without = [refit(left, others, every.fit, cost=_COST) if others else plain(left) for others in rest]
-    return tuple(0.0 if one is None else math.sqrt(_below(one, every)) for one in without)
+    return tuple(math.sqrt(_below(one, every)) for one in without if one is not None)
 
 
 def _changed(seen: Unexplained, left: FitResult) -> Floats:
@@ -95,10 +100,10 @@ def _changed(seen: Unexplained, left: FitResult) -> Floats:
     return seen.of([read - fitted for read, fitted in zip(readings, left.outputs, strict=True)])
 
 
-def _fall(left: FitResult, candidate: Candidate) -> float:
-    """Of χ², by a refit with one effect more."""
+def _fall(left: FitResult, candidate: Candidate) -> float | None:
+    """Of χ², by a refit with one effect more; None where the model has no value with it."""
     found = refit(left, [candidate], cost=_COST)
-    return 0.0 if found is None else _below(plain(left), found)
+    return None if found is None else _below(plain(left), found)
 
 
 def _below(without: Trial, with_it: Trial) -> float:
@@ -106,4 +111,4 @@ def _below(without: Trial, with_it: Trial) -> float:
 
 
 def _apart(own: float, other: float) -> float:
-    return separation(own, min(1.0, other / own)) if own > 0.0 else 0.0
+    return separation(own, min(1.0, other / own))

@@ -38,9 +38,9 @@ class Outcome:
     classes: effects that it says the data cannot tell apart.
     first: the effect at the top of its ranking.
     sizes, amplitudes: λ and amplitude (SI) of each hidden effect, as they were made.
-    rival_cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of a hidden one, in this data.
-    separation: d between the hidden effect and its nearest rival.
-    beside: λ of each of several hidden effects beside the others: what those leave of it.
+    rival_cosine, separation: of the hidden effects the largest and the smallest, see `likeness.Likeness`.
+    beside: λ of each of several hidden effects beside the others: what those leave of it; empty where that is
+        not known.
     intervals: of parameters whose truth is known.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
     failure: what went wrong; such a trial counts against the tool.

@@ -204,7 +204,7 @@ def _accepted(made: Sequence[Outcome]) -> list[Rate]:
 
 def _together(made: Sequence[Outcome]) -> list[Rate]:
     two = _of(made, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= TOGETHER)
-    beside = _of(two, lambda o: min(o.beside, default=0.0) >= TOGETHER)
+    beside = _of(two, lambda o: min(o.beside, default=math.inf) >= TOGETHER)
     name = "two hidden effects exactly"
     return [
         _rate(name, "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),

@@ -79,8 +79,8 @@ def carry_out(scenario: Scenario) -> Outcome:
         classes=diagnosis.classes,
         first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
         rival_cosine=max((each.cosine for each in alike), default=None),
-        separation=min((each.separation for each in alike), default=None),
-        beside=_beside(scenario, amplitudes),
+        separation=min((one.separation for one in alike if one.separation is not None), default=None),
+        beside=_beside(scenario, amplitudes, alike),
         intervals=tuple(_intervals(scenario, made.amplitudes, diagnosis)),
         seconds=time.process_time() - began,
     )
@@ -208,12 +208,14 @@ def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness
     ]
 
 
-def _beside(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> tuple[float, ...]:
-    """λ of each of several hidden effects beside the others; none of a single one."""
-    if len(amplitudes) < 2:
+def _beside(
+    scenario: Scenario, amplitudes: Sequence[Amplitude], alike: Sequence[Likeness]
+) -> tuple[float, ...]:
+    """λ of each of several hidden effects beside the others; empty for one, and where it is not known."""
+    chosen = [each.own for each in alike if each.own is not None]
+    if len(chosen) < 2 or len(chosen) < len(amplitudes):
         return ()
-    left = _left(scenario, list(zip(scenario.hidden, amplitudes, strict=True)))
-    return beside_each_other(_reference(_plain_of(scenario)).seen, left, scenario.truth)
+    return beside_each_other(_left(scenario, list(zip(scenario.hidden, amplitudes, strict=True))), chosen)
 
 
 def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:

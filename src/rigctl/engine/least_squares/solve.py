@@ -25,7 +25,8 @@ _FIRST_DAMPING = 1e-2
 _STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a longer step
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
 _LESS = 1e-2  # of the damping, where that alone leaves a step little to gain
-_LITTLE = 10.0  # times the fall at which a fit is done, and the share of what is to be gained without damping
+_LITTLE = 10.0  # times the fall at which a fit is done is little, and so is a tenth of what could be gained
+_LATE = 1e-3  # share of the cost: a step that promises more is not one of the last
 _BOLD = 2  # steps of little damping that may lead nowhere
 _ASIDE = 3  # steps from where one of them raised the cost
 _LEAST_GAIN = 1e-4  # share of the expected fall that a step must bring
@@ -65,10 +66,11 @@ def least_squares(
     """Minimise ``sum of loss(residuals)/2 + sum of ((value - mean)/std)²/2`` over all parameters.
 
     Levenberg's damping of a Gauss-Newton step with Marquardt's scaling by the columns' lengths and Nielsen's
-    updates; where the damping alone leaves a step little to gain, it is left out, and a step that then leaves
-    a curved valley is given up only when the next ones do not lead back into it; the records' own parameters
-    are eliminated record by record, so that the cost is linear in the number of records; a parameter at a
-    bound is held there while it would leave (see `bounded_step`).
+    updates; where late in a fit the damping alone leaves a step little to gain, it is lowered until half of
+    what there is to gain is promised, and a step that then leaves a curved valley is given up only when the
+    next ones do not lead back into it; the records' own parameters are eliminated record by record, so that
+    the cost is linear in the number of records; a parameter at a bound is held there while it would leave
+    (see `bounded_step`).
 
     Parameters
     ----------
@@ -131,21 +133,9 @@ class _Search:
         eager = True
         while self.iterations < self.options.iterations:
             self.iterations += 1
-            before = self.cost
-            found = self._step(self.damping)
-            bolder = self._bolder(found)
-            if bolder is not None and self._dare(*bolder):
-                self.falls.append(before - self.cost)
-                continue
-            ended = self._at_end(found)
+            eager, ended = self._iterate(eager)
             if ended is not None:
                 outcome, message = ended
-                break
-            eager, stalled = self._try(found, eager)
-            self.falls.append(before - self.cost)
-            stalled = stalled or self._out_of_patience()
-            if stalled is not None:
-                outcome, message = stalled
                 break
         return conclude(
             self.arrow,
@@ -159,6 +149,20 @@ class _Search:
             iterations=self.iterations,
             evaluations=self.evaluations,
         )
+
+    def _iterate(self, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
+        """One step; returns whether the next one should be eager (see `_try`), and the end if this is it."""
+        before = self.cost
+        found = self._step(self.damping)
+        bolder = self._bolder(found)
+        ended = None
+        if bolder is None or not self._dare(*bolder):
+            ended = self._at_end(found)
+            if ended is not None:
+                return False, ended
+            eager, ended = self._try(found, eager)
+        self.falls.append(before - self.cost)
+        return eager, ended or self._out_of_patience()
 
     def _blocks(self, point: Vector, *, derivatives: bool) -> Sequence[Block] | Refused:
         self.evaluations += 1
@@ -211,35 +215,48 @@ class _Search:
         nearly the same.
         """
         expected = self._expected(found.step)
-        if self.timid >= _BOLD or self.turned_down or expected > _LITTLE * self.options.cost * self.cost:
+        late = expected <= min(_LITTLE * self.options.cost, _LATE) * self.cost and self.damping < 1.0
+        if not late or self.turned_down or self.timid >= _BOLD:
             return None
         free = self._expected(self._step(_LEAST_DAMPING).step)
         if free <= max(_LITTLE * expected, self.options.cost * self.cost):
             return None
         damping = self.damping
         while self._expected(found.step) < 0.5 * free and damping > _LEAST_DAMPING:
-            damping *= _LESS
+            damping = max(_LEAST_DAMPING, damping * _LESS)
             found = self._step(damping)
         return damping, found
 
     def _dare(self, damping: float, found: BoundedStep) -> bool:
-        """Take a step with less damping if that ends lower, straight away or by way of further ones."""
-        before, expected = self.damping, self._expected(found.step)
-        self.damping = damping
-        trial = self._ahead(found.step, 1.0)
-        blocks = self._blocks(trial, derivatives=True)
-        done = not isinstance(blocks, Refused) and self._taken(trial, blocks, expected)
-        if not done:
-            self.damping, self.timid = before, self.timid + 1
-        self._report(found, blocks, done, self.cost)
-        return done
+        """Take a step with less damping if that ends lower, straight away or by way of further ones.
 
-    def _taken(self, trial: Vector, blocks: Sequence[Block], expected: float) -> bool:
-        cost = self._cost(blocks, trial)
-        if self.cost - cost > _LEAST_GAIN * expected:
-            self._move(trial, cost, blocks)
-            return True
-        return self._led_back(trial, cost, blocks, expected)
+        Along a curved valley every step of a useful length leads up its side, and damping would shorten it to
+        nothing; from there the next ones lead down to the valley's floor.
+        """
+        here = self.point, self.cost, self.arrow, self.column_size, self.damping
+        before, largest = self.cost, self._largest(found.step)
+        enough = before - _LEAST_GAIN * self._expected(found.step)
+        self.damping = damping
+        for _ in range(1 + _ASIDE):
+            if not self._went(found.step):
+                break
+            if self.cost < enough:
+                self.timid += before - self.cost <= self.options.cost * before
+                self._report(largest, accepted=True)
+                return True
+            found = self._step(damping)
+        self.point, self.cost, self.arrow, self.column_size, self.damping = here
+        self.timid += 1
+        return False
+
+    def _went(self, step: Vector) -> bool:
+        """Go to a step's end, whatever the cost is there; False where the model has no value."""
+        trial = self._ahead(step, 1.0)
+        blocks = self._blocks(trial, derivatives=True)
+        if isinstance(blocks, Refused):
+            return False
+        self._move(trial, self._cost(blocks, trial), blocks)
+        return True
 
     def _step(self, damping: float) -> BoundedStep:
         """The damped step inside the bounds, in the parameters' own units."""
@@ -312,12 +329,14 @@ class _Search:
         complete = eager
         if gain > _STRETCHED:
             trial, cost, complete = self._stretch(found.step, trial, cost, eager)
-        self._report(found, blocks, accepted, cost if accepted else self.cost)
+        largest, reason = self._largest(found.step), blocks.reason if isinstance(blocks, Refused) else ""
         if accepted and not complete:
             blocks = self._blocks(trial, derivatives=True)
             accepted = not isinstance(blocks, Refused)
         if accepted and not isinstance(blocks, Refused):
             self._move(trial, cost, blocks)
+        self._report(largest, accepted=accepted, reason=reason)
+        if accepted:
             self._relax(gain)
             return 0.25 < gain <= _STRETCHED, None
         self.turned_down = True
@@ -331,25 +350,6 @@ class _Search:
     def _move(self, point: Vector, cost: float, blocks: Sequence[Block]) -> None:
         self.point, self.cost, self.turned_down = point, float(cost), False
         self._linearise(blocks)
-
-    def _led_back(self, trial: Vector, cost: float, blocks: Sequence[Block], expected: float) -> bool:
-        """Whether further steps, from where a first one raised the cost, end below where that began.
-
-        Along a curved valley every step of a useful length leads up its side, and damping would shorten it to
-        nothing; from there the next ones lead down to the valley's floor.
-        """
-        here = self.point, self.cost, self.arrow, self.column_size
-        self._move(trial, cost, blocks)
-        for _ in range(_ASIDE):
-            further = self._ahead(self._step(self.damping).step, 1.0)
-            found = self._blocks(further, derivatives=True)
-            if isinstance(found, Refused):
-                break
-            self._move(further, self._cost(found, further), found)
-            if here[1] - self.cost > _LEAST_GAIN * expected:
-                return True
-        self.point, self.cost, self.arrow, self.column_size = here
-        return False
 
     def _relax(self, gain: float) -> None:
         """Less damping after a step that went as the linear model expected (Nielsen's rule)."""
@@ -382,11 +382,11 @@ class _Search:
             trial, cost, complete = further, found, False
         return trial, cost, complete
 
-    def _report(
-        self, found: BoundedStep, blocks: Sequence[Block] | Refused, accepted: bool, cost: float
-    ) -> None:
+    def _report(self, largest: float, *, accepted: bool, reason: str = "") -> None:
         if self.progress is not None:
-            moved = np.abs(found.step.flat()) / np.maximum(self.size, np.abs(self.point.flat()))
-            reason = blocks.reason if isinstance(blocks, Refused) else ""
-            largest = float(moved.max(initial=0.0))
-            self.progress(Iteration(self.iterations, float(cost), largest, accepted, reason))
+            self.progress(Iteration(self.iterations, float(self.cost), largest, accepted, reason))
+
+    def _largest(self, step: Vector) -> float:
+        """The largest change of a parameter, in units of its size."""
+        moved = np.abs(step.flat()) / np.maximum(self.size, np.abs(self.point.flat()))
+        return float(moved.max(initial=0.0))
