@@ -215,7 +215,7 @@ class _Search:
         nearly the same.
         """
         expected = self._expected(found.step)
-        late = expected <= min(_LITTLE * self.options.cost, _LATE) * self.cost and self.damping < 1.0
+        late = expected <= min(_LITTLE * self.options.cost, _LATE) * self.cost
         if not late or self.turned_down or self.timid >= _BOLD:
             return None
         free = self._expected(self._step(_LEAST_DAMPING).step)

@@ -14,10 +14,10 @@ from rigctl.effects.record_level import RecordLevel, record_level
 from rigctl.engine.compile import CompiledSystem, Progress, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.least_squares import Block, Refused, Unknown
-from rigctl.engine.simulate import simulate
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
 from rigctl.model.fit.settings import level_of_rows
+from rigctl.model.fit.slopes import simulate_soundly
 from rigctl.model.fit.unknowns import (
     LocalUnknown,
     local_unknowns,
@@ -172,7 +172,7 @@ class Problem:
         """The model's outputs, with derivatives by `columns` and, if wanted, by the records' starts."""
         excitations = [self._excitation(place, shared, own) for place, own in enumerate(local)]
         starts = self.initial_names if initial else ()
-        return simulate(self.compiled, excitations, columns=columns, initial_columns=starts)
+        return simulate_soundly(self.compiled, excitations, columns, starts)
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by so many columns are held at once."""
