@@ -430,34 +430,62 @@ def test_records_of_the_cylinder_are_fitted_from_far_away(
         assert own[0] == pytest.approx(record.initial[pressure], rel=1e-3)
 
 
-def test_a_narrow_curved_valley_is_followed_to_its_end() -> None:
-    """Two gains that do nearly the same: their product is known 500 times as well as their ratio.
+class Valley:
+    """Two gains that do nearly the same: their product is known hundreds of times as well as their ratio.
 
     Along the valley the damping of Levenberg and Marquardt leaves a step nothing to gain, and a step of a
     useful length leaves the valley, because the product bends.
     """
-    x = np.linspace(0.0, 1.0, 40000)
+
     sigma = 1e-3
-    random = np.random.default_rng(3)
 
-    def model(area: float, gain: float) -> Floats:
-        return area * (1.0 + gain) * x + 0.002 * gain * np.sin(9.0 * x)
+    def __init__(self) -> None:
+        self.x = np.linspace(0.0, 1.0, 40000)
+        self.seen = self.model(1.0, -0.05) + self.sigma * np.random.default_rng(3).normal(size=self.x.size)
+        begun = scipy_least_squares(lambda area: self.residuals(np.array([area[0], 0.0])), [0.9])
+        self.begun, self.area = begun.cost, float(begun.x[0])
+        self.best = scipy_least_squares(self.residuals, [0.9, 0.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
 
-    seen = model(1.0, -0.05) + sigma * random.normal(size=x.size)
+    def model(self, area: float, gain: float) -> Floats:
+        return area * (1.0 + gain) * self.x + 0.002 * gain * np.sin(9.0 * self.x)
 
-    def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
+    def residuals(self, values: Floats) -> Floats:
+        return np.asarray((self.model(values[0], values[1]) - self.seen) / self.sigma)
+
+    def __call__(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
         area, gain = shared
-        residual = (model(area, gain) - seen) / sigma
-        columns = np.column_stack([(1.0 + gain) * x, area * x + 0.002 * np.sin(9.0 * x)]) / sigma
-        return [Block(residual, columns) if derivatives else Block(residual)]
+        by_gain = area * self.x + 0.002 * np.sin(9.0 * self.x)
+        columns = np.column_stack([(1.0 + gain) * self.x, by_gain]) / self.sigma
+        return [Block(self.residuals(shared), columns) if derivatives else Block(self.residuals(shared))]
 
-    def residuals(values: Floats) -> Floats:
-        return np.asarray((model(values[0], values[1]) - seen) / sigma)
+    def unknowns(self) -> list[Unknown]:
+        """Begun on the valley's floor, where the gain is none."""
+        return [Unknown("area", self.area), Unknown("gain", 0.0, -0.5, 0.5, scale=0.01)]
 
-    begun = scipy_least_squares(lambda a: residuals(np.array([a[0], 0.0])), [0.9])
-    unknowns = [Unknown("area", float(begun.x[0])), Unknown("gain", 0.0, -0.5, 0.5, scale=0.01)]
-    found = least_squares(evaluate, unknowns, [()], options=Options(cost=1e-5, largest_step=1.0))
-    best = scipy_least_squares(residuals, [0.9, 0.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert begun.cost - best.cost > 10.0
-    assert found.cost - best.cost < 0.01 * (begun.cost - best.cost)
-    assert found.value("gain") == pytest.approx(best.x[1], abs=0.5 * float(found.std[1]))
+
+def test_a_narrow_curved_valley_is_followed_to_its_end() -> None:
+    valley = Valley()
+    found = least_squares(valley, valley.unknowns(), [()], options=Options(cost=1e-5, largest_step=1.0))
+    assert valley.begun - valley.best.cost > 10.0
+    assert found.cost - valley.best.cost < 0.01 * (valley.begun - valley.best.cost)
+    assert found.value("gain") == pytest.approx(valley.best.x[1], abs=0.5 * float(found.std[1]))
+
+
+def test_a_model_without_a_value_beyond_the_valley_keeps_the_fit_where_it_was() -> None:
+    valley = Valley()
+
+    def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
+        return valley(shared, local, derivatives) if abs(shared[1]) < 1e-3 else Refused("no value there")
+
+    told: list[Iteration] = []
+    found = least_squares(
+        evaluate,
+        valley.unknowns(),
+        [()],
+        options=Options(cost=1e-5, largest_step=1.0),
+        progress=told.append,
+    )
+    assert found.converged
+    assert found.cost <= valley.begun
+    assert abs(found.value("gain")) < 1e-3
+    assert [one.number for one in told] == sorted({one.number for one in told})

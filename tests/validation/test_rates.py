@@ -79,6 +79,16 @@ def test_two_effects_must_both_be_named_and_nothing_else() -> None:
     assert not two("piston_leakage", "spring_load").exact
 
 
+def test_two_of_which_one_takes_up_the_other_are_counted_apart() -> None:
+    both = ("coulomb_friction", "piston_leakage")
+    missed = Outcome(TWO, verdict="missing_effect", effects=both[:1], beside=(12.0, 3.0))
+    found = Outcome(TWO, verdict="missing_effect", effects=both, beside=(12.0, 11.0))
+    unknown = Outcome(TWO, verdict="missing_effect", effects=both[:1])
+    rows = by_name([missed, found, unknown])
+    assert rows["two hidden effects exactly", "λ >= 10 each"] == (1, 3)
+    assert rows["two hidden effects exactly", "λ >= 10 each, also beside the other"] == (1, 2)
+
+
 def test_removed_truth_coverage_and_what_was_not_made() -> None:
     inside = Interval("coulomb_friction", "force", 100.0, 90.0, 110.0)
     outside = Interval("coulomb_friction", "force", 100.0, 101.0, 110.0)

@@ -33,6 +33,31 @@ def test_what_was_taken_from_the_library_is_not_named() -> None:
     assert not any("valve_leakage" in group for group in outcome.classes)
 
 
+@pytest.mark.parametrize(
+    ("effects", "chamber_pressures"),
+    [(("valve_delay_thermal", "position_backlash"), True), (("spring_load", "position_backlash"), False)],
+)
+def test_two_that_look_like_a_third_are_both_named(effects: tuple[str, str], chamber_pressures: bool) -> None:
+    """Both pairs look like a constant delay of the valve, beside a spring in the second one."""
+    hidden = tuple(Wanted(effect, 30.0) for effect in effects)
+    outcome = carry_out(replace(SMALL, kind="two", hidden=hidden, chamber_pressures=chamber_pressures))
+    assert outcome.exact
+    assert min(outcome.beside) > 20.0
+
+
+def test_a_stand_in_that_leaves_a_tenth_is_not_named() -> None:
+    hidden = (Wanted("spring_load", 30.0),)
+    outcome = carry_out(replace(SMALL, kind="removed", hidden=hidden, chamber_pressures=True))
+    assert outcome.first == "constant_load"
+    assert outcome.verdict == "outside_library"
+
+
+def test_an_effect_that_a_fitted_parameter_imitates_nearly_whole_is_found() -> None:
+    """The throttle's opening does all but half a percent of what the position sensor's gain does."""
+    outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("position_gain", 12.0, -1),)))
+    assert outcome.effects == ("position_gain",)
+
+
 def test_noise_may_be_told_instead_of_learned() -> None:
     outcome = carry_out(replace(SMALL, noise_known=True))
     assert outcome.verdict == "adequate"
