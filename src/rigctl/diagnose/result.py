@@ -22,7 +22,7 @@ class Verdict(StrEnum):
     ADEQUATE = "adequate"  #: the data show nothing that the model lacks
     MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does as well
     AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot tell which
-    OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no effect of the library is
+    OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no set of effects explains well enough
 
 
 @dataclass(frozen=True)
