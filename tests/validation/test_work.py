@@ -53,7 +53,7 @@ def test_a_stand_in_that_leaves_a_tenth_is_not_named() -> None:
 
 
 def test_an_effect_that_a_fitted_parameter_imitates_nearly_whole_is_found() -> None:
-    """The throttle's opening does all but half a percent of what the position sensor's gain does."""
+    """The throttle's opening does all but the smallest part of what the position sensor's gain does."""
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("position_gain", 12.0, -1),)))
     assert outcome.effects == ("position_gain",)
 

@@ -25,7 +25,7 @@ Clean: TypeAlias = list[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]
 SizeOf: TypeAlias = Callable[[Clean, Clean], float]
 
 #: how near λ must come to what is wanted
-_CLOSE = 0.05
+CLOSE = 0.05
 _MOST_TRIALS = 14
 #: largest change of the amplitude from one trial to the next
 _LEAP = 30.0
@@ -77,7 +77,7 @@ class Amplitudes:
             return found
 
         amplitude, found = _search(size, wanted, abs(hidden.typical), hidden.largest, tried)
-        reached = abs(found / wanted - 1.0) <= _CLOSE
+        reached = abs(found / wanted - 1.0) <= CLOSE
         return Amplitude(sign * amplitude, found, reached)
 
 
@@ -93,7 +93,7 @@ def _search(
         size(min(typical, largest))
     for _ in range(_MOST_TRIALS):
         _, found = _nearest(tried, wanted)
-        if abs(found / wanted - 1.0) <= _CLOSE:
+        if abs(found / wanted - 1.0) <= CLOSE:
             break
         low = max((a for a, s in tried if s < wanted), default=0.0)
         high = min((a for a, s in tried if s > wanted and a > low), default=math.inf)

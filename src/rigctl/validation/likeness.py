@@ -73,7 +73,7 @@ def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Li
     return Likeness(
         own=None if own is None else own[0],
         cosine=min(1.0, most / size),
-        separation=_apart(math.sqrt(fall), most) if fall else None,
+        separation=separation(math.sqrt(fall), min(1.0, most / math.sqrt(fall))) if fall else None,
     )
 
 
@@ -108,7 +108,3 @@ def _fall(left: FitResult, candidate: Candidate) -> float | None:
 
 def _below(without: Trial, with_it: Trial) -> float:
     return max(0.0, without.chi2 - with_it.chi2)
-
-
-def _apart(own: float, other: float) -> float:
-    return separation(own, min(1.0, other / own))

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rigctl.validation.amplitude import CLOSE
 from rigctl.validation.outcome import Outcome
 
 #: two-sided 95 %
@@ -16,9 +17,8 @@ _Z = 1.959963984540054
 SEPARABLE = 2.33
 #: a rival nearer than this caps what any method can reach
 NEAR_TWIN = 0.85
-#: least λ of two effects that are to be found together, and how near sizes come to what is wanted
+#: least λ of two effects that are to be found together
 TOGETHER = 10.0
-_CLOSE = 0.05
 #: what stands in the confusion matrix where no effect was named
 NOTHING_NAMED = "none"
 
@@ -205,7 +205,7 @@ def _accepted(made: Sequence[Outcome]) -> list[Rate]:
 
 def _together(made: Sequence[Outcome]) -> list[Rate]:
     two = _of(made, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= TOGETHER)
-    beside = _of(two, lambda o: min(o.beside, default=math.inf) >= (1.0 - _CLOSE) * TOGETHER)
+    beside = _of(two, lambda o: min(o.beside, default=math.inf) >= (1.0 - CLOSE) * TOGETHER)
     name = "two hidden effects exactly"
     return [
         _rate(name, "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),

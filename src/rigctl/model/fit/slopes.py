@@ -2,7 +2,7 @@
 
 The derivatives are those of the steps taken. Where a fast oscillation is passed over by steps as long
 as the tolerance allows, the outputs are right and the steps' own derivatives may grow from one step to the
-next: ten thousand times too large in one record of many, and a fit then moves nothing any more.
+next: too large by orders of magnitude in one record of many, and a fit then moves nothing any more.
 """
 
 from __future__ import annotations
