@@ -63,6 +63,12 @@ def test_a_column_lines_up() -> None:
     assert numbers.decimals([]) == 0
 
 
+def test_a_mean_error_far_below_the_rmse_has_no_sign() -> None:
+    assert f"{numbers.resolved(-2.3e-5, 0.14):+.2g}" == f"{numbers.resolved(2.3e-5, 0.14):+.2g}" == "+0"
+    assert numbers.resolved(-0.0471, 0.14) == pytest.approx(-0.0476)
+    assert numbers.resolved(2.3e-5, 0.0) == 2.3e-5
+
+
 def test_moments_keep_their_zone_and_nonsense_stays_as_it_is() -> None:
     assert numbers.moment("2026-11-21T09:30:00+00:00") == "2026-11-21 09:30:00 UTC"
     assert numbers.moment("soon") == "soon"

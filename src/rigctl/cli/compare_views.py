@@ -13,6 +13,7 @@ from rigctl.compare.chance import chance
 from rigctl.compare.localise import Place
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.report.bars import draw_bar
+from rigctl.report.numbers import resolved
 
 _ASKS = {
     "score": "does any effect of the library stand out?",
@@ -84,7 +85,7 @@ def _channels(model: ModelComparison) -> Table:
             titles.get(name, name),
             f"{one['rmse']:.4g}",
             *rest,
-            f"{one['bias']:+.2g}",
+            f"{resolved(one['bias'], one['rmse']):+.2g}",
             f"{one['max']:+.3g}",
             f"{100 * share:.2g} %" if share else f"{one['noise']:.3g}",
             escape(one["unit"]),

@@ -78,6 +78,12 @@ def fixed(value: float | None, places: int, *, sign: bool = False) -> str:
     return text.replace("-", "−", 1)
 
 
+def resolved(value: float, scale: float) -> float:
+    """A value to a hundredth of `scale`: of a mean error, what is smaller is rounding, and so is its sign."""
+    step = 0.01 * scale
+    return round(value / step) * step + 0.0 if step > 0.0 else value
+
+
 def duration(seconds: float | None) -> str:
     """A length of time in the two units a person would say it in, e.g. ``3 h 12 min``."""
     if seconds is None or not math.isfinite(seconds):

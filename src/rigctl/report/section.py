@@ -72,6 +72,7 @@ def environment() -> Environment:
         moment=numbers.moment,
         number=numbers.number,
         prose=numbers.prose,
+        resolved=numbers.resolved,
         symbol=numbers.symbol,
     )
     made.globals.update(plural=numbers.plural)
