@@ -213,5 +213,20 @@ def test_single_values_of_one_condition_are_told_by_their_rows() -> None:
     rows = [(40.0, vogel(40.0) * (1.0 + 0.01 * rng.standard_normal())) for _ in range(8)]
     run = made("same.csv", "oil_temperature [degC],kinematic_viscosity [cSt]", rows)
     found = answer("compare", run, "--model", OIL)
-    assert found["rows"][2]["condition"] == "row 3"
+    assert found["rows"][2]["condition"] == "record 2"
     assert found["channels"]["kinematic_viscosity"]["noise_source"] == "replicates"
+
+
+def test_a_record_has_one_number_everywhere_so_that_the_worst_is_the_one_excluded() -> None:
+    """What compare calls record N is what 'runs exclude N' leaves out."""
+    rng = np.random.default_rng(11)
+    rows = [(40.0, vogel(40.0) * (1.0 + 0.01 * rng.standard_normal())) for _ in range(8)]
+    rows[5] = (40.0, 2.0 * vogel(40.0))
+    run = made("worst.csv", "oil_temperature [degC],kinematic_viscosity [cSt]", rows)
+    found = answer("compare", run, "--model", OIL)["rows"]
+    worst = max(found, key=lambda row: abs(row["measured"] - row["model"]))
+    number = worst["condition"].removeprefix("record ")
+    told("runs", "exclude", run, number, "--reason", "mistyped")
+    listed = answer("runs", "show", run)["records"]
+    assert [entry["record"] for entry in listed if entry["excluded"]] == [int(number)] == [5]
+    assert len(answer("compare", run, "--model", OIL)["rows"]) == 7

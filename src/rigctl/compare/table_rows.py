@@ -95,7 +95,7 @@ def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
                 TableRow(
                     place=place,
                     fitted=place in fit.fitted,
-                    condition=short_condition(record.condition, units) or f"row {record.index + 1}",
+                    condition=short_condition(record.condition, units) or f"record {record.index}",
                     quantity=title,
                     unit=unit_name,
                     measured=unit.from_si(float(record.values[moment, column])),

@@ -69,7 +69,7 @@ def _still(model: Model, run: Run, row: Record, outputs: Sequence[str]) -> Measu
     return MeasuredRecord(
         run=run.id,
         index=row.index,
-        label=f"{run.id}/{row.index + 1}",
+        label=f"{run.id}/{row.index}",
         times=np.array([0.5]),
         switch_times=np.zeros(1),
         switch_half=np.zeros(1),
@@ -102,7 +102,7 @@ def _moving(
     return MeasuredRecord(
         run=run.id,
         index=row.index,
-        label=f"{run.id}/{row.index + 1}",
+        label=f"{run.id}/{row.index}",
         times=np.array(times),
         switch_times=switch_times,
         switch_half=np.zeros(switch_times.size),

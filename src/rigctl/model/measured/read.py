@@ -137,7 +137,7 @@ def _measured(
     return MeasuredRecord(
         run=run.id,
         index=record.index,
-        label=f"{run.id}/{record.index + 1}",
+        label=f"{run.id}/{record.index}",
         times=samples,
         switch_times=times,
         switch_half=half,

@@ -21,7 +21,7 @@ class MeasuredRecord:
     Attributes
     ----------
     run, index: where it was recorded.
-    label: what it is called in tables, e.g. ``20261121-064412-campaign/3``.
+    label: what it is called, its number as `rigctl runs show` has it: ``20261121-064412-campaign/3``.
     times: (n) of the samples, rising.
     switch_times: (switches) when inputs were commanded, the first not after the first sample.
     switch_half: (switches) half-widths of these times; 0 for exact ones.
