@@ -11,6 +11,40 @@ from rigctl.engine.system import System
 from rigctl.errors import RigctlError
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """Inputs that change steadily instead of in steps: straight lines between knots, constant beyond them.
+
+    Attributes
+    ----------
+    inputs: (r) the places of these inputs among the system's, each once.
+    knots: (k) times, strictly rising.
+    values: (k, r) of each input at each of them.
+    """
+
+    inputs: Integers
+    knots: Floats
+    values: Floats
+
+    def __post_init__(self) -> None:
+        inputs = np.array(self.inputs, dtype=np.int64)
+        object.__setattr__(self, "inputs", inputs)
+        for name in ("knots", "values"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        problem = ""
+        if self.knots.ndim != 1 or self.values.shape != (self.knots.size, inputs.size):
+            problem = "each knot needs a value of each of these inputs"
+        elif not (np.isfinite(self.knots).all() and np.isfinite(self.values).all()):
+            problem = "a knot or a value is not finite"
+        elif np.any(np.diff(self.knots) <= 0.0):
+            problem = "the knots do not rise"
+        elif np.unique(inputs).size != inputs.size:
+            problem = "an input is there twice"
+        if problem:
+            raise RigctlError(f"inputs that change steadily: {problem}")
 
 
 @dataclass(frozen=True)
@@ -28,6 +62,9 @@ class Excitation:
     initial: (states) the state at ``switch_times[0]``.
     parameters: (parameters) their values in this record; quantities of one record simply differ here.
     name: what the record is called in messages.
+    shifts: (switches, k) derivatives of the switch times by k quantities, which `simulate` then has columns
+        for; None where all times are given.
+    ramps: the inputs that change steadily; what `inputs` says of them does not count.
     """
 
     times: Floats
@@ -36,8 +73,12 @@ class Excitation:
     initial: Floats
     parameters: Floats
     name: str = ""
+    shifts: Floats | None = None
+    ramps: Ramps | None = None
 
     def __post_init__(self) -> None:
+        if self.shifts is not None:
+            object.__setattr__(self, "shifts", _frozen(self.shifts))
         for name in ("times", "switch_times", "inputs", "initial", "parameters"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
         _check_shapes(self)
@@ -51,6 +92,8 @@ class Excitation:
             self.initial if initial is None else np.asarray(initial, dtype=float),
             self.parameters if parameters is None else np.asarray(parameters, dtype=float),
             self.name,
+            self.shifts,
+            self.ramps,
         )
 
 
@@ -72,6 +115,10 @@ def check_fits(excitation: Excitation, system: System) -> None:
                 f"record {excitation.name or '(unnamed)'} has {found} {what}",
                 expected=f"{wanted}, as the system has",
             )
+    if excitation.ramps is not None and np.any(
+        (excitation.ramps.inputs < 0) | (excitation.ramps.inputs >= len(system.inputs))
+    ):
+        raise RigctlError(f"record {excitation.name or '(unnamed)'} has a steady input that is none of them")
 
 
 def _frozen(values: ArrayLike) -> Floats:
@@ -98,5 +145,11 @@ def _check_shapes(excitation: Excitation) -> None:
         problem = "time runs backwards"
     elif times.size and times[0] < switches[0]:
         problem = "the first sample lies before the first command"
+    elif excitation.shifts is not None and (
+        excitation.shifts.ndim != 2
+        or len(excitation.shifts) != switches.size
+        or not np.isfinite(excitation.shifts).all()
+    ):
+        problem = "each switch time needs one row of finite derivatives"
     if problem:
         raise RigctlError(f"record {excitation.name or '(unnamed)'}: {problem}")

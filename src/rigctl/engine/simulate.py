@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigctl.engine.compile import CompiledSystem, Integers
-from rigctl.engine.excitation import Excitation, Floats, check_fits
+from rigctl.engine.excitation import Excitation, Floats, Ramps, check_fits
 from rigctl.engine.failure import Failure, check_outputs, check_values, explain
 from rigctl.engine.kernels import outcomes
 from rigctl.engine.kernels import sizes as sizing
@@ -26,6 +26,7 @@ def simulate(
     *,
     columns: Sequence[str] = (),
     initial_columns: Sequence[str] = (),
+    shift_columns: Sequence[str] = (),
     tolerance: Tolerance = DEFAULT,
     workers: int | None = None,
 ) -> Trajectories:
@@ -33,6 +34,8 @@ def simulate(
 
     Column c of the sensitivities is ``∂z/∂q_c`` for the parameters named in `columns`, then ``∂z/∂y_c(0)``
     for the states named in `initial_columns`, at fixed steps: what the steps taken compute, differentiated.
+    The last columns are by the quantities that move switch times, ``Excitation.shifts``, of which
+    `shift_columns` are the names; a record without them has zeros there.
 
     Parameters
     ----------
@@ -51,9 +54,15 @@ def simulate(
     RigctlError
         a column is unknown, or a record does not fit the system.
     """
-    plan = _plan(compiled, columns, initial_columns, tolerance)
+    plan = _plan(compiled, columns, initial_columns, len(shift_columns), tolerance)
     for excitation in excitations:
         check_fits(excitation, compiled.system)
+        if excitation.shifts is not None and excitation.shifts.shape[1] != len(shift_columns):
+            raise RigctlError(
+                f"record {excitation.name or '(unnamed)'} has {excitation.shifts.shape[1]} quantities that "
+                "move its switches",
+                expected=str(len(shift_columns)),
+            )
     threads = min(len(excitations), workers or _cores())
     if threads <= 1:
         results = [_integrate(plan, excitation) for excitation in excitations]
@@ -73,7 +82,7 @@ def simulate(
         failures=tuple(result.failure for result in results),
         state_names=compiled.system.state_names,
         output_names=compiled.system.output_names,
-        columns=tuple(columns) + tuple(initial_columns),
+        columns=(*columns, *initial_columns, *shift_columns),
         stats=tuple(result.statistics for result in results),
     )
 
@@ -119,7 +128,11 @@ class _Result:
 
 
 def _plan(
-    compiled: CompiledSystem, columns: Sequence[str], initial_columns: Sequence[str], tolerance: Tolerance
+    compiled: CompiledSystem,
+    columns: Sequence[str],
+    initial_columns: Sequence[str],
+    shifts: int,
+    tolerance: Tolerance,
 ) -> _Plan:
     system, source = compiled.system, compiled.source
     chosen = _indices("parameter", columns, system.parameter_names)
@@ -131,7 +144,8 @@ def _plan(
     sizes[sizing.INPUTS] = len(system.inputs)
     sizes[sizing.OUTPUTS_COUNT] = len(system.outputs)
     sizes[sizing.DELAYS_COUNT] = len(system.delays)
-    sizes[sizing.COLUMNS] = chosen.size + initial.size
+    sizes[sizing.COLUMNS] = chosen.size + initial.size + shifts
+    sizes[sizing.SHIFTS] = shifts
     sizes[sizing.RHS_ENTRIES : sizing.DELAYS_ENTRIES + 1] = [len(pattern) for pattern in patterns]
     sizes[sizing.RHS_ACTIVE : sizing.DELAYS_ACTIVE + 1] = [len(entries) for entries in active]
     return _Plan(compiled, sizes, tolerances(compiled, tolerance), initial, delayed_inputs(compiled), *active)
@@ -170,6 +184,24 @@ def _active(pattern: Pattern, columns: Integers) -> Integers:
     return np.array(entries, dtype=np.int64).reshape(-1, 3)
 
 
+_NO_RAMPS = Ramps(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 0)))
+
+
+def _commands(excitation: Excitation, columns: int) -> tuple[Floats, Floats, Ramps]:
+    """Inputs, derivatives of the switch times and ramps, as the kernel takes them."""
+    shifts = excitation.shifts
+    if shifts is None:
+        shifts = np.zeros((excitation.switch_times.size, columns))
+        shifts.flags.writeable = False
+    ramps = excitation.ramps
+    if ramps is None or not ramps.knots.size:
+        return excitation.inputs, shifts, _NO_RAMPS
+    inputs = excitation.inputs.copy()
+    inputs[:, ramps.inputs] = np.nan  # which the kernel takes for no command
+    inputs.flags.writeable = False
+    return inputs, shifts, ramps
+
+
 def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     bad = check_values(plan.compiled.system, excitation)
     if bad is not None:
@@ -181,6 +213,7 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     states = np.empty((samples, excitation.initial.size))
     outputs = np.empty((samples, width))
     sensitivities = np.empty((samples, width, columns))
+    inputs, shifts, ramps = _commands(excitation, int(sizes[sizing.SHIFTS]))
     counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
     outcome, reached, done = plan.compiled.integrate_record(
         plan.compiled.addresses,
@@ -189,7 +222,11 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
         excitation.initial,
         excitation.parameters,
         excitation.switch_times,
-        excitation.inputs,
+        inputs,
+        shifts,
+        ramps.knots,
+        ramps.values,
+        ramps.inputs,
         excitation.times,
         plan.initial_columns,
         plan.delayed,

@@ -1,4 +1,4 @@
-"""Adaptive steps from one moment to another while the inputs are constant."""
+"""Adaptive steps from one moment to another while the inputs are constant, or change steadily."""
 
 from __future__ import annotations
 
@@ -91,8 +91,10 @@ def restart(addresses, u, q, work, relative, absolute, sensitive, counters):
 
 
 @njit(**OPTIONS)
-def advance(addresses, u, q, t, target, h, work, relative, absolute, sensitive, counters):
+def advance(addresses, switches, ramped, q, t, target, h, work, relative, absolute, sensitive, counters):
     """Integrate from t to exactly `target`, starting with a step of at most h.
+
+    With `ramped` the inputs `switches.u` change by `switches.slope`, and are those at `target` at the end.
 
     Returns (outcome, time reached, step to try next). The first of `work.k`, and with
     `sensitive` also that of `work.dk` and the Jacobian, belong to the state at the start and at the end.
@@ -108,10 +110,10 @@ def advance(addresses, u, q, t, target, h, work, relative, absolute, sensitive, 
         if step < left < 1.1 * step:
             step = 0.5 * left
         if not fresh:
-            call_5(addresses[RHS_JACOBIAN], work.y, u, q, work.value, work.jacobian)
+            call_5(addresses[RHS_JACOBIAN], work.y, switches.u, q, work.value, work.jacobian)
             fresh = True
         set_weights(work, relative, absolute)
-        outcome, error = attempt(addresses, u, q, step, work)
+        outcome, error = attempt(addresses, switches, ramped, q, step, work)
         if not error <= 1.0:
             counters[REJECTED] += 1
             shorter = max(0.2, 0.9 * error ** (-1.0 / 3.0)) if outcome == CONVERGED else 0.25
@@ -122,9 +124,12 @@ def advance(addresses, u, q, t, target, h, work, relative, absolute, sensitive, 
             continue
         counters[STEPS] += 1
         if sensitive:
-            tangent(addresses, u, q, step, work)
+            tangent(addresses, switches, ramped, q, step, work)
         else:
             fresh = False
+        if ramped:
+            for j in range(switches.inputs):
+                switches.u[j] += step * switches.slope[j]
         for i in range(n):
             work.y[i] = work.z[3 * n + i]
             work.k[i] = work.k[3 * n + i]

@@ -30,6 +30,9 @@ A[3, 0] = (6 * GAMMA - 1) / (12 * GAMMA)
 A[3, 1] = -1 / ((24 * GAMMA - 12) * GAMMA)
 A[3, 2] = (-6 * GAMMA**2 + 6 * GAMMA - 1) / (6 * GAMMA - 3)
 
+#: where in the step each stage lies: the sum of its row
+C = np.array([0.0, 2.0 * GAMMA, 1.0, 1.0])
+
 CONVERGED, SLOW, NOT_FINITE = 0, 1, 2
 
 _ITERATIONS = 8
@@ -91,7 +94,18 @@ def solve_stage(addresses, u, q, z, h_gamma, rate, work):
 
 
 @njit(**OPTIONS)
-def attempt(addresses, u, q, h, work):
+def inputs_at(stage, h, switches, ramped):
+    """The inputs at a stage: those that act now, moved along their slopes where some change steadily."""
+    if not ramped:
+        return switches.u
+    reach = h * C[stage]
+    for j in range(switches.inputs):
+        switches.stage[j] = switches.u[j] + reach * switches.slope[j]
+    return switches.stage
+
+
+@njit(**OPTIONS)
+def attempt(addresses, switches, ramped, q, h, work):
     """Try a step of length h from `work.y`, whose derivative is the first of `work.k`.
 
     Returns (outcome, error in units of the tolerance). The new state is the last of `work.z`, its derivative
@@ -117,6 +131,7 @@ def attempt(addresses, u, q, h, work):
                 z[i] = y[i] + h * work.k[i] + bend / (4.0 * GAMMA * GAMMA)
             else:
                 z[i] = work.z[2 * n + i]
+        u = inputs_at(stage, h, switches, ramped)
         outcome, rate = solve_stage(addresses, u, q, z, h_gamma, rate, work)
         if outcome != CONVERGED:
             return outcome, math.inf
@@ -136,7 +151,7 @@ def attempt(addresses, u, q, h, work):
 
 
 @njit(**OPTIONS)
-def tangent(addresses, u, q, h, work):
+def tangent(addresses, switches, ramped, q, h, work):
     """Carry the sensitivities `work.s` and their derivative, the first of `work.dk`, over the accepted step.
 
     Leaves the Jacobian of the new state in `work.jacobian`.
@@ -147,6 +162,7 @@ def tangent(addresses, u, q, h, work):
     inverse = 1.0 / h_gamma
     for stage in range(1, 4):
         z, dk = offset(work.z, stage * n), offset(work.dk, stage * block)
+        u = inputs_at(stage, h, switches, ramped)
         call_6(addresses[RHS_TANGENT], z, u, q, work.value, work.jacobian, work.packed)
         set_matrix(work, h_gamma)
         for i in range(block):

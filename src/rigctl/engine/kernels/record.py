@@ -40,10 +40,11 @@ def differentiate_outputs(addresses, u, q, work, seen, result):
 
 
 @njit(**OPTIONS)
-def settle(addresses, t, commands, count, times, values, q, work, switches, sensitive):
+def settle(addresses, t, commands, count, times, values, shifts, q, work, switches, sensitive):
     """Let everything act that is due at time t: first what waited, then the commands of this moment.
 
-    `count` commands: `values` (count, inputs) from `times` (count) on, the first `commands` of them taken.
+    `count` commands: `values` (count, inputs) from `times` (count) on, the first `commands` of them taken;
+    `shifts` (count, switches.shifts) the derivatives of these times.
     Returns (outcome, commands taken so far, whether an input changed, when the next one acts by itself).
     """
     stale = False
@@ -53,13 +54,34 @@ def settle(addresses, t, commands, count, times, values, q, work, switches, sens
             stale = act(addresses, place, q, work, switches, sensitive) or stale
         elif commands < count and times[commands] <= t:
             commanded = offset(values, commands * switches.inputs)
-            outcome, changed = command(addresses, t, commanded, q, work, switches, sensitive)
+            moved = offset(shifts, commands * switches.shifts)
+            outcome, changed = command(addresses, t, commanded, moved, q, work, switches, sensitive)
             if outcome != DONE:
                 return outcome, commands, stale, switch_time
             stale = stale or changed
             commands += 1
         else:
             return DONE, commands, stale, switch_time
+
+
+@njit(**OPTIONS)
+def set_ramps(t, knot, knots, ramps, ramped, switches):
+    """The inputs that change steadily, at time t, and their slopes; `knot` is the first one after t.
+
+    Before the first knot and after the last one they are constant.
+    """
+    last = knots.size - 1
+    for r in range(ramped.size):
+        j = ramped[r]
+        if knot == 0 or knot > last:
+            switches.u[j] = ramps[0 if knot == 0 else last, r]
+            switches.slope[j] = 0.0
+        else:
+            begun, ends = knots[knot - 1], knots[knot]
+            slope = (ramps[knot, r] - ramps[knot - 1, r]) / (ends - begun)
+            switches.u[j] = ramps[knot - 1, r] + (t - begun) * slope
+            switches.slope[j] = slope
+        switches.commanded[j] = switches.u[j]
 
 
 @njit(**OPTIONS)
@@ -71,6 +93,10 @@ def integrate_record(
     q,
     command_times,
     command_values,
+    command_shifts,
+    knots,
+    ramps,
+    ramped,
     sample_times,
     initial_columns,
     delayed,
@@ -87,9 +113,11 @@ def integrate_record(
     """Integrate from ``command_times[0]`` over all samples; a sample at a switch shows what was before it.
 
     Arguments: `sizes` and the buffers as in `workspace`; `tolerance` the relative one and then the absolute
-    one of each state; y0 (n); q; command k holds ``command_values[k]`` from ``command_times[k]`` on;
-    `initial_columns` the initial states that the last columns differentiate by. Fills states (samples, n),
-    outputs (samples, z) and sensitivities (samples, z, columns).
+    one of each state; y0 (n); q; command k holds ``command_values[k]`` from ``command_times[k]`` on, whose
+    derivatives by the quantities of the last columns are ``command_shifts[k]``; the inputs `ramped` (r) are
+    straight lines between their values `ramps` (knots, r) at the times `knots`, and constant beyond;
+    `initial_columns` the initial states that the columns before the last differentiate by. Fills states
+    (samples, n), outputs (samples, z) and sensitivities (samples, z, columns).
 
     Returns (outcome, time reached, samples done).
     """
@@ -104,6 +132,7 @@ def integrate_record(
     )
     n, m, functions, parameters = work.n, work.m, pointer_to(addresses), pointer_to(q)
     count, times, values = command_times.size, pointer_to(command_times), pointer_to(command_values)
+    shifts = pointer_to(command_shifts)
     sensitive = m > 0
     relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
     for i in range(floats.size):
@@ -114,10 +143,15 @@ def integrate_record(
     for j in range(switches.inputs):
         switches.u[j] = command_values[0, j]
         switches.commanded[j] = command_values[0, j]
+    first = m - switches.shifts - initial_columns.size
     for c in range(initial_columns.size):
-        work.s[initial_columns[c] * m + m - initial_columns.size + c] = 1.0
+        work.s[initial_columns[c] * m + first + c] = 1.0
 
     t, h, stale, commands, samples = command_times[0], 0.0, True, 1, 0
+    knot = 0
+    while knot < knots.size and knots[knot] <= t:
+        knot += 1
+    set_ramps(t, knot, knots, ramps, ramped, switches)
     while True:
         while samples < sample_times.size and sample_times[samples] <= t:
             for i in range(n):
@@ -130,8 +164,11 @@ def integrate_record(
             samples += 1
         if samples == sample_times.size:
             return DONE, t, samples
+        if knot < knots.size and knots[knot] <= t:
+            knot += 1
+            set_ramps(t, knot, knots, ramps, ramped, switches)
         outcome, commands, changed, switch_time = settle(
-            functions, t, commands, count, times, values, parameters, work, switches, sensitive
+            functions, t, commands, count, times, values, shifts, parameters, work, switches, sensitive
         )
         if outcome == DONE and (changed or stale):
             outcome, h = restart(
@@ -142,8 +179,22 @@ def integrate_record(
             return outcome, t, samples
         following = times[commands] if commands < count else math.inf
         target = min(sample_times[samples], following, switch_time)
+        if knot < knots.size:
+            target = min(target, knots[knot])
+        steadily = 0 < knot < knots.size
         outcome, t, h = advance(
-            functions, switches.u, parameters, t, target, h, work, relative, absolute, sensitive, counters
+            functions,
+            switches,
+            steadily,
+            parameters,
+            t,
+            target,
+            h,
+            work,
+            relative,
+            absolute,
+            sensitive,
+            counters,
         )
         if outcome != DONE:
             return outcome, t, samples

@@ -22,6 +22,10 @@ RECORD: Any = types.Tuple([_int, _float, _int])(
     _given,  # q
     _given,  # command_times
     _given_table,  # command_values
+    _given_table,  # command_shifts
+    _given,  # knots
+    _given_table,  # ramps
+    _ints,  # ramped
     _given,  # sample_times
     _ints,  # initial_columns
     _ints,  # delayed

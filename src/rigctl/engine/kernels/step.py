@@ -29,7 +29,9 @@ def step_to(
     functions, parameters = pointer_to(addresses), pointer_to(q)
     relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
     t, h, stale = carried[TIME], carried[NEXT_STEP], carried[STALE] != 0.0
-    outcome, changed = command(functions, t, pointer_to(commanded), parameters, work, switches, False)
+    outcome, changed = command(
+        functions, t, pointer_to(commanded), switches.stage, parameters, work, switches, False
+    )
     stale = stale or changed
     while outcome == DONE:
         switch_time, place = next_switch(switches)
@@ -44,7 +46,8 @@ def step_to(
         if outcome == DONE:
             outcome, t, h = advance(
                 functions,
-                switches.u,
+                switches,
+                False,
                 parameters,
                 t,
                 min(target, switch_time),

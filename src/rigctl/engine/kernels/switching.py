@@ -7,6 +7,9 @@ on a parameter, the state is continuous over the switch but its sensitivity jump
 
 P. I. Barton, C. K. Lee, Modeling, simulation, sensitivity analysis, and optimization of hybrid systems, ACM
 TOMACS 12 (2002).
+
+The time t of a command may itself be unknown: with its derivative dt by some quantity, the same jump holds
+with dt in dtau's place, and a delay adds to it ``dtau = ∂d/∂q + ∂d/∂y·(s(t) + f_before·dt)``.
 """
 
 from __future__ import annotations
@@ -50,36 +53,60 @@ def drop(m, switches, place):
 
 
 @njit(**OPTIONS)
-def command(addresses, t, commanded, q, work, switches, sensitive):
+def is_moved(moved, switches):
+    """Whether the time of a command depends on anything: `moved` (shifts) are its derivatives."""
+    largest = 0.0
+    for c in range(switches.shifts):
+        largest = max(largest, abs(moved[c]))
+    return largest > 0.0
+
+
+@njit(**OPTIONS)
+def command(addresses, t, commanded, moved, q, work, switches, sensitive):
     """Take new commands at time t: inputs without a delay act now, the others are queued.
 
+    An input whose command is NaN stays as it is: one that changes steadily takes no commands. `moved`
+    (shifts) are the derivatives of t by the quantities of the last columns.
     Returns (outcome, whether an input changed).
     """
     changed = False
     late = False
+    jumps = sensitive and is_moved(moved, switches)
+    if jumps:
+        call_4(addresses[RHS], work.y, switches.u, q, switches.earlier)
     for j in range(switches.inputs):
-        switches.following[j] = commanded[j]
-        if commanded[j] != switches.commanded[j]:
+        switches.following[j] = switches.commanded[j] if math.isnan(commanded[j]) else commanded[j]
+        if switches.following[j] != switches.commanded[j]:
             is_late = False
             for d in range(switches.delays):
                 is_late = is_late or switches.delayed[d] == j
             if is_late:
                 late = True
             else:
-                switches.u[j] = commanded[j]
+                switches.u[j] = switches.following[j]
                 changed = True
     if late:
-        outcome = queue(addresses, t, q, work, switches, sensitive)
+        outcome = queue(addresses, t, moved, jumps, q, work, switches, sensitive)
         if outcome != DONE:
             return outcome, changed
+    if jumps and changed:
+        call_4(addresses[RHS], work.y, switches.u, q, switches.later)
+        first = work.m - switches.shifts
+        for i in range(work.n):
+            jump = switches.earlier[i] - switches.later[i]
+            for c in range(switches.shifts):
+                work.s[i * work.m + first + c] += jump * moved[c]
     for j in range(switches.inputs):
-        switches.commanded[j] = commanded[j]
+        switches.commanded[j] = switches.following[j]
     return DONE, changed
 
 
 @njit(**OPTIONS)
-def queue(addresses, t, q, work, switches, sensitive):
-    """Put the delayed inputs that changed into the queue, each with its delay."""
+def queue(addresses, t, moved, jumps, q, work, switches, sensitive):
+    """Put the delayed inputs that changed into the queue, each with its delay.
+
+    With `jumps` the time t depends on something, and `switches.earlier` is f before the command.
+    """
     if sensitive:
         call_7(
             addresses[DELAYS_TANGENT],
@@ -115,7 +142,21 @@ def queue(addresses, t, q, work, switches, sensitive):
             switches.shift[place * work.m + c] = 0.0
         if sensitive and tau >= 0.0:
             set_shift(d, place, work, switches)
+        if jumps:
+            add_moved(d, place, moved, tau >= 0.0, work, switches)
     return DONE
+
+
+@njit(**OPTIONS)
+def add_moved(d, place, moved, late, work, switches):
+    """What the command's own time adds to the shift: ``(1 + ∂d/∂y·f)·dt``, dt alone where d is cut off."""
+    rate = 1.0
+    if late:
+        for i in range(work.n):
+            rate += switches.jacobian[d * work.n + i] * switches.earlier[i]
+    first = work.m - switches.shifts
+    for c in range(switches.shifts):
+        switches.shift[place * work.m + first + c] += rate * moved[c]
 
 
 @njit(**OPTIONS)

@@ -18,6 +18,7 @@ from rigctl.engine.kernels.sizes import (
     OUTPUTS_COUNT,
     RHS_ACTIVE,
     RHS_ENTRIES,
+    SHIFTS,
     N,
 )
 
@@ -32,15 +33,16 @@ Work = namedtuple(  # noqa: PYI024 - numba compiles this kind
     "used",
 )
 
-#: u the inputs that act now, commanded the last ones commanded, following those being commanded (inputs);
+#: u the inputs that act now, commanded the last ones commanded, following those being commanded, slope
+#: du/dt of those that change steadily, stage their values inside a step (inputs);
 #: waiting (1) how many commands wait, and of each the time it acts, its value, index of its input and
 #: shift dtau (m); delayed the input of each delay;
 #: tau, jacobian, packed what the delays' functions return; active (used, 3) as above;
-#: earlier, later f on both sides of a switch (n)
+#: earlier, later f on both sides of a switch (n); shifts how many of the last columns move command times
 Switches = namedtuple(  # noqa: PYI024 - numba compiles this kind
     "Switches",
     "inputs delays u commanded following waiting time value index shift delayed tau jacobian packed active "
-    "used capacity earlier later",
+    "used capacity earlier later slope stage shifts",
 )
 
 #: value g (outputs); jacobian (outputs, n); packed ∂g/∂q; active (used, 3) as above
@@ -82,12 +84,15 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     delay_packed = offset(delay_jacobian, delays * n)
     earlier = offset(delay_packed, sizes[DELAYS_ENTRIES])
     later = offset(earlier, n)
+    slope = offset(later, n)
+    stage = offset(slope, inputs)
     waiting = offset(integers, n)
     switches = Switches(
         inputs, delays, u, commanded, following, waiting, time, held, offset(waiting, 1), shift, delayed,
         tau, delay_jacobian, delay_packed, delays_active, sizes[DELAYS_ACTIVE], capacity, earlier, later,
+        slope, stage, sizes[SHIFTS],
     )  # fmt: skip
-    seen_value = offset(later, n)
+    seen_value = offset(stage, inputs)
     seen_jacobian = offset(seen_value, outputs)
     seen_packed = offset(seen_jacobian, outputs * n)
     seen = Seen(outputs, seen_value, seen_jacobian, seen_packed, outputs_active, sizes[OUTPUTS_ACTIVE])
