@@ -172,3 +172,23 @@ def test_a_model_file_names_effect_files_beside_it(tmp_path: Path) -> None:
 def test_mistakes_about_own_effects_have_their_place(text: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         parse_model(text, Path("m.yaml"))
+
+
+def test_a_model_names_a_folder_of_effects(tmp_path: Path) -> None:
+    folder = tmp_path / "effects"
+    folder.mkdir()
+    for name in ("upper", "lower"):
+        (folder / f"{name}.yaml").write_text(
+            f"effect: {name}\nsummary: Drag.\nslot: friction\nterm: size*velocity/(1 m/s)\n"
+            "parameters: {size: {null_value: 0 N, start: 50 N, bounds: [0 N, 500 N]}}\n",
+            encoding="utf-8",
+        )
+    (folder / "notes.yaml").write_text("what: no effect\n", encoding="utf-8")
+    text = "model: hydraulic_cylinder\nown_effects: [effects]\n"
+    model = parse_model(text, tmp_path / "model.yaml")
+    assert [effect.name for effect in model.own] == ["lower", "upper"]
+    whole = model.system(library=True).parameter_names
+    assert {"lower.size", "upper.size"} <= set(whole)  # what a diagnosis differentiates
+    assert "lower.size" not in model.system().parameter_names
+    with pytest.raises(RigctlError, match="two effects have the same name"):
+        parse_model(text.replace("[effects]", "[effects, effects/upper.yaml]"), tmp_path / "model.yaml")

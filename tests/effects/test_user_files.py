@@ -330,3 +330,27 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         parse_effect(written(quoted))
     except RigctlError:
         return
+
+
+def test_values_at_which_a_threshold_is_looked_for_are_written_in_the_file() -> None:
+    text = written(
+        "size*positive_part(velocity - limit, 1 mm/s)/(1 m/s)",
+        parameters="{size: {null_value: 0 N, start: 50 N, bounds: [0 N, 500 N]},"
+        " limit: {start: 10 mm/s, bounds: [0 mm/s, 1 m/s], grid: [50 mm/s, 0.2 m/s]}}",
+    )
+    assert parse_effect(text).parameter("limit").grid == pytest.approx((0.05, 0.2))
+    assert "mine.yaml:5:129: grid is out of bounds, got '2 m/s'" in refused(text.replace("0.2 m/s", "2 m/s"))
+    held = written(
+        parameters="{size: {null_value: 0 N, start: 50 N, bounds: [0 N, 500 N], grid: [0 N, 9 N]}}"
+    )
+    assert "the grid holds the null value" in refused(held)
+
+
+def test_two_files_of_a_folder_may_name_each_other(tmp_path: Path) -> None:
+    for name, other in (("mine", "other"), ("other", "mine")):
+        text = written(more=f"confused_with: [{other}]\ninstead_of: [{other}]\n")
+        (tmp_path / f"{name}.yaml").write_text(text.replace("mine", name, 1), encoding="utf-8")
+    assert load_effect(tmp_path / "mine.yaml").confused_with == ("other",)
+    (tmp_path / "other.yaml").unlink()
+    with pytest.raises(RigctlError, match="unknown effect, got 'other'"):
+        load_effect(tmp_path / "mine.yaml")

@@ -145,3 +145,41 @@ def test_what_is_no_effect_is_refused(installed: Any, source: str, message: str)
     installed(source)
     with pytest.raises(RigctlError, match=message):
         library("hydraulic_cylinder")
+
+
+IN_YAML = """
+effect: {name}
+summary: A constant force.
+slot: friction
+term: force*tanh(velocity/(1 mm/s))
+parameters: {{force: {{null_value: 0 N, start: 50 N, bounds: [0 N, 500 N]}}}}
+confused_with: [{other}, coulomb_friction]
+"""
+
+
+def test_a_package_registers_a_folder_of_files_that_name_each_other(installed: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "their_files"
+    folder.mkdir()
+    for name, other in (("upper_seal", "lower_seal"), ("lower_seal", "upper_seal")):
+        (folder / f"{name}.yaml").write_text(IN_YAML.format(name=name, other=other), encoding="utf-8")
+    installed("from pathlib import Path\nEFFECTS = Path(__file__).parent / 'their_files'\n")
+    known = library("hydraulic_cylinder")
+    assert known["upper_seal"].confused_with == ("lower_seal", "coulomb_friction")
+    assert "lower_seal" in known
+
+
+def test_a_package_may_load_its_files_itself(installed: Any, tmp_path: Path) -> None:
+    (tmp_path / "seal.yaml").write_text(
+        IN_YAML.format(name="seal", other="stribeck_friction"), encoding="utf-8"
+    )
+    installed(
+        "from pathlib import Path\nfrom rigctl.effects.user import load_effect\n"
+        "EFFECTS = [load_effect(Path(__file__).parent / 'seal.yaml')]\n"
+    )
+    assert "seal" in library("hydraulic_cylinder")
+
+
+def test_a_folder_without_effects_is_refused(installed: Any) -> None:
+    installed("from pathlib import Path\nEFFECTS = Path(__file__).parent / 'their_effects-1.0.dist-info'\n")
+    with pytest.raises(RigctlError, match="has no effect files"):
+        library("hydraulic_cylinder")

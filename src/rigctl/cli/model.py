@@ -127,6 +127,10 @@ def add(
     fitting: Annotated[
         bool, typer.Option("--fit/--no-fit", help="Fit the free parameters to the runs that are named.")
     ] = True,
+    fit_shapes: Annotated[
+        bool,
+        typer.Option("--fit-shapes", help="Let the fit change its shapes too: a width, a threshold."),
+    ] = False,
     hold_out: HoldOut = None,
     only: Only = None,
     family: FamilyOption = None,
@@ -152,7 +156,7 @@ def add(
     found, values, files = read_effect(load_model(path), effect)
     wanted = Wanted(
         "add",
-        lambda one: one.with_effect(found, values),
+        lambda one: one.with_effect(found, values, shapes=fit_shapes),
         runs or (),
         hold_out,
         only,

@@ -1,13 +1,15 @@
 """Effects by name: the library's own, and those that installed packages register.
 
-A package offers its effects under the entry point group ``rigctl.effects``; each entry is an `Effect` or a
-sequence of them.
+A package offers its effects under the entry point group ``rigctl.effects``; each entry is an `Effect`, the
+path of an effect file or of a folder of them, or a sequence of these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextvars import ContextVar
 from functools import lru_cache
+from pathlib import Path
 from types import MappingProxyType
 
 from rigctl.effects import heater_board, hydraulic_cylinder, oil_viscosity
@@ -18,6 +20,10 @@ from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
 
 ENTRY_POINTS = "rigctl.effects"
+
+#: whether effects of packages are being read: a file of a package may only name effects that are shipped, or
+#: that lie beside it
+_reading_packages: ContextVar[bool] = ContextVar("reading the effects of packages", default=False)
 
 
 @lru_cache(maxsize=1)
@@ -36,9 +42,13 @@ def installed_effects() -> tuple[Effect, ...]:
     """
     from importlib.metadata import entry_points
 
-    return tuple(
-        effect for point in entry_points(group=ENTRY_POINTS) for effect in _load(point.name, point.load)
-    )
+    token = _reading_packages.set(True)
+    try:
+        return tuple(
+            effect for point in entry_points(group=ENTRY_POINTS) for effect in _load(point.name, point.load)
+        )
+    finally:
+        _reading_packages.reset(token)
 
 
 def shipped_effects(family: str) -> tuple[Effect, ...]:
@@ -57,7 +67,8 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     """
     name = (find_family(family) if isinstance(family, str) else family).name
     found: dict[str, Effect] = {}
-    for effect in (*_shipped(), *installed_effects()):
+    installed = () if _reading_packages.get() else installed_effects()
+    for effect in (*_shipped(), *installed):
         if effect.family == name:
             if effect.name in found:
                 raise RigctlError("two effects have the same name", value=effect.name)
@@ -103,6 +114,20 @@ def _load(name: str, load: Callable[[], object]) -> Iterator[Effect]:
         raise RigctlError(f"the effects registered as {name!r} cannot be loaded: {problem}") from problem
     items: Iterable[object] = loaded if isinstance(loaded, list | tuple) else (loaded,)
     for item in items:
-        if not isinstance(item, Effect):
+        if isinstance(item, Path):
+            yield from _of_files(name, item)
+        elif isinstance(item, Effect):
+            yield check_effect(item)
+        else:
             raise RigctlError(f"what is registered as {name!r} is no effect", value=repr(item))
-        yield check_effect(item)
+
+
+def _of_files(name: str, path: Path) -> Iterator[Effect]:
+    """The effects of a package's file, or of the files in its folder."""
+    from rigctl.effects.user.load import effect_files, load_effect
+
+    files = effect_files(path) if path.is_dir() else [path]
+    if not files:
+        raise RigctlError(f"the folder registered as {name!r} has no effect files", value=str(path))
+    for file in files:
+        yield load_effect(file)

@@ -69,15 +69,22 @@ def build_system(
     return builder.build()
 
 
-def superset(family: str | ModelFamily, effects: Effects | None = None) -> dict[str, dict[str, float]]:
-    """`effects`, and every other effect of the library at its null: what a diagnosis differentiates.
+def superset(
+    family: str | ModelFamily, effects: Effects | None = None, own: Iterable[Effect] = ()
+) -> dict[str, dict[str, float]]:
+    """`effects`, and every other effect at its null: what a diagnosis differentiates.
+
+    Parameters
+    ----------
+    own: a user's effects, which are candidates like those of the library.
 
     Raises
     ------
     RigctlError
         an unknown family.
     """
-    off = {effect.name: effect.null for effect in library(family).values() if effect.terms}
+    known = (*library(family).values(), *own)
+    off = {effect.name: effect.null for effect in known if effect.terms}
     return off | {effect: dict(values) for effect, values in (effects or {}).items()}
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect
 from rigctl.effects.option import read_parameter
-from rigctl.effects.user.load import load_effect
+from rigctl.effects.user.load import effect_files, load_effect
 from rigctl.engine.least_squares.unknown import Prior
 from rigctl.errors import RigctlError
 from rigctl.files.reader import Reader
@@ -98,15 +98,28 @@ def _resolve(written: str, path: Path | None) -> Path:
 def _own_effects(
     reader: Reader, family: ModelFamily, written: ModelFile, beside: Path | None
 ) -> Iterator[Effect]:
-    for index, file in enumerate(written.own_effects):
+    """The effects of the files that the model names; of a folder, those of its family."""
+    known: set[str] = set()
+    for index, named in enumerate(written.own_effects):
         keys = ("own_effects", index)
-        path = reader.read(keys, partial(_resolve, file, beside))
-        effect = None if path is None else reader.read(keys, partial(load_effect, path))
-        if effect is not None and effect.family != family.name:
-            other = RigctlError("this effect belongs to another family", value=file, expected=family.name)
-            reader.refuse(keys, other)
-        elif effect is not None:
-            yield effect
+        path = reader.read(keys, partial(_resolve, named, beside))
+        if path is None:
+            continue
+        folder = path.is_dir()
+        for file in effect_files(path) if folder else [path]:
+            effect = reader.read(keys, partial(load_effect, file))
+            if effect is None or (folder and effect.family != family.name):
+                continue
+            if effect.family != family.name:
+                error = RigctlError(
+                    "this effect belongs to another family", value=named, expected=family.name
+                )
+                reader.refuse(keys, error)
+            elif effect.name in known:
+                reader.refuse(keys, RigctlError("two effects have the same name", value=effect.name))
+            else:
+                known.add(effect.name)
+                yield effect
 
 
 def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iterator[tuple[str, Value]]:

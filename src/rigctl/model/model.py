@@ -105,7 +105,7 @@ class Model:
         return tuple(own)
 
     def system(self, *, library: bool = False) -> System:
-        """Its equations; with `library`, every other effect of the library is in them at its null.
+        """Its equations; with `library`, every other effect is in them at its null, the user's own too.
 
         Raises
         ------
@@ -118,18 +118,20 @@ class Model:
         }
         return build_system(
             self.family,
-            superset(self.family, effects) if library else effects,
+            superset(self.family, effects, self.own) if library else effects,
             self.rig,
             parameters={name: value.si for name, value in self.parameters.items()},
             oil=self.oil,
             own=self.own,
         )
 
-    def with_effect(self, name: str | Effect, values: Mapping[str, float], *, fit: bool = True) -> Model:
+    def with_effect(
+        self, name: str | Effect, values: Mapping[str, float], *, fit: bool = True, shapes: bool = False
+    ) -> Model:
         """The model with one more effect, by name or a user's own; what `values` leaves out is typical.
 
         Base physics that was taken away comes back with the family's own values. With `fit`, later fits may
-        change the effect's parameters, its shapes excepted.
+        change the effect's parameters; its shapes too with `shapes`.
 
         Raises
         ------
@@ -137,7 +139,7 @@ class Model:
             the effect or a parameter of it is unknown, the model has it already, or it contradicts another.
         """
         if isinstance(name, Effect):
-            return self._knowing(name).with_effect(name.name, values, fit=fit)
+            return self._knowing(name).with_effect(name.name, values, fit=fit, shapes=shapes)
         effect = self.effect(name)
         if effect.base:
             return self._with_base(effect, present=True)
@@ -147,7 +149,8 @@ class Model:
         for parameter in values:
             effect.parameter(parameter)
         settings = {
-            p.name: Value(float(values.get(p.name, p.start)), fit and not p.shape) for p in effect.parameters
+            p.name: Value(float(values.get(p.name, p.start)), fit and (shapes or not p.shape))
+            for p in effect.parameters
         }
         return replace(self, effects=MappingProxyType({**self.effects, name: settings}))
 

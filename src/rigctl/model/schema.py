@@ -74,5 +74,6 @@ class ModelFile(_Part):
         dict[Name, Annotated[dict[Name, Setting], BeforeValidator(_nothing)]], BeforeValidator(_nothing)
     ] = Field(default_factory=dict, description="what the model has besides its base, by name")
     own_effects: tuple[str, ...] = Field(
-        default=(), description="effect files of one's own, whose names 'effects' may then use"
+        default=(),
+        description="effect files of one's own, or folders of them, whose names 'effects' may then use",
     )

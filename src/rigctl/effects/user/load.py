@@ -11,7 +11,7 @@ from rigctl.effects.declaration import Effect, EffectParameter, Term, problems
 from rigctl.effects.examine import examine
 from rigctl.effects.registry import library
 from rigctl.effects.user.formula import read_term
-from rigctl.effects.user.names import taken_names
+from rigctl.effects.user.names import name_in_file, names_beside, taken_names
 from rigctl.effects.user.schema import EffectFile, ParameterField
 from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.files.quantity import in_dimension
@@ -40,6 +40,12 @@ def load_effect(path: Path) -> Effect:
         more than one mistake.
     """
     return _build(read_document(Path(path)))
+
+
+def effect_files(folder: Path) -> list[Path]:
+    """The effect files that lie in `folder` itself, by name."""
+    files = sorted(path for path in folder.iterdir() if is_effect_file(path.name))
+    return [path for path in files if name_in_file(path) is not None]
 
 
 def place_of(path: Path, part: tuple[str, str]) -> Location:
@@ -110,7 +116,8 @@ def _parameter(name: str, field: ParameterField) -> EffectParameter:
 
     low, high = map(si, field.bounds)
     null = None if field.null_value is None else si(field.null_value)
-    return EffectParameter(name, unit, null, si(field.start), low, high, field.meaning, difference)
+    grid = tuple(map(si, field.grid))
+    return EffectParameter(name, unit, null, si(field.start), low, high, field.meaning, difference, grid)
 
 
 def _out_of_bounds(parameter: EffectParameter, field: ParameterField) -> list[tuple[str, RigctlError]]:
@@ -135,6 +142,15 @@ def _out_of_bounds(parameter: EffectParameter, field: ParameterField) -> list[tu
             expected="another value",
         )
         found.append(("start", error))
+    for si, quantity in zip(parameter.grid, field.grid, strict=True):
+        if not parameter.low <= si <= parameter.high:
+            error = RigctlError("grid is out of bounds", value=str(quantity), expected=f"{low} to {high}")
+            found.append(("grid", error))
+        elif si == parameter.null:
+            error = RigctlError(
+                "the grid holds the null value, which switches the effect off", value=str(quantity)
+            )
+            found.append(("grid", error))
     return found
 
 
@@ -154,7 +170,10 @@ def _terms(
 
 
 def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) -> None:
-    """What the file says about other effects: there must be such effects, and none of its own name."""
+    """What the file says about other effects: there must be such effects, and none of its own name.
+
+    They are effects of the library, or of files in the same folder: two may name each other.
+    """
     known = library(family)
     if written.effect in known:
         taken = RigctlError(
@@ -162,9 +181,11 @@ def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) ->
         )
         reader.refuse(("effect",), taken)
     for field in ("confused_with", "instead_of"):
-        for name in getattr(written, field):
-            if name not in known:
-                reader.refuse((field,), unknown_name("effect", name, known))
+        unknown = [name for name in getattr(written, field) if name not in known]
+        beside = names_beside(reader.document.path) if unknown else frozenset()
+        for name in unknown:
+            if name not in beside:
+                reader.refuse((field,), unknown_name("effect", name, [*known, *beside]))
 
 
 def _effect(

@@ -30,6 +30,12 @@ class ParameterField(_Part):
         description="the value that switches the effect off exactly; without it the parameter only shapes",
     )
     bounds: tuple[AnyQuantity, AnyQuantity] = Field(description="the lowest and the highest value")
+    grid: tuple[AnyQuantity, ...] = Field(
+        default=(),
+        description="values at which a diagnosis looks for the effect: of a shape, those besides its start; "
+        "of a parameter that switches the effect on at a threshold, those in place of its null value, where "
+        "its slope says nothing",
+    )
     meaning: str = Field(default="", description="its symbol and what it stands for")
 
 

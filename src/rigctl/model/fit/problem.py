@@ -281,7 +281,7 @@ def make_problem(
     """
     level, settings = level_of_rows(record_level(model.family), measurements)
     effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
-    everything = superset(model.family, effects) if library else effects
+    everything = superset(model.family, effects, model.own) if library else effects
     own = (*model.own, *((level.effect,) if level.effect is not None else ()))
     system = build_system(
         model.family,

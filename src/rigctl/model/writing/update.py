@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rigctl.errors import Location, RigctlError
 from rigctl.files.layout import Text
+from rigctl.files.shipped import shipped
 from rigctl.files.yaml import parse_document
 from rigctl.model.load import parse_model
 from rigctl.model.model import Model, Value
@@ -66,10 +68,17 @@ def _refuse_anchors(text: str, path: Path) -> None:
 
 
 def _relative(file: Path, path: Path) -> str:
-    """The file from the folder of the model file, where it lies below it."""
-    absolute = file.absolute()
-    folder = path.absolute().parent
-    return absolute.relative_to(folder).as_posix() if absolute.is_relative_to(folder) else absolute.as_posix()
+    """The file from the folder of the model file, so that the project can be moved and shared.
+
+    A file that comes with rigctl is named from where those lie; one on another drive has no relative path.
+    """
+    absolute, folder = file.resolve(), path.resolve().parent
+    if absolute.is_relative_to(shipped()) and not folder.is_relative_to(shipped()):
+        return absolute.relative_to(shipped()).as_posix()
+    try:
+        return Path(os.path.relpath(absolute, folder)).as_posix()
+    except ValueError:
+        return absolute.as_posix()
 
 
 def _write_parameters(text: Text, before: Model, model: Model) -> None:

@@ -1,0 +1,156 @@
+"""From a verdict "outside the library" to an effect of one's own that a diagnosis then names."""
+
+from __future__ import annotations
+
+import csv
+from contextlib import chdir
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from commands import answer, textbook_copy, told
+from rigctl.cli.init import create_project
+
+pytestmark = pytest.mark.usefixtures("inside")
+
+#: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC
+RECORDS = {f"{number:03d}" for number in (*range(1, 5), *range(25, 29))}
+
+MOTOR = """
+family: flywheel
+states:
+  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (gain*drive - damping*speed - drag)/inertia}
+inputs:
+  drive: {value: 0 V}
+parameters:
+  gain: {value: 0.05 N*m/V, bounds: [0.001 N*m/V, 1 N*m/V]}
+  damping: {value: 1e-3 N*m*s/rad, bounds: [0 N*m*s/rad, 1 N*m*s/rad]}
+constants:
+  inertia: 2e-3 kg*m^2
+slots:
+  drag: {unit: N*m, meaning: against the rotation}
+outputs:
+  speed: {unit: rad/s, formula: speed}
+"""
+
+RIG = """
+name: flywheel
+model: flywheel.yaml
+channels:
+  speed: {unit: rad/s, quantity: other, noise: 0.05 rad/s}
+actuators:
+  drive: {kind: level, unit: V, low: -12 V, high: 12 V}
+safe_state: {drive: 0 V}
+"""
+
+MODEL = """
+model: flywheel.yaml
+rig: flywheel-rig.yaml
+own_effects: [effects/brake.yaml, effects/fan.yaml]
+parameters:
+  gain: {value: 0.05 N*m/V, fit: true}
+  damping: {value: 1e-3 N*m*s/rad, fit: true}
+"""
+
+BRAKE = """
+effect: brake
+family: ../flywheel.yaml
+summary: The bearing drags with a constant torque.
+slot: drag
+term: torque*tanh(speed/width)
+parameters:
+  torque: {null_value: 0 N*m, start: 0.01 N*m, bounds: [0 N*m, 1 N*m]}
+  width: {start: 1 rad/s, bounds: [0.1 rad/s, 10 rad/s]}
+confused_with: [fan]
+"""
+
+FAN = """
+effect: fan
+family: ../flywheel.yaml
+summary: The air drags with the square of the speed.
+slot: drag
+term: size*speed*absolute(speed, 0.1 rad/s)
+parameters:
+  size: {null_value: 0 N*m*s^2/rad^2, start: 1e-5 N*m*s^2/rad^2, bounds: [0 N*m*s^2/rad^2, 1 N*m*s^2/rad^2]}
+confused_with: [brake]
+"""
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with the cylinder's records, and with those of a flywheel whose bearing drags."""
+    folder = tmp_path_factory.mktemp("own-effects")
+    create_project(folder)
+    with chdir(folder):
+        for name, text in {
+            "flywheel.yaml": MOTOR,
+            "flywheel-rig.yaml": RIG,
+            "flywheel-model.yaml": MODEL,
+            "effects/brake.yaml": BRAKE,
+            "effects/fan.yaml": FAN,
+        }.items():
+            Path(name).parent.mkdir(exist_ok=True)
+            Path(name).write_text(text, encoding="utf-8", newline="\n")
+        write_flywheel(Path("flywheel.csv"), torque=0.04, seed=3)
+    return folder
+
+
+def write_flywheel(path: Path, torque: float, seed: int) -> None:
+    """Spun up by five voltages, and left to coast from 200 rad/s."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, 10.0, 0.05)
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time [s]", "record", "drive [V]", "speed [rad/s]"])
+        for record, (volts, start) in enumerate([(2, 0), (4, 0), (6, 0), (9, 0), (12, 0), (0, 200)], start=1):
+
+            def rate(t: float, y: list[float], volts: float = volts) -> list[float]:
+                return [(0.05 * volts - 1e-3 * y[0] - torque * np.tanh(y[0])) / 2e-3]
+
+            found = solve_ivp(rate, (0.0, 10.0), [start], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.05)
+            for time, speed in zip(times, found.y[0] + 0.05 * rng.standard_normal(times.size), strict=True):
+                rows.writerow([f"{time:.3f}", record, volts, f"{speed:.4f}"])
+
+
+def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:
+    run = answer("import", "flywheel.csv", "--rig", "flywheel-rig.yaml")["run"]
+    compared = answer("compare", run, "--model", "flywheel-model.yaml")
+    assert not compared["models"][0]["adequate"]
+    found = answer("diagnose", run, "--model", "flywheel-model.yaml", "--apply")
+    assert "brake" in {name for names in found["classes"] for name in names}
+    assert found["steps"][0]["effects"] == ["brake"]
+    assert found["ended"] == "adequate"
+    values = {one["name"]: one for one in answer("model", "show", "flywheel-model.yaml")["parameters"]}
+    assert values["brake.torque"]["value"] == pytest.approx(0.04, rel=0.02)
+    told("report", run, "--model", "flywheel-model.yaml", "-o", "flywheel.html")
+
+    # what was made by another program within 1 rad/s is found from 3 rad/s, without a hand on the file
+    Path("models/by-hand.yaml").write_text(
+        MODEL.replace("model: flywheel", "model: ../flywheel")
+        .replace("rig: flywheel", "rig: ../flywheel")
+        .replace("own_effects: [effects/brake.yaml, effects/fan.yaml]\n", ""),
+        encoding="utf-8",
+    )
+    told("model", "add", "models/by-hand.yaml", "effects/brake.yaml:width=3 rad/s", run, "--fit-shapes")
+    assert '"../effects/brake.yaml"' in Path("models/by-hand.yaml").read_text("utf-8")
+    values = {one["name"]: one for one in answer("model", "show", "models/by-hand.yaml")["parameters"]}
+    assert values["brake.width"]["fit"]
+    assert values["brake.width"]["value"] == pytest.approx(1.0, rel=0.1)
+
+
+def test_an_own_effect_of_the_cylinder_is_a_candidate() -> None:
+    lines = Path("data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
+    kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
+    Path("few.csv").write_text("".join([lines[0], *kept]), "utf-8")
+    run = answer("import", "few.csv", "--rig", "rigs/hl32-bench.yaml")["run"]
+    Path("effects/grip.yaml").write_text(
+        "effect: grip\nsummary: The seals grip.\nslot: friction\nterm: force*tanh(velocity/(2 mm/s))\n"
+        "parameters: {force: {null_value: 0 N, start: 100 N, bounds: [0 N, 2 kN]}}\n",
+        encoding="utf-8",
+    )
+    model = textbook_copy("with-grip", ("effects: {}", "own_effects: [../effects/grip.yaml]\neffects: {}"))
+    found = answer("diagnose", run, "--model", model, "--max-effects", "1")
+    assert "valve_leakage" in {name for names in found["classes"] for name in names}
+    assert "grip" in {one["effect"] for one in found["ranking"]}
