@@ -75,6 +75,8 @@ def _forward(
         z = u / root[(slice(None),) + (None,) * (u.ndim - 1)]
         z[1] -= below[0] * u[0] / root[1]
         return np.asarray(z)
+    if u.size == 0:  # of a model with nothing to differentiate by; dgttrs corrupts the heap without columns
+        return u
     from scipy.linalg.lapack import dgttrs
 
     order = np.arange(1, size + 1, dtype=np.int32)
