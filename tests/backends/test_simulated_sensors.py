@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rigctl.backends.simulated.failures import SENSOR_FAILURES
 from rigctl.backends.simulated.sensors import Sensor, Sensors
 from rigctl.rig import Calibration, Channel, Raw, Rig
 
@@ -75,3 +78,17 @@ def test_noise_has_the_size_that_the_rig_file_states_and_is_white(rig: Rig) -> N
 def test_a_channel_without_noise_reads_the_truth(rig: Rig) -> None:
     sensors = Sensors(rig, np.random.default_rng(5), noise=False, quantised=False)
     assert sensors.read((313.15, 30e5, 0.1)) == (313.15, 30e5, 0.1)
+
+
+def test_without_a_converter_a_reading_is_the_true_value() -> None:
+    speed = Channel(unit="rpm", quantity="other")
+    assert [Sensor(speed).read(value, 3.0) for value in (-4321.25, 0.0625, 1e6)] == [-4321.25, 0.0625, 1e6]
+    assert Sensor(speed.model_copy(update={"noise": 0.5})).read(2.0, 3.0) == 3.5
+
+
+@pytest.mark.parametrize("kind", sorted(SENSOR_FAILURES))
+def test_a_sensor_without_a_converter_fails_as_others_do(kind: str) -> None:
+    sensor = Sensor(Channel(unit="A", quantity="current", noise="0.01 A"))
+    sensor.failure = SENSOR_FAILURES[kind]()
+    first, second = sensor.read(1.0, 0.5), sensor.read(2.0, -0.5)
+    assert (first == second) if kind == "sensor_stuck" else (math.isnan(first) or abs(first - 1.0) > 0.4)

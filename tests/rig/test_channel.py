@@ -18,7 +18,7 @@ def channel(**fields: object) -> Channel:
     return Channel.model_validate({"unit": "mm", "quantity": "position", **fields})
 
 
-TEN_BITS = channel(calibration={"coefficients": [-10.0, 300 / 1023]})
+TEN_BITS = channel(raw={"bits": 10}, calibration={"coefficients": [-10.0, 300 / 1023]})
 THERMOCOUPLE = channel(
     unit="degC",
     quantity="temperature",
@@ -28,7 +28,7 @@ THERMOCOUPLE = channel(
 CURVED = channel(
     raw={"bits": 10, "low": 0.0, "high": 5.0, "unit": "V"}, calibration={"coefficients": [1, 2, 0.5]}
 )
-FALLING = channel(calibration={"coefficients": [300.0, -0.3, -1e-5]})
+FALLING = channel(raw={"bits": 10}, calibration={"coefficients": [300.0, -0.3, -1e-5]})
 CHANNELS = [TEN_BITS, THERMOCOUPLE, CURVED, FALLING]
 
 
@@ -51,28 +51,38 @@ def test_a_difference_of_temperatures_has_no_offset() -> None:
 @pytest.mark.parametrize("each", CHANNELS)
 @given(share=st.floats(0.0, 1.0))
 def test_raw_values_come_back(each: Channel, share: float) -> None:
-    raw = each.raw.low + share * (each.raw.high - each.raw.low)
-    assert each.raw_from_value(each.value_from_raw(raw)) == pytest.approx(raw, abs=1e-9 * each.raw.high)
+    raw = each.converter.low + share * (each.converter.high - each.converter.low)
+    assert each.raw_from_value(each.value_from_raw(raw)) == pytest.approx(raw, abs=1e-9 * each.converter.high)
 
 
 @pytest.mark.parametrize("each", CHANNELS)
 @given(value=st.floats(-1e3, 1e3))
 def test_quantising_stays_in_range_and_on_the_grid(each: Channel, value: float) -> None:
-    raw = each.raw.quantise(each.raw_from_value(value))
-    assert each.raw.low <= raw <= each.raw.high * (1 + 1e-12)
-    code = (raw - each.raw.low) / each.raw.step
+    raw = each.converter.quantise(each.raw_from_value(value))
+    assert each.converter.low <= raw <= each.converter.high * (1 + 1e-12)
+    code = (raw - each.converter.low) / each.converter.step
     assert code == pytest.approx(round(code), abs=1e-6)
 
 
 @given(share=st.floats(0.0, 1.0))
 def test_quantising_is_half_a_step_off_at_most(share: float) -> None:
     raw = share * 1023
-    assert abs(TEN_BITS.raw.quantise(raw) - raw) <= 0.5 * TEN_BITS.raw.step + 1e-9
+    assert abs(TEN_BITS.converter.quantise(raw) - raw) <= 0.5 * TEN_BITS.converter.step + 1e-9
 
 
 def test_a_sensor_driven_out_of_its_range_clips_in_the_converter() -> None:
-    assert CURVED.raw.quantise(CURVED.raw_from_value(1.0)) == pytest.approx(5.0)
-    assert CURVED.raw.quantise(CURVED.raw_from_value(-1.0)) == 0.0
+    assert CURVED.converter.quantise(CURVED.raw_from_value(1.0)) == pytest.approx(5.0)
+    assert CURVED.converter.quantise(CURVED.raw_from_value(-1.0)) == 0.0
+
+
+def test_a_channel_without_a_converter_is_neither_rounded_nor_clipped() -> None:
+    speed = channel(unit="rpm", quantity="other", calibration={"coefficients": [5.0, 2.0]})
+    assert speed.resolution == 0.0
+    assert speed.raw_unit == "rpm"
+    assert speed.display.from_si(speed.value_from_raw(1500.25)) == pytest.approx(3005.5)
+    assert speed.raw_from_value(speed.value_from_raw(-2e4)) == pytest.approx(-2e4)
+    with pytest.raises(RigctlError, match="no converter in the rig file"):
+        speed.converter  # noqa: B018
 
 
 def test_what_is_possible() -> None:
@@ -101,7 +111,14 @@ def test_a_curve_that_turns_cannot_be_inverted() -> None:
     ("field", "message"),
     [
         ("calibration: {coefficients: [0, 0]}", "coefficients: two raw values give the same reading"),
-        ("calibration: {coefficients: [0, 1, -0.01]}", "coefficients: two raw values give the same reading"),
+        (
+            "raw: {bits: 10}, calibration: {coefficients: [0, 1, -0.01]}",
+            "coefficients: two raw values give the same reading",
+        ),
+        (
+            "calibration: {coefficients: [0, 1, 0.01]}",
+            "coefficients: a curved calibration needs the range of its converter",
+        ),
         (
             "calibration: {coefficients: [0]}",
             "coefficients: too few entries, got 'a list'; expected at least 2",

@@ -195,7 +195,7 @@ def _as_document(name: str, channel: Channel, fit: CalibrationFit, day: date) ->
     return {
         "channel": name,
         "unit": channel.unit,
-        "raw_unit": channel.raw.unit,
+        "raw_unit": channel.raw_unit,
         "date": day,
         "degree": fit.degree,
         "coefficients": fit.coefficients,
@@ -248,7 +248,7 @@ def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
 
     for line in residual_lines(channel, fit):
         typer.echo(line)
-    terms = ("", f"·{channel.raw.unit}", *(f"·{channel.raw.unit}^{k}" for k in range(2, 8)))
+    terms = ("", f"·{channel.raw_unit}", *(f"·{channel.raw_unit}^{k}" for k in range(2, 8)))
     formula = " ".join(
         f"{value:+.7g}{term}" for value, term in zip(fit.coefficients, terms, strict=False)
     ).removeprefix("+")

@@ -32,7 +32,7 @@ def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: st
     return Plot(
         id=f"calibration-{name}",
         caption=title,
-        x_title=f"raw value [{channel.raw.unit}]",
+        x_title=f"raw value [{channel.raw_unit}]",
         panels=(
             Panel(
                 f"{name} [{unit}]",
@@ -55,7 +55,7 @@ def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: st
 
 def residual_lines(channel: Channel, fit: CalibrationFit) -> list[str]:
     """A line for each point: reference, raw value, residual, and where that lies around zero."""
-    unit, raw, between = channel.unit, channel.raw.unit, channel.interval_unit
+    unit, raw, between = channel.unit, channel.raw_unit, channel.interval_unit
     tiny = _ROUNDING * max(abs(point.reference) for point in fit.points)
     residuals = [interval(channel, value) if abs(value) > tiny else 0.0 for value in fit.residuals]
     largest = max(map(abs, residuals))

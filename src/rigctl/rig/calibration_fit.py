@@ -112,7 +112,8 @@ def fit_calibration(
     residuals = y - design @ solved
     to_raw = _powers(centre, width, count)
     coefficients = _without_rounding(to_raw @ solved, x, y)
-    if not monotonic(coefficients, channel.raw.low, channel.raw.high):
+    raw = channel.raw
+    if raw is not None and not monotonic(coefficients, raw.low, raw.high):
         raise RigctlError(
             "the fitted curve turns back within the converter's range: two raw values would read the same",
             value=f"degree {degree}",
@@ -123,7 +124,7 @@ def fit_calibration(
     grid = np.vander(np.linspace(z.min(), z.max(), 201), count, increasing=True)
     leverage = float(np.einsum("ij,jk,ik->i", grid, inverse, grid).max())
     spread = _t(freedom) * s * math.sqrt(1.0 + leverage) if freedom else 0.0
-    step = channel.raw.step * _steepest(coefficients, x) / math.sqrt(12.0) * 2.0
+    step = (raw.step if raw else 0.0) * _steepest(coefficients, x) / math.sqrt(12.0) * 2.0
     covariance = to_raw @ inverse @ to_raw.T * s**2
     return CalibrationFit(
         tuple(points),
@@ -143,7 +144,13 @@ def interval(channel: Channel, value: float) -> float:
 
 
 def _check(channel: Channel, x: Array, degree: int) -> None:
-    distinct = len(np.unique(np.round(x / channel.raw.step, 2)))
+    if channel.raw is None and degree > 1:
+        raise RigctlError(
+            "a curve needs the range of the channel's converter, over which it must not turn back",
+            value=f"degree {degree}",
+            expected="degree 1, or 'raw: {bits: 12, low: 0, high: 4095}', say, in the rig file",
+        )
+    distinct = len(np.unique(np.round(x / channel.raw.step, 2) if channel.raw else x))
     if distinct < degree + 1:
         raise RigctlError(
             "too few points with different raw values",

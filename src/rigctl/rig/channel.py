@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 
 from pydantic import Field
 
+from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyDifference
 from rigctl.rig.base import Part
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
@@ -63,7 +64,10 @@ class Channel(Part):
     unit: str = Field(description="the unit it is shown and stored in, e.g. bar")
     quantity: QuantityName = Field(description="what it measures")
     description: str = Field(default="", description="for reports: where the sensor sits, its type")
-    raw: Raw = Field(default=Raw(), description="the converter behind it")
+    raw: Raw | None = Field(
+        default=None,
+        description="the converter behind it; without one readings are neither rounded nor clipped",
+    )
     calibration: Calibration = Field(default=Calibration(), description="raw values to the unit")
     noise: AnyDifference | None = Field(default=None, description="standard deviation of one reading")
     range: tuple[AnyAmount, AnyAmount] | None = Field(
@@ -90,17 +94,42 @@ class Channel(Part):
             *(coefficient * self.display.factor for coefficient in rest),
         )
 
+    @property
+    def converter(self) -> Raw:
+        """Its converter, for a device that has one in any case.
+
+        Raises
+        ------
+        RigctlError
+            the rig file says nothing of it.
+        """
+        if self.raw is None:
+            raise RigctlError(
+                "the channel has no converter in the rig file",
+                expected="'raw: {bits: 10, low: 0, high: 1023}', say, with the channel",
+            )
+        return self.raw
+
+    @property
+    def raw_unit(self) -> str:
+        """What raw values are counted in; without a converter a device reports the channel's unit."""
+        return self.unit if self.raw is None else self.raw.unit
+
     def value_from_raw(self, raw: float) -> float:
         """The SI value of a raw reading."""
         return polynomial(self.si_coefficients, raw)
 
     def raw_from_value(self, value: float) -> float:
         """The raw reading, not yet quantised, of an SI value."""
+        if self.raw is None:  # a straight line, see `rig.checks`
+            return inverse_polynomial(self.si_coefficients, value, 0.0, 1.0)
         return inverse_polynomial(self.si_coefficients, value, self.raw.low, self.raw.high)
 
     @property
     def resolution(self) -> float:
-        """The SI value of one step of the converter, in the middle of its range."""
+        """The SI value of one step of the converter, in the middle of its range; 0 without one."""
+        if self.raw is None:
+            return 0.0
         middle = 0.5 * (self.raw.low + self.raw.high)
         half = 0.5 * self.raw.step
         return abs(self.value_from_raw(middle + half) - self.value_from_raw(middle - half))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import date
 
 from rigctl.errors import RigctlError, unknown_name
@@ -91,14 +91,28 @@ def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]
 
 def _converter(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
     raw = channel.raw
-    if raw.low >= raw.high:
+    coefficients = channel.calibration.coefficients
+    if raw is None:
+        yield from _without_converter((*keys, "calibration", "coefficients"), coefficients)
+    elif raw.low >= raw.high:
         yield Problem((*keys, "raw"), RigctlError("raw: 'low' is not below 'high'"))
-    elif not monotonic(channel.calibration.coefficients, raw.low, raw.high):
+    elif not monotonic(coefficients, raw.low, raw.high):
         error = RigctlError(
             "coefficients: two raw values give the same reading",
             expected="a polynomial that only rises or only falls over the raw range",
         )
         yield Problem((*keys, "calibration", "coefficients"), error)
+
+
+def _without_converter(keys: tuple[str | int, ...], coefficients: Sequence[float]) -> Iterator[Problem]:
+    if any(coefficients[2:]):
+        error = RigctlError(
+            "coefficients: a curved calibration needs the range of its converter",
+            expected="'raw: {bits: 12, low: 0, high: 4095}', say, with the channel",
+        )
+        yield Problem(keys, error)
+    elif coefficients[1] == 0.0:
+        yield Problem(keys, RigctlError("coefficients: two raw values give the same reading"))
 
 
 def _actuators(rig: Rig) -> Iterator[Problem]:

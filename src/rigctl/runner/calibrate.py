@@ -73,11 +73,11 @@ class _Series:
         self.tell(self._told(point))
 
     def _told(self, point: Point) -> str:
-        raw, unit = self.channel.raw, self.channel.raw.unit
+        raw, unit = self.channel.raw, self.channel.raw_unit
         text = f"point {len(self.points)}: {point.reference:g} {self.channel.unit} at {point.mean:.6g} {unit}"
         if point.scatter is not None:
             text += f" ± {point.scatter:.2g} ({len(point.raw)} readings)"
-        if min(point.mean - raw.low, raw.high - point.mean) < _AT_END * raw.step:
+        if raw is not None and min(point.mean - raw.low, raw.high - point.mean) < _AT_END * raw.step:
             text += "; the converter is at its end, this point is worth nothing"
         return text
 

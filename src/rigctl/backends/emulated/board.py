@@ -108,8 +108,9 @@ class EmulatedBoard:
         """Put the sensors' signals on the converter's pins."""
         channels = self._rig.channels.values()
         for channel, pin, value in zip(channels, self._wiring.inputs, self.device.read(), strict=True):
-            raw = channel.raw_from_value(value) if value == value else channel.raw.low  # noqa: PLR0124 - NaN
-            code = round((raw - channel.raw.low) / channel.raw.step)
+            converter = channel.converter
+            raw = channel.raw_from_value(value) if value == value else converter.low  # noqa: PLR0124 - NaN
+            code = round((raw - converter.low) / converter.step)
             self.avr.put_voltage(pin, millivolt(code))
 
 

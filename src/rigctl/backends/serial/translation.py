@@ -73,7 +73,7 @@ class Translation:
     def values(self, reading: Reading) -> tuple[float, ...]:
         """The channels' SI values, in the order of the rig's layout."""
         return tuple(
-            channel.value_from_raw(channel.raw.low + reading.counts[pin] * channel.raw.step)
+            channel.value_from_raw(channel.converter.low + reading.counts[pin] * channel.converter.step)
             for channel, pin in self._sensors
         )
 

@@ -77,10 +77,11 @@ def _inputs(rig: Rig, given: Mapping[str, str]) -> dict[str, str]:
                 expected=f"'inputs: {{{name}: A0}}' in the backend's options, one channel on each",
                 hint=taken or None,
             )
-        if channel.raw.bits != BITS:
+        bits = channel.raw.bits if channel.raw else None
+        if bits != BITS:
             raise RigctlError(
                 f"channel '{name}': the board's converter has {BITS} bits",
-                value=f"{channel.raw.bits} bits",
+                value=f"{bits} bits" if bits else "no 'raw:' in the rig file",
                 hint="Use a rig file for the board, e.g. rigs/hl32-bench-uno.yaml",
             )
         chosen[name] = pin

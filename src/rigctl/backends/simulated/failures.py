@@ -8,6 +8,9 @@ from collections.abc import Callable, Mapping
 from rigctl.backends.simulated.sensors import Failure, Sensor
 from rigctl.rig import Channel
 
+#: a range that nobody states is taken as this many standard deviations of the channel's noise
+_NOISES = 1000.0
+
 
 def stuck() -> Failure:
     """Holds the first value it reads from now on."""
@@ -33,21 +36,20 @@ def open_circuit() -> Failure:
 
 
 def noisy() -> Failure:
-    """Adds white noise of a tenth of the possible range."""
+    """Adds white noise of a tenth of the possible range; 100 times its own where that is unknown."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
-        low, high = possible_range(sensor.channel)
-        return sensor.convert(true + 0.1 * (high - low) * z)
+        return sensor.convert(true + 0.1 * _span(sensor.channel) * z)
 
     return read
 
 
 def out_of_range() -> Failure:
-    """Reports a tenth of the range more than is possible."""
+    """Reports a tenth of the range more than is possible; nothing where anything is possible."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
-        low, high = possible_range(sensor.channel)
-        return high + 0.1 * (high - low)
+        high = possible_range(sensor.channel)[1]
+        return high + 0.1 * _span(sensor.channel) if math.isfinite(high) else math.nan
 
     return read
 
@@ -62,11 +64,20 @@ SENSOR_FAILURES: Mapping[str, Callable[[], Failure]] = {
 
 
 def converter_range(channel: Channel) -> tuple[float, float]:
-    """The SI values of the converter's lowest and highest code."""
-    return channel.value_from_raw(channel.raw.low), channel.value_from_raw(channel.raw.high)
+    """The SI values of the converter's lowest and highest code; infinite without one."""
+    raw = channel.raw
+    if raw is None:
+        return -math.inf, math.inf
+    return channel.value_from_raw(raw.low), channel.value_from_raw(raw.high)
 
 
 def possible_range(channel: Channel) -> tuple[float, float]:
     """The physically possible SI values; what the converter can tell where the rig file does not say."""
     low, high = channel.range or sorted(converter_range(channel))
     return float(low), float(high)
+
+
+def _span(channel: Channel) -> float:
+    """The width of the possible range; from the noise where the rig file gives no range and no converter."""
+    low, high = possible_range(channel)
+    return high - low if math.isfinite(high - low) else _NOISES * (float(channel.noise or 0.0) or 1.0)

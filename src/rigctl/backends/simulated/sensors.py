@@ -1,7 +1,8 @@
 """From a true value to what the bench reports: noise, calibration, converter.
 
 A channel reads ``value(code(true + noise·z))``: white noise z ~ N(0, 1), the calibration inverted to raw
-units, rounded to one of the converter's codes and clipped to its range, and the calibration applied again.
+units, rounded to one of the converter's codes and clipped to its range, and the calibration applied again. A
+channel without a converter in the rig file reads ``true + noise·z``.
 """
 
 from __future__ import annotations
@@ -85,17 +86,19 @@ def _unchanged(value: float) -> float:
 
 def _converter(channel: Channel) -> Callable[[float], float]:
     """Quantisation of an SI value by the channel's converter."""
+    raw = channel.raw
+    if raw is None:
+        return _unchanged
     if not any(channel.calibration.coefficients[2:]):
         return _straight(channel)
-    if channel.raw.bits <= _TABLE_BITS:
+    if raw.bits <= _TABLE_BITS:
         return _tabulated(channel)
-    raw = channel.raw
     return lambda value: channel.value_from_raw(raw.quantise(channel.raw_from_value(value)))
 
 
 def _straight(channel: Channel) -> Callable[[float], float]:
     """Codes are evenly spaced values."""
-    raw = channel.raw
+    raw = channel.converter
     last = (1 << raw.bits) - 1
     first_value = channel.value_from_raw(raw.low)
     step = (channel.value_from_raw(raw.high) - first_value) / last
@@ -109,7 +112,7 @@ def _straight(channel: Channel) -> Callable[[float], float]:
 
 def _tabulated(channel: Channel) -> Callable[[float], float]:
     """Codes lie on a monotonic curve: look up between which two halves of a code the value falls."""
-    raw = channel.raw
+    raw = channel.converter
     codes = range(1 << raw.bits)
     values = [channel.value_from_raw(raw.low + code * raw.step) for code in codes]
     bounds = [channel.value_from_raw(raw.low + (code + 0.5) * raw.step) for code in codes[:-1]]
