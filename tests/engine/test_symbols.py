@@ -43,6 +43,7 @@ COMBINE: Mapping[str, Callable[[Scalar, Scalar], Scalar]] = {
     "negative": lambda a, b: -a - (-b),
     "square": lambda a, b: a**2 - b * 0.0 + (a * 1.0) ** 3 * 0.1,
     "tanh": lambda a, b: symbols.tanh(a) + 0.25 * b,
+    "sin": lambda a, b: symbols.sin(a) * symbols.cos(b * 0.5),
     "exp": lambda a, b: symbols.exp(symbols.tanh(a)) * b,
     "log": lambda a, b: symbols.log(b * b + 2.0) - a,
     "positive_part": lambda a, b: symbols.positive_part(a, 0.3) * symbols.smooth_step(b, 0.7),
@@ -119,8 +120,8 @@ def test_equal_formulas_are_one_node(tree: Tree, other: Tree) -> None:
 def test_text_of_an_expression_is_the_formula_itself(tree: Tree, point: dict[str, float]) -> None:
     graph = Graph()
     expr = graph.expression(build(tree, variables(graph)))
-    names = {"exp": math.exp, "log": math.log, "sqrt": math.sqrt, "tanh": math.tanh, **point}
-    number = eval(to_text(expr), {"__builtins__": {}}, names)
+    functions = {name: getattr(math, name) for name in ("exp", "log", "sqrt", "tanh", "sin", "cos")}
+    number = eval(to_text(expr), {"__builtins__": {}}, {**functions, **point})
     assert number == pytest.approx(evaluate(expr, point), rel=1e-9, abs=1e-9)
 
 

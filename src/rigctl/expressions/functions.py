@@ -47,6 +47,16 @@ def logarithm(x: float) -> float:
     return -math.inf if x == 0.0 else math.nan
 
 
+def sine(x: float) -> float:
+    """sin x of an angle in radians; NaN where it is not finite."""
+    return math.sin(x) if math.isfinite(x) else math.nan
+
+
+def cosine(x: float) -> float:
+    """cos x of an angle in radians; NaN where it is not finite."""
+    return math.cos(x) if math.isfinite(x) else math.nan
+
+
 def divide(a: float, b: float) -> float:
     """a/b; NaN for a division by zero."""
     return a / b if b != 0.0 else math.nan
@@ -117,6 +127,8 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
 SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     {
         "tanh": Function(math.tanh),
+        "sin": Function(sine),
+        "cos": Function(cosine),
         "absolute": Function(absolute, count=2),
         "positive_part": Function(positive_part, count=2),
         "minimum": Function(minimum, count=3),
@@ -127,6 +139,6 @@ SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
 )
 
 #: the smooth switches
-WITH_WIDTH = frozenset(SMOOTH_FUNCTIONS) - {"tanh"}
+WITH_WIDTH = frozenset(SMOOTH_FUNCTIONS) - {"tanh", "sin", "cos"}
 
 ALL_FUNCTIONS: Mapping[str, Function] = MappingProxyType({**FUNCTIONS, **SMOOTH_FUNCTIONS})

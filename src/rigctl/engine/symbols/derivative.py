@@ -77,6 +77,10 @@ def _of_node(node: Expr, variable: Expr, parts: list[Expr]) -> Expr:
             return parts[0] / args[0]
         case "sqrt":
             return 0.5 * parts[0] / node
+        case "sin":
+            return node.graph.function("cos", args[0]) * parts[0]
+        case "cos":
+            return -node.graph.function("sin", args[0]) * parts[0]
         case "tanh":
             return (1.0 - node * node) * parts[0]
     raise RigctlError("an operation without a derivative", value=node.op)

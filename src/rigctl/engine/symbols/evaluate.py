@@ -50,6 +50,10 @@ def _of_node(node: Expr, args: list[float], values: Mapping[str, float]) -> floa
             return functions.log(args[0])
         case "sqrt":
             return functions.sqrt(args[0])
+        case "sin":
+            return functions.sin(args[0])
+        case "cos":
+            return functions.cos(args[0])
         case _:
             return math.tanh(args[0])
 

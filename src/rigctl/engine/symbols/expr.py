@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rigctl.engine.symbols.graph import Graph
 
 #: the one-argument functions a node can be
-FUNCTIONS = ("exp", "log", "sqrt", "tanh")
+FUNCTIONS = ("exp", "log", "sqrt", "tanh", "sin", "cos")
 
 _SMOOTH_ALTERNATIVES = "use a smooth switch: positive_part, absolute, minimum, maximum, smooth_step or tanh"
 

@@ -81,6 +81,28 @@ def tanh(x: Any) -> Any:
 
 
 @overload
+def sin(x: Expr) -> Expr: ...
+@overload
+def sin(x: float) -> float: ...
+@overload
+def sin(x: Scalar) -> Scalar: ...
+def sin(x: Any) -> Any:
+    """The sine of an angle x in radians; of a plain number that is not finite nan."""
+    return _circular("sin", x)
+
+
+@overload
+def cos(x: Expr) -> Expr: ...
+@overload
+def cos(x: float) -> float: ...
+@overload
+def cos(x: Scalar) -> Scalar: ...
+def cos(x: Any) -> Any:
+    """The cosine of an angle x in radians; of a plain number that is not finite nan."""
+    return _circular("cos", x)
+
+
+@overload
 def power(x: Expr, y: Scalar) -> Expr: ...
 @overload
 def power(x: float, y: float) -> float: ...
@@ -192,6 +214,14 @@ def _width(width: Scalar, x: Scalar) -> Scalar:
 
 def _like(value: Scalar, x: Scalar) -> Scalar:
     return value if isinstance(value, Expr) else constant_like(value, x)
+
+
+def _circular(name: str, x: Any) -> Any:
+    if isinstance(x, Expr):
+        return x.graph.function(name, x)
+    if not isinstance(x, int | float):
+        return _elementwise(name, x)
+    return float(getattr(math, name)(x)) if math.isfinite(x) else math.nan
 
 
 def _elementwise(name: str, *args: Any) -> Any:

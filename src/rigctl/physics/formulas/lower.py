@@ -20,6 +20,8 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "exp": symbols.exp,
     "log": symbols.log,
     "tanh": symbols.tanh,
+    "sin": symbols.sin,
+    "cos": symbols.cos,
     "absolute": symbols.absolute,
     "positive_part": symbols.positive_part,
     "minimum": symbols.minimum,

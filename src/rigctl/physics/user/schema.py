@@ -21,7 +21,7 @@ Formula = Annotated[str, Field(min_length=1)]
 #: of a standard record: more would make trying an effect slow
 _MOST_SAMPLES = 20_000
 
-_FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh and smooth switches"
+_FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh, sin, cos and smooth switches"
 
 
 class _Part(BaseModel):
