@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from dataset.strokes import measure_strokes
+from dataset.strokes import LAYOUT, measure_strokes
 from rigctl.dataset import Condition, RunWriter, open_run, verify
 from rigctl.dataset.annotations import append_annotations, say
+from rigctl.dataset.finalise import recovered_history
+from rigctl.dataset.journal import read_journal
 
 RunMaker = Callable[..., Path]
 FILES = ("samples.parquet", "records.parquet", "events.parquet", "log.jsonl")
@@ -49,18 +51,107 @@ def test_run_json_is_made_again_from_the_log(make_run: RunMaker) -> None:
     assert json.loads((folder / "run.json").read_text(encoding="utf-8")) == before
 
 
-def test_a_damaged_log_of_an_unclosed_run_is_named_with_its_line(writer: RunWriter) -> None:
+def left_by_a_kill(writer: RunWriter) -> Path:
+    """Three complete records in the files that a killed program leaves."""
     measure_strokes(writer)
+    writer.flush()
     writer._journal.close()
     writer._log.close()
     writer._lock.release()
-    path = writer.folder / "log.jsonl"
+    return writer.folder
+
+
+def outcomes(folder: Path) -> list[str]:
+    return list(open_run(folder).records["outcome"])
+
+
+@pytest.mark.parametrize("bad", [3, 6])
+def test_a_damaged_line_of_the_log_costs_the_record_that_was_open(writer: RunWriter, bad: int) -> None:
+    """Line 4 is a command of the first record, line 7 the opening of the second."""
+    folder = left_by_a_kill(writer)
+    path = folder / "log.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(b"".join([*lines[:3], b"@@@@\n", *lines[4:]]))
-    verdict = verify(writer.folder)
+    damaged = b"".join([*lines[:bad], b"@@@@\n", *lines[bad + 1 :]])
+    path.write_bytes(damaged)
+    verdict = verify(folder)
+    assert verdict.condition is Condition.RECOVERED
+    assert f"{path}: what line {bad + 1} said is lost" in verdict.problems[-1]
+    assert path.read_bytes() == damaged, "the log is left as it is"
+    wanted = ["complete"] * 3
+    wanted[0 if bad == 3 else 1] = "damaged"
+    assert outcomes(folder) == wanted
+    assert len(open_run(folder).signals("time", 1)) == 20
+
+
+def test_a_log_without_its_first_line_leaves_the_journal_alone(writer: RunWriter) -> None:
+    folder = left_by_a_kill(writer)
+    path = folder / "log.jsonl"
+    path.write_bytes(b"@" + path.read_bytes()[1:])
+    verdict = verify(folder)
     assert verdict.condition is Condition.BROKEN
-    assert f"{path}:4" in verdict.problems[0]
-    assert (writer.folder / "samples.journal").exists()
+    assert f"{path}:1" in verdict.problems[0]
+    assert (folder / "samples.journal").exists()
+
+
+def test_a_flipped_bit_in_the_journal_costs_one_frame_and_the_original_is_kept(writer: RunWriter) -> None:
+    folder = left_by_a_kill(writer)
+    path = folder / "samples.journal"
+    damaged = bytearray(path.read_bytes())
+    frame = read_journal(path).frames[1]
+    damaged[frame.start + 5] ^= 1
+    path.write_bytes(damaged)
+    verdict = verify(folder)
+    assert verdict.condition is Condition.RECOVERED
+    lost = frame.length // (8 * len(LAYOUT.columns))
+    assert any(f"at least {lost} samples are lost" in said for said in verdict.problems)
+    assert not path.exists()
+    assert (folder / "samples.journal.damaged-0").read_bytes() == damaged
+    run = open_run(folder)
+    assert run.info["rows"] == 63 - lost
+    assert run.info["lost_rows"] == lost
+    assert run.info["lost_bytes"] > frame.length
+    assert outcomes(folder).count("damaged") == 1
+    append_annotations(folder, [say("note", "looked at")])
+    verify(folder)
+    assert outcomes(folder).count("damaged") == 1, "it stays so when the tables are made again"
+    assert open_run(folder).info["lost_rows"] == lost
+
+
+def test_what_is_measured_again_after_damage_is_what_misses_samples(writer: RunWriter) -> None:
+    folder = left_by_a_kill(writer)
+    path = folder / "samples.journal"
+    damaged = bytearray(path.read_bytes())
+    damaged[read_journal(path).frames[1].start + 5] ^= 1
+    path.write_bytes(damaged)
+    found = [entry.outcome for entry in recovered_history(folder).records]
+    assert found == outcomes(folder)
+    assert found.count("damaged") == 1
+
+
+@pytest.mark.parametrize("content", [None, b"", bytes(4000), b"RIGJRNL2"])
+def test_without_its_journal_no_record_is_complete(writer: RunWriter, content: bytes | None) -> None:
+    folder = left_by_a_kill(writer)
+    path = folder / "samples.journal"
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(content)
+    verdict = verify(folder)
+    assert verdict.condition is Condition.RECOVERED
+    assert any("at least 60 samples are lost" in said for said in verdict.problems)
+    assert outcomes(folder) == ["damaged"] * 3
+    assert open_run(folder).usable == ()
+
+
+def test_a_journal_whose_first_frame_is_damaged_is_read_by_what_the_log_says(writer: RunWriter) -> None:
+    folder = left_by_a_kill(writer)
+    path = folder / "samples.journal"
+    damaged = bytearray(path.read_bytes())
+    damaged[60] ^= 1
+    path.write_bytes(damaged)
+    assert verify(folder).condition is Condition.RECOVERED
+    assert outcomes(folder) == ["complete"] * 3
+    assert open_run(folder).info["rows"] == 63
 
 
 def test_a_log_that_says_something_else_is_no_traceback(make_run: RunMaker) -> None:

@@ -44,7 +44,7 @@ def read_annotations(folder: Path) -> list[Annotation]:
     found = []
     for number, line in enumerate(read_lines(path), start=1):
         try:
-            found.append(Annotation(**line))
+            found.append(Annotation(**(line or {})))
         except TypeError as problem:
             raise RigctlError(
                 "the line is damaged", where=Location(path, number), exit_code=ExitCode.FAILED

@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import log, run_json, samples, tables
+from rigctl.dataset import journal, log, run_json, samples, tables
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.annotations import as_data, excluded_records, read_annotations
-from rigctl.dataset.history import COMPLETE, History, ended_at, read_history
+from rigctl.dataset.history import COMPLETE, DAMAGED, History, ended_at, read_history
+from rigctl.dataset.lock import lock_folder
 from rigctl.dataset.parquet import write_table
-from rigctl.dataset.samples import SampleFacts, remove_journal, write_samples
+from rigctl.dataset.samples import SampleFacts, sample_facts, set_aside_journal, write_samples
 
 #: version of what is in a run's folder
-FORMAT: Final = 1
+FORMAT: Final = 2
 #: the files whose checksums run.json keeps; annotations.jsonl only once there is one
 CHECKED: Final = (samples.NAME, tables.RECORDS, tables.EVENTS, log.NAME, ANNOTATIONS)
 
@@ -23,8 +24,10 @@ def finalise(folder: Path) -> dict[str, Any]:
     """Make the run's tables and ``run.json`` from its journal, log and annotations; return ``run.json``.
 
     A pure function of those files, up to the bytes: it may be repeated, and interrupted anywhere. The
-    journal is removed at the end, when ``samples.parquet`` has been read back and found complete. The
-    caller holds the folder's lock.
+    journal is removed at the end, when ``samples.parquet`` has been read back and found complete; a damaged
+    one is kept under another name. The caller holds the folder's lock.
+
+    A record of which samples are missing ends as `DAMAGED`, whatever the log says.
 
     Raises
     ------
@@ -32,17 +35,36 @@ def finalise(folder: Path) -> dict[str, Any]:
         a file is damaged or the disk is full; nothing that was measured is lost.
     """
     history = read_history(folder)
-    facts = write_samples(folder, history.header)
+    last = history.sessions[-1] if history.sessions else None
+    number, offset = (last.number, last.offset) if last else (0, 0.0)
+    facts = write_samples(folder, history.header, number, offset)
     _end_interrupted(history, facts)
+    missing = _mark_damaged(history, facts)
     said = read_annotations(folder)
     write_table(folder / tables.RECORDS, tables.records_table(history.records, excluded_records(said)))
     by_time = history.header.source != "import"
     write_table(folder / tables.EVENTS, tables.events_table(history.events, by_time=by_time))
     files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
-    info = {**_summary(history, facts), "annotations": as_data(said), "files": files}
+    info = {**_summary(history, facts, missing), "annotations": as_data(said), "files": files}
     run_json.write_info(folder, info)
-    remove_journal(folder)
+    set_aside_journal(folder, number)
     return info
+
+
+def recovered_history(folder: Path) -> History:
+    """What a run's log says, with the records that miss samples marked; a run never closed is closed first.
+
+    Raises
+    ------
+    RigctlError
+        as `finalise`; or a program is writing to the run.
+    """
+    if (folder / journal.NAME).exists() or not (folder / samples.NAME).exists():
+        with lock_folder(folder):
+            finalise(folder)
+    history = read_history(folder)
+    _mark_damaged(history, sample_facts(folder))
+    return history
 
 
 def _end_interrupted(history: History, facts: SampleFacts) -> None:
@@ -52,7 +74,18 @@ def _end_interrupted(history: History, facts: SampleFacts) -> None:
             entry.end = max(entry.start, facts.last_of_record.get(entry.index, entry.start))
 
 
-def _summary(history: History, facts: SampleFacts) -> Mapping[str, Any]:
+def _mark_damaged(history: History, facts: SampleFacts) -> int:
+    """Count the samples that the log knows of and that are not there; records that miss some are damaged."""
+    missing = 0
+    for entry in history.records:
+        short = (entry.rows or 0) - facts.rows_of_record[entry.index]
+        if short > 0:
+            entry.outcome = DAMAGED
+            missing += short
+    return missing
+
+
+def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str, Any]:
     """Everything in ``run.json`` but annotations and checksums."""
     duration = max(history.last_time, facts.last_time)
     return {
@@ -65,7 +98,9 @@ def _summary(history: History, facts: SampleFacts) -> Mapping[str, Any]:
         "records": len(history.records),
         "complete_records": sum(entry.outcome == COMPLETE for entry in history.records),
         "rows": facts.rows,
-        "lost_bytes": facts.lost_bytes,
+        "lost_bytes": sum(loss.bytes for loss in facts.losses.values()),
+        "lost_rows": max(missing, sum(loss.rows for loss in facts.losses.values())),
+        "damaged_lines": list(history.damaged_lines),
         "measures": tables.measured_values(history.measures),
         "sessions": [
             {

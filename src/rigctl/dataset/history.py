@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -16,6 +16,8 @@ from rigctl.errors import ExitCode, Location, RigctlError
 INTERRUPTED: Final = "interrupted"
 #: outcome of a record that was measured as planned
 COMPLETE: Final = "complete"
+#: outcome of a record some of whose samples, or of what was logged in it, are lost by damage to its files
+DAMAGED: Final = "damaged"
 _KILLED: Final = "the program that carried it out ended without closing the run"
 
 
@@ -34,7 +36,10 @@ class MeasuredValue:
 
 @dataclass
 class RecordEntry:
-    """One record as the log tells it; times in s of the run, `end` None when the log does not say."""
+    """One record as the log tells it; times in s of the run, `end` None when the log does not say.
+
+    `rows` is how many samples were handed over for it, None where the log does not say.
+    """
 
     index: int
     name: str
@@ -45,6 +50,7 @@ class RecordEntry:
     start: float
     end: float | None = None
     outcome: str = INTERRUPTED
+    rows: int | None = None
     measures: dict[str, MeasuredValue] = field(default_factory=dict)
 
 
@@ -82,6 +88,7 @@ class History:
     measures: dict[str, MeasuredValue] = field(default_factory=dict)  #: outside any record
     events: list[EventEntry] = field(default_factory=list)
     last_time: float = 0.0
+    damaged_lines: tuple[int, ...] = ()  #: of the log, from 1; what they said is lost
 
     @property
     def status(self) -> str:
@@ -97,28 +104,39 @@ class History:
 def read_history(folder: Path) -> History:
     """Read the log of a run.
 
+    A damaged line is left out and counted: a record that was open then is `DAMAGED`.
+
     Raises
     ------
     RigctlError
-        there is no log, or it is damaged before its last line.
+        there is no log, its first line is damaged, or the lines that are left do not belong together.
     """
     path = folder / log.NAME
     lines = log.read_lines(path)
     try:
         return _interpret(lines)
     except (KeyError, TypeError, ValueError, IndexError) as problem:
+        damaged = next((number for number, line in enumerate(lines, start=1) if line is None), None)
         raise RigctlError(
-            "the log is damaged", value=str(problem), where=Location(path), exit_code=ExitCode.FAILED
+            "the log is damaged",
+            value=None if damaged else str(problem),
+            where=Location(path, damaged),
+            exit_code=ExitCode.FAILED,
         ) from problem
 
 
-def _interpret(lines: Iterable[Mapping[str, Any]]) -> History:
-    rest = iter(lines)
-    first = next(rest, {})
+def _interpret(lines: Sequence[Mapping[str, Any] | None]) -> History:
+    first = lines[0] if lines else None
+    if first is None:
+        raise ValueError("its first line is damaged or missing")
     history = History(RunHeader.from_json(first["header"]))
+    history.damaged_lines = tuple(number for number, line in enumerate(lines, start=1) if line is None)
     reader = _Reader(history)
-    for line in rest:
-        reader.read(line)
+    for line in lines[1:]:
+        if line is None:
+            reader.skip()
+        else:
+            reader.read(line)
     return history
 
 
@@ -130,6 +148,11 @@ class _Reader:
         self._open: RecordEntry | None = None
         self._offset = 0.0
 
+    def skip(self) -> None:
+        """A line is damaged: what it said of the open record is lost."""
+        if self._open is not None:
+            self._open.outcome = DAMAGED
+
     def read(self, line: Mapping[str, Any]) -> None:
         kind = line["kind"]
         if kind == "session":
@@ -137,14 +160,19 @@ class _Reader:
             self._open = None
             facts = {key: line[key] for key in line if key not in ("time", "kind", "session", "offset")}
             self._history.sessions.append(Session(line["session"], self._offset, facts))
+        elif not self._history.sessions:  # its line is damaged; the first session begins with the run
+            self._history.sessions.append(
+                Session(0, 0.0, {"started": self._history.header.started.isoformat()})
+            )
         time = line["time"] + self._offset
         self._history.last_time = max(self._history.last_time, time)
         if kind == "record" and line["state"] == "open":
             self._open_record(line, time)
         self._add_event(line, time)
         if kind == "record" and line["state"] == "closed":
-            self._close_record(line["outcome"], time)
+            self._close_record(line, time)
         elif kind == "measure":
+            self._add_unlogged(line["record"] + 1, time)
             self._add_measure(line)
         elif kind == "end":
             session = self._history.sessions[-1]
@@ -152,17 +180,26 @@ class _Reader:
 
     def _open_record(self, line: Mapping[str, Any], time: float) -> None:
         sweep = {name: (_number(value), unit) for name, (value, unit) in line["sweep"].items()}
-        session = self._history.sessions[-1].number
-        self._open = RecordEntry(
-            line["record"], line["name"], line["path"], line["rate"], sweep, session, start=time
-        )
-        if self._open.index != len(self._history.records):
-            raise ValueError(f"record {self._open.index} where {len(self._history.records)} was due")
+        session, index = self._history.sessions[-1].number, line["record"]
+        self._add_unlogged(index, time)
+        if index != len(self._history.records):
+            raise ValueError(f"record {index} where {len(self._history.records)} was due")
+        self._open = RecordEntry(index, line["name"], line["path"], line["rate"], sweep, session, start=time)
         self._history.records.append(self._open)
 
-    def _close_record(self, outcome: str, time: float) -> None:
-        if self._open is not None:
-            self._open.outcome, self._open.end = outcome, time
+    def _add_unlogged(self, before: int, time: float) -> None:
+        """Add the records whose opening stood in a damaged line, so that their samples have a record."""
+        records, session = self._history.records, self._history.sessions[-1].number
+        while self._history.damaged_lines and len(records) < before:
+            unlogged = RecordEntry(len(records), "", "", 0.0, {}, session, start=time, outcome=DAMAGED)
+            records.append(unlogged)
+
+    def _close_record(self, line: Mapping[str, Any], time: float) -> None:
+        self._add_unlogged(line["record"] + 1, time)
+        if self._open is not None and self._open.index == line["record"]:
+            self._open.end, self._open.rows = time, line.get("rows")
+            if self._open.outcome != DAMAGED:
+                self._open.outcome = line["outcome"]
         self._open = None
 
     def _add_measure(self, line: Mapping[str, Any]) -> None:

@@ -2,11 +2,16 @@
 
 Layout of the file, all little-endian::
 
-    magic       8 bytes                b"RIGJRNL1"
-    frame 0     length u32, crc32 u32  JSON: run, session, offset, columns
-    frame 1…    length u32, crc32 u32  rows of float64, one after another
+    magic       8 bytes   b"RIGJRNL2"
+    frame 0     header    JSON: run, session, offset, columns
+    frame 1…    header    rows of float64, one after another
 
-A frame that is cut off or whose checksum is wrong ends the journal: everything before it is whole.
+    header      marker 8 bytes, number u32, first row u64, length u32,
+                crc32 of the payload u32, crc32 of the header before it u32
+
+A frame whose header or payload does not match its checksum is skipped: reading goes on at the next marker
+behind which a whole frame lies. Each frame says which row of the journal it begins with, so that the rows
+missing before it are counted.
 """
 
 from __future__ import annotations
@@ -18,7 +23,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
 
@@ -26,9 +31,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-MAGIC: Final = b"RIGJRNL1"
+MAGIC: Final = b"RIGJRNL2"
 NAME: Final = "samples.journal"
-_FRAME = struct.Struct("<II")
+#: begins every frame; no two bytes alike, so that no shifted copy of it matches
+_MARKER: Final = b"\xa7RGJ\x1eF\x95\n"
+_HEADER = struct.Struct("<8sIQII")
+_CHECKSUM = struct.Struct("<I")
+_HEADER_BYTES: Final = _HEADER.size + _CHECKSUM.size
 #: more rows than fill this are written as several frames
 _FRAME_BYTES: Final = 1 << 18
 #: a length beyond this is no length but damage
@@ -53,8 +62,9 @@ class JournalWriter:
         self._waiting = bytearray()
         self._file = path.open("xb", buffering=0)
         self._whole = 0  # bytes of the file that are whole frames
+        self._frames = self._rows = 0
         first = json.dumps({**facts, "columns": list(columns)}, ensure_ascii=False).encode("utf-8")
-        self._write(MAGIC, _FRAME.pack(len(first), zlib.crc32(first)), first)
+        self._write(MAGIC, _frame_header(0, 0, first), first)
 
     @property
     def waiting(self) -> int:
@@ -88,7 +98,9 @@ class JournalWriter:
             with memoryview(self._waiting) as waiting:
                 for start in range(0, len(waiting), self._frame_bytes):
                     with waiting[start : start + self._frame_bytes] as payload:
-                        self._write(_FRAME.pack(len(payload), zlib.crc32(payload)), payload)
+                        self._write(_frame_header(self._frames + 1, self._rows, payload), payload)
+                        self._frames += 1
+                        self._rows += len(payload) // (8 * self._width)
                         written = start + len(payload)
         finally:
             del self._waiting[:written]
@@ -124,56 +136,75 @@ def write_fully(file: Any, part: bytes | bytearray | memoryview) -> None:
         written += more
 
 
+def _frame_header(number: int, first_row: int, payload: bytes | memoryview) -> bytes:
+    head = _HEADER.pack(_MARKER, number, first_row, len(payload), zlib.crc32(payload))
+    return head + _CHECKSUM.pack(zlib.crc32(head))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One whole frame: its number, the row of the journal it begins with, and where its payload lies."""
+
+    number: int
+    first_row: int
+    start: int
+    length: int
+
+
 @dataclass(frozen=True)
 class Journal:
     """A journal as it is found on disk.
 
     Parameters
     ----------
-    facts: the first frame: run, session, offset, columns.
-    starts, lengths: where each whole frame of rows lies in the file, in bytes.
-    lost_bytes: what follows the last whole frame.
+    facts: the first frame: run, session, offset, columns; None when it is damaged.
+    frames: the whole frames of rows, in order.
+    lost_bytes: of damaged frames, and behind the last whole one.
     """
 
     path: Path
-    facts: dict[str, Any]
-    starts: tuple[int, ...]
-    lengths: tuple[int, ...]
+    facts: dict[str, Any] | None
+    frames: tuple[Frame, ...]
     lost_bytes: int
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the values of a row."""
-        return tuple(self.facts["columns"])
-
-    @property
-    def rows(self) -> int:
-        """Number of whole rows."""
-        return sum(self.lengths) // (8 * len(self.columns))
-
-    def blocks(self, rows: int = 1 << 17) -> Iterator[NDArray[np.float64]]:
-        """The rows in order, as arrays of shape (`rows`, columns); the last may be shorter.
+    def blocks(self, width: int, rows: int = 1 << 17) -> Iterator[NDArray[np.float64]]:
+        """The rows in order, as arrays of shape (`rows`, `width`); the last may be shorter.
 
         The division depends on the number of rows only, not on when they happened to be flushed.
         """
         import numpy as np
 
-        width = len(self.columns)
         size = rows * width * 8
         gathered = bytearray()
         with self.path.open("rb") as file:
-            for start, length in zip(self.starts, self.lengths, strict=True):
-                file.seek(start)
-                gathered += file.read(length)
+            for frame in self.frames:
+                file.seek(frame.start)
+                gathered += file.read(frame.length)
                 while len(gathered) >= size:
                     yield np.frombuffer(bytes(gathered[:size]), dtype="<f8").reshape(-1, width)
                     del gathered[:size]
         if gathered:
             yield np.frombuffer(bytes(gathered), dtype="<f8").reshape(-1, width)
 
+    @property
+    def damaged(self) -> bool:
+        """Whether anything of it could not be read, its first frame included."""
+        return self.facts is None or self.lost_bytes > 0
 
-def read_journal(path: Path) -> Journal | None:
-    """Find the whole frames of a journal; None when not even its first frame is whole (it holds no rows).
+    def rows(self, width: int) -> int:
+        """Number of whole rows of `width` values."""
+        return sum(frame.length for frame in self.frames) // (8 * width)
+
+    def lost_rows(self, width: int) -> int:
+        """Rows that are missing before and between whole frames; how many after the last one is not known."""
+        if not self.frames:
+            return 0
+        last = self.frames[-1]
+        return last.first_row + last.length // (8 * width) - self.rows(width)
+
+
+def read_journal(path: Path) -> Journal:
+    """Find the whole frames of a journal, whatever lies between them.
 
     Raises
     ------
@@ -191,35 +222,53 @@ def read_journal(path: Path) -> Journal | None:
         ) from problem
 
 
-def _scan(path: Path, file: Any) -> Journal | None:
-    size = path.stat().st_size
-    if file.read(len(MAGIC)) != MAGIC:
-        return None
-    first = _read_frame(file)
-    if first is None:
-        return None
-    facts = json.loads(first)
-    row_bytes = 8 * len(facts["columns"])
-    starts: list[int] = []
-    lengths: list[int] = []
-    end = file.tell()
-    while (payload := _read_frame(file)) is not None and len(payload) % row_bytes == 0:
-        starts.append(end + _FRAME.size)
-        lengths.append(len(payload))
-        end = file.tell()
-    return Journal(path, facts, tuple(starts), tuple(lengths), size - end)
+def _scan(path: Path, file: BinaryIO) -> Journal:
+    facts, frames, lost = None, list[Frame](), 0
+    at, size = len(MAGIC), path.stat().st_size
+    if size < at:
+        return Journal(path, None, (), size)
+    while at < size:
+        frame, payload = _read_frame(file, at)
+        if frame is None:
+            after = _next_marker(file, at + 1, size)
+            lost += after - at
+            at = after
+            continue
+        if frame.number == 0:
+            facts = json.loads(payload)
+        elif not frames or frame.number > frames[-1].number:
+            frames.append(frame)
+        at = frame.start + frame.length
+    return Journal(path, facts, tuple(frames), lost)
 
 
-def _read_frame(file: Any) -> bytes | None:
-    """The payload of the next frame; None when it is cut off or damaged.
+def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
+    """The frame that begins at a byte of the file; None when none does, or it is cut off or damaged."""
+    file.seek(at)
+    head = file.read(_HEADER_BYTES)
+    if len(head) < _HEADER_BYTES or not head.startswith(_MARKER):
+        return None, b""
+    (own,) = _CHECKSUM.unpack(head[_HEADER.size :])
+    if zlib.crc32(head[: _HEADER.size]) != own:
+        return None, b""
+    _, number, first_row, length, checksum = _HEADER.unpack(head[: _HEADER.size])
+    if length > _MAX_FRAME_BYTES:
+        return None, b""
+    payload = file.read(length)
+    if len(payload) != length or zlib.crc32(payload) != checksum:
+        return None, b""
+    return Frame(number, first_row, at + _HEADER_BYTES, length), payload
 
-    A length of zero is damage too: after a power failure some file systems leave zeros at the end.
-    """
-    head = file.read(_FRAME.size)
-    if len(head) < _FRAME.size:
-        return None
-    length, checksum = _FRAME.unpack(head)
-    if not 0 < length <= _MAX_FRAME_BYTES:
-        return None
-    payload: bytes = file.read(length)
-    return payload if len(payload) == length and zlib.crc32(payload) == checksum else None
+
+def _next_marker(file: BinaryIO, at: int, size: int) -> int:
+    """Where the next marker begins, from a byte of the file on; the file's end when there is none."""
+    while at < size:
+        file.seek(at)
+        part = file.read(_FRAME_BYTES)
+        found = part.find(_MARKER)
+        if found >= 0:
+            return at + found
+        if len(part) < _FRAME_BYTES:
+            break
+        at += len(part) - len(_MARKER) + 1  # a marker may lie across the end of the part
+    return size

@@ -100,13 +100,13 @@ def whole_length(path: Path) -> int:
     return path.read_bytes().rfind(b"\n") + 1
 
 
-def read_lines(path: Path) -> list[dict[str, Any]]:
-    """The whole lines of a file of JSON objects.
+def read_lines(path: Path) -> list[dict[str, Any] | None]:
+    """The whole lines of a file of JSON objects; None for a line that is none.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, or a line before the last is no JSON object; names the line.
+        the file cannot be read.
     """
     try:
         content = path.read_bytes()
@@ -114,21 +114,12 @@ def read_lines(path: Path) -> list[dict[str, Any]]:
         raise RigctlError(
             f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
         ) from problem
-    lines = content[: content.rfind(b"\n") + 1].splitlines()
-    return [_read_line(line, Location(path, number)) for number, line in enumerate(lines, start=1)]
+    return [_read_line(line) for line in content[: content.rfind(b"\n") + 1].split(b"\n")[:-1]]
 
 
-def _read_line(line: bytes, where: Location) -> dict[str, Any]:
+def _read_line(line: bytes) -> dict[str, Any] | None:
     try:
         fields = json.loads(line)
-    except ValueError as problem:
-        raise _damaged(where) from problem
-    if not isinstance(fields, dict):
-        raise _damaged(where)
-    return fields
-
-
-def _damaged(where: Location) -> RigctlError:
-    return RigctlError(
-        "the line is damaged", expected="a JSON object", where=where, exit_code=ExitCode.FAILED
-    )
+    except (ValueError, RecursionError):
+        return None
+    return fields if isinstance(fields, dict) else None

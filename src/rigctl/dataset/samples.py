@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rigctl.dataset import journal
 from rigctl.dataset.journal import Journal, read_journal
@@ -26,18 +27,24 @@ if TYPE_CHECKING:
 NAME: Final = "samples.parquet"
 #: rows of a row group: one record of a long run is read without the others
 GROUP_ROWS: Final = 1 << 17
-#: key of the file's metadata: the last session whose journal is in the file
+#: keys of the file's metadata: the last session whose journal is in the file, and by session what was damaged
 _SESSION: Final = b"rigctl.session"
+_LOSSES: Final = b"rigctl.losses"
 
 
 @dataclass
 class SampleFacts:
-    """What the samples say about the run: how many there are, and when the last one of a record was."""
+    """What the samples say about the run: how many there are, of each record too, and what was damaged.
+
+    `losses` are by session: the bytes of its journal that could not be read, and the rows that are known to
+    be missing.
+    """
 
     rows: int = 0
     last_time: float = 0.0
     last_of_record: dict[int, float] = field(default_factory=dict)
-    lost_bytes: int = 0  #: of the journal, behind its last whole frame
+    rows_of_record: Counter[int] = field(default_factory=Counter)
+    losses: Mapping[int, Loss] = field(default_factory=dict)
 
     def add(self, times: NDArray[np.float64], records: NDArray[np.int32]) -> None:
         """Take in a block of rows."""
@@ -46,12 +53,20 @@ class SampleFacts:
         self.rows += len(times)
         if len(times):
             self.last_time = max(self.last_time, float(np.nanmax(times)))
-        last_first, places = np.unique(records[::-1], return_index=True)
-        for record, place in zip(last_first.tolist(), places.tolist(), strict=True):
-            self.last_of_record[record] = float(times[len(times) - 1 - place])
+        found, index, counts = np.unique(records[::-1], return_index=True, return_counts=True)
+        for record, last, count in zip(found.tolist(), index.tolist(), counts.tolist(), strict=True):
+            self.last_of_record[record] = float(times[len(times) - 1 - last])
+            self.rows_of_record[record] += count
 
 
-def schema(header: RunHeader, session: int) -> pa.Schema:
+class Loss(NamedTuple):
+    """What could not be read of one session's journal."""
+
+    bytes: int
+    rows: int
+
+
+def schema(header: RunHeader, session: int, losses: Mapping[int, Loss] | None = None) -> pa.Schema:
     """The columns of ``samples.parquet``, each with its unit, kind and calibration."""
     import pyarrow as pa
 
@@ -59,7 +74,10 @@ def schema(header: RunHeader, session: int) -> pa.Schema:
     for name in header.layout.columns:
         kind = pa.int32() if name == "record" else pa.float64()
         fields.append(pa.field(name, kind, metadata=_field_metadata(header, name)))
-    return pa.schema(fields, metadata={_SESSION: str(session)})
+    metadata = {_SESSION: str(session)}
+    if losses:
+        metadata[_LOSSES] = json.dumps({str(key): loss for key, loss in losses.items()})
+    return pa.schema(fields, metadata=metadata)
 
 
 def _field_metadata(header: RunHeader, name: str) -> dict[str, str]:
@@ -76,10 +94,16 @@ def _field_metadata(header: RunHeader, name: str) -> dict[str, str]:
     return facts
 
 
-def write_samples(folder: Path, header: RunHeader) -> SampleFacts:
+def write_samples(folder: Path, header: RunHeader, session: int, offset: float) -> SampleFacts:
     """Make ``samples.parquet`` from the journal, and from what earlier sessions left there.
 
-    The same journal gives the same bytes, however often this is done and wherever it was interrupted.
+    The same journal gives the same bytes, however often this is done and wherever it was interrupted. What of
+    the journal is damaged is left out and counted.
+
+    Parameters
+    ----------
+    session, offset: the run's last session and where its time lies in the run, as the log says; the journal
+        itself says so too, unless that part of it is damaged.
 
     Raises
     ------
@@ -88,22 +112,43 @@ def write_samples(folder: Path, header: RunHeader) -> SampleFacts:
     """
     path = folder / NAME
     found = _journal_of(folder)
-    earlier = _session_in(path)
-    if found is None or (earlier is not None and earlier >= found.facts["session"]):
+    earlier, losses = _state_of(path)
+    if found is not None:
+        session = found.facts["session"] if found.facts else session
+        offset = found.facts["offset"] if found.facts else offset
+    if found is None or (earlier is not None and earlier >= session):
         if earlier is None:
             _write(path, schema(header, 0), iter(()))
-        facts = _facts_of(path)
+        facts = sample_facts(folder)
     else:
+        if found.damaged:
+            losses = {**losses, session: Loss(found.lost_bytes, found.lost_rows(len(header.layout.columns)))}
         blocks = _earlier_blocks(path) if earlier is not None else iter(())
-        facts = _write(path, schema(header, found.facts["session"]), _chain(blocks, _blocks(found, header)))
-    facts.lost_bytes = found.lost_bytes if found else 0
+        target = schema(header, session, losses)
+        facts = _write(path, target, _chain(blocks, _blocks(found, header, target, offset)))
+    facts.losses = losses
     return facts
 
 
-def remove_journal(folder: Path) -> None:
-    """Remove the journal of a run whose ``samples.parquet`` is whole."""
+def set_aside_journal(folder: Path, session: int) -> None:
+    """Remove the journal of a run whose ``samples.parquet`` is whole; a damaged one is kept for good.
+
+    Its name says the session; a name that is taken already is never taken again.
+    """
+    path = folder / journal.NAME
     with suppress(OSError):
-        (folder / journal.NAME).unlink(missing_ok=True)
+        if not _journal_is_damaged(path):
+            path.unlink(missing_ok=True)
+            return
+        number, kept = 0, folder / f"{journal.NAME}.damaged-{session}"
+        while kept.exists():
+            number += 1
+            kept = folder / f"{journal.NAME}.damaged-{session}.{number}"
+        path.rename(kept)
+
+
+def _journal_is_damaged(path: Path) -> bool:
+    return path.exists() and read_journal(path).damaged
 
 
 def _journal_of(folder: Path) -> Journal | None:
@@ -111,12 +156,14 @@ def _journal_of(folder: Path) -> Journal | None:
     return read_journal(path) if path.exists() else None
 
 
-def _session_in(path: Path) -> int | None:
-    """The last session in a ``samples.parquet``; None when there is no such file."""
+def _state_of(path: Path) -> tuple[int | None, dict[int, Loss]]:
+    """The last session in a ``samples.parquet``, None when there is no such file, and what was damaged."""
     if not path.exists():
-        return None
+        return None, {}
     with open_parquet(path) as file:
-        return int((file.schema_arrow.metadata or {}).get(_SESSION, b"0"))
+        metadata = file.schema_arrow.metadata or {}
+    losses = json.loads(metadata.get(_LOSSES, b"{}"))
+    return int(metadata.get(_SESSION, b"0")), {int(key): Loss(*loss) for key, loss in losses.items()}
 
 
 def _chain(*parts: Iterator[pa.Table]) -> Iterator[pa.Table]:
@@ -130,19 +177,18 @@ def _earlier_blocks(path: Path) -> Iterator[pa.Table]:
             yield file.read_row_group(group)
 
 
-def _blocks(found: Journal, header: RunHeader) -> Iterator[pa.Table]:
+def _blocks(found: Journal, header: RunHeader, target: pa.Schema, offset: float) -> Iterator[pa.Table]:
     """The journal's rows in display units; times are moved to where the session lies in the run."""
     import numpy as np
     import pyarrow as pa
 
     names, layout = header.layout.columns, header.layout
-    if found.columns != names:
+    if found.facts is not None and tuple(found.facts["columns"]) != names:
         raise RigctlError(
             "the journal belongs to another run", where=Location(found.path), exit_code=ExitCode.FAILED
         )
-    target = schema(header, found.facts["session"])
-    for rows in found.blocks(GROUP_ROWS):
-        columns: list[Any] = [rows[:, 0] + found.facts["offset"], rows[:, 1].astype(np.int32)]
+    for rows in found.blocks(len(names), GROUP_ROWS):
+        columns: list[Any] = [rows[:, 0] + offset, rows[:, 1].astype(np.int32)]
         for index, name in enumerate(names[2:], start=2):
             unit, difference = parse_unit(layout.unit(name)), name in layout.differences
             columns.append((rows[:, index] - (0.0 if difference else unit.offset)) / unit.factor)
@@ -187,9 +233,16 @@ def _checksum(block: pa.Table) -> str:
     return digest.hexdigest()
 
 
-def _facts_of(path: Path) -> SampleFacts:
+def sample_facts(folder: Path) -> SampleFacts:
+    """What a run's ``samples.parquet`` says.
+
+    Raises
+    ------
+    RigctlError
+        the file is missing or damaged.
+    """
     facts = SampleFacts()
-    with open_parquet(path) as file:
+    with open_parquet(folder / NAME) as file:
         for group in range(file.num_row_groups):
             block = file.read_row_group(group, columns=["time", "record"])
             facts.add(block["time"].to_numpy(), block["record"].to_numpy())

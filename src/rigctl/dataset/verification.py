@@ -8,7 +8,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from rigctl.dataset import journal, run_json
+from rigctl.dataset import journal, log, run_json
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.finalise import finalise
 from rigctl.dataset.lock import try_lock
@@ -85,7 +85,15 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
         f"{made['rows']} samples and {made['complete_records']} of {made['records']} records are complete"
     )
     if made["lost_bytes"]:
-        told.append(f"the last {made['lost_bytes']} bytes of the journal were torn and are lost")
+        told.append(
+            f"{made['lost_bytes']} bytes of the journal are damaged and lost; the journal is kept as it is, "
+            f"as {journal.NAME}.damaged-…"
+        )
+    if made["lost_rows"]:
+        told.append(f"at least {made['lost_rows']} samples are lost; records that miss some are 'damaged'")
+    if made["damaged_lines"]:
+        lines = ", ".join(str(line) for line in made["damaged_lines"])
+        told.append(f"{folder / log.NAME}: what line {lines} said is lost; a record open then is 'damaged'")
     return Verification(folder.name, folder, Condition.RECOVERED, tuple(told))
 
 

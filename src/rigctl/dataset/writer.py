@@ -64,6 +64,7 @@ class RunWriter:
         self._pack_row = self._journal.append
         self._next_record = session.next_record
         self._record = -1
+        self._record_rows = 0
         self._last_row: Sequence[float] = (0.0,)
         self._last_event = 0.0
         self._due = monotonic() + FLUSH_AFTER
@@ -152,6 +153,7 @@ class RunWriter:
             the disk is full or gone.
         """
         self._pack_row(row)
+        self._record_rows += row[1] == self._record
         self._last_row = row
         if monotonic() >= self._due:
             self._flush_due()
@@ -159,6 +161,7 @@ class RunWriter:
     def append_block(self, rows: NDArray[np.float64]) -> None:
         """Add many samples at once: shape (n, columns)."""
         self._journal.append_block(rows)
+        self._record_rows += int((rows[:, 1] == self._record).sum())
         if len(rows):
             self._last_row = (float(rows[-1, 0]),)
         if self._journal.waiting >= _FLUSH_BYTES or monotonic() >= self._due:
@@ -196,7 +199,7 @@ class RunWriter:
         """
         if self._record >= 0:
             raise ValueError(f"record {self._record} is still open")
-        self._record = self._next_record
+        self._record, self._record_rows = self._next_record, 0
         self._next_record += 1
         values = {key: [value, unit] for key, (value, unit) in sweep.items()}
         opened = {"state": "open", "record": self._record, "name": name, "path": path, "rate": rate}
@@ -241,7 +244,8 @@ class RunWriter:
         """End the open record: ``complete``, ``failed``, ``aborted``, …"""
         if self._record < 0:
             raise ValueError("no record is open")
-        self.event(time, "record", state="closed", record=self._record, outcome=outcome)
+        closed = {"state": "closed", "record": self._record, "outcome": outcome}
+        self.event(time, "record", **closed, rows=self._record_rows)
         self._record = -1
         if self._failure is None:
             self.flush(sync=monotonic() >= self._synced + _SYNC_AFTER)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rigctl.dataset import RunWriter
-from rigctl.dataset.history import COMPLETE, History, read_history
+from rigctl.dataset.finalise import recovered_history
+from rigctl.dataset.history import COMPLETE, History
 from rigctl.dataset.lock import in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.procedure import Plan, expand, load_procedure
@@ -45,7 +46,7 @@ def open_interrupted(folder: Path) -> Interrupted:
     """
     if in_progress(folder):
         raise RigctlError("the run is in progress", value=folder.name, exit_code=ExitCode.FAILED)
-    history = read_history(folder)
+    history = recovered_history(folder)
     if history.header.source != "bench":
         raise RigctlError("the run was imported, not carried out", value=folder.name)
     if history.status == "finished":
