@@ -1,4 +1,4 @@
-"""SQL over all runs: DuckDB reads their Parquet files, and nothing else."""
+"""SQL over all runs: DuckDB reads what their Parquet files hold, and can open no file itself."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from rigctl.dataset import journal, samples, tables
 from rigctl.dataset.catalogue import run_folders, runs_folder
+from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.run_json import RUNNING, read_info
 from rigctl.errors import RigctlError, unknown_name
 
 if TYPE_CHECKING:
     import duckdb
     import pandas as pd
+    import pyarrow.dataset as ds
 
 #: views over the files of all runs, and the columns they have when there is no run
 _FILES: Final[Mapping[str, tuple[str, str]]] = {
@@ -121,32 +123,59 @@ def _require_select(sql: str) -> None:
 def _make_views(
     connection: duckdb.DuckDBPyConnection, closed: Mapping[Path, Mapping[str, Any]], sql: str
 ) -> None:
-    """Make the views that the query names, then shut every other door."""
-    allowed: list[str] = []
+    """Make the views that the query names, then take every file system away from the database.
+
+    Arrow opens the runs' files, for reading; the database is handed what it reads and can open no file at
+    all. No word of a query can therefore write to one.
+    """
     _make_runs(connection, closed.values())
     _make_units(connection, closed.values())
     for view, (file, empty) in _FILES.items():
-        paths = [str(folder / file) for folder in closed]
-        if not paths or not re.search(view, sql, re.IGNORECASE):
+        if closed and re.search(view, sql, re.IGNORECASE):
+            connection.register(view, _files_as_one(closed, file))
+        else:
             connection.execute(f"CREATE TABLE {view} (run VARCHAR, {empty})")
-            continue
-        globs = [_literal_glob(path) for path in paths]
-        allowed += [*paths, *globs]
-        connection.execute(
-            f"CREATE VIEW {view} AS SELECT parse_path(filename, 'both_slash')[-2] AS run, "  # noqa: S608
-            f"* EXCLUDE (filename) FROM read_parquet([{_quoted(globs)}], "
-            "union_by_name = true, filename = true)"
-        )
-    connection.execute(f"SET allowed_paths = [{_quoted(allowed)}]")
     for setting in (
         "TimeZone = 'UTC'",
+        "temp_directory = ''",
         "enable_external_access = false",
+        "disabled_filesystems = 'LocalFileSystem'",
         "autoinstall_known_extensions = false",
         "autoload_known_extensions = false",
         "python_enable_replacements = false",
         "lock_configuration = true",
     ):
         connection.execute(f"SET {setting}")
+
+
+def _files_as_one(folders: Iterable[Path], file: str) -> ds.FileSystemDataset:
+    """One file of every run as one table: columns by name, null where a run has none; `run` is its folder.
+
+    Raises
+    ------
+    RigctlError
+        a file is missing or damaged, or runs have columns of one name that are not alike.
+    """
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+    from pyarrow.fs import LocalFileSystem
+
+    form, local = ds.ParquetFileFormat(), LocalFileSystem()
+    fragments, schemas = [], [pa.schema([("run", pa.string())])]
+    for folder in folders:
+        path = folder / file
+        with open_parquet(path) as opened:
+            schemas.append(pa.schema([(field.name, field.type) for field in opened.schema_arrow]))
+        named = ds.field("run") == folder.name
+        fragments.append(form.make_fragment(str(path), local, partition_expression=named))
+    try:
+        schema = pa.unify_schemas(schemas, promote_options="permissive")
+    except pa.ArrowException as problem:
+        raise RigctlError(
+            f"the runs' files {file} cannot be read as one table: {problem}",
+            hint="Query runs with unlike columns in folders of their own",
+        ) from problem
+    return ds.FileSystemDataset(fragments, schema, form, local)
 
 
 def _make_runs(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:
@@ -187,16 +216,6 @@ def _dig(info: Mapping[str, Any], path: Sequence[str]) -> Any:
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None
     return value
-
-
-def _quoted(texts: Iterable[str]) -> str:
-    """Texts as a list of SQL literals."""
-    return ", ".join("'" + text.replace("'", "''") + "'" for text in texts)
-
-
-def _literal_glob(path: str) -> str:
-    """A path whose wildcards mean themselves."""
-    return re.sub(r"[\[*?]", r"[\g<0>]", path)
 
 
 def _refuse(connection: duckdb.DuckDBPyConnection, problem: Exception) -> NoReturn:
