@@ -13,7 +13,9 @@ import pytest
 from rigctl.backends.lines.probe import probe
 from rigctl.backends.serial import ports
 from rigctl.backends.serial.port import PortLost
+from rigctl.backends.serial.pyserial_port import PyserialPort
 from rigctl.clock import VirtualClock
+from rigctl.errors import RigctlError
 from tclab_board import VERSION, MemoryPort, Sketch
 
 
@@ -136,3 +138,12 @@ def test_a_board_that_starts_late_is_heard(board: MemoryPort) -> None:
 
     board.write = waking  # type: ignore[method-assign]
     assert probe(connect(board), board.clock, rounds=3).identity == VERSION
+
+
+@pytest.mark.parametrize(
+    "url", ["spy:///dev/ttyS0?file={folder}/spied.txt", "alt://x?class=Serial", "cp2110://0"]
+)
+def test_a_port_that_does_more_than_connect_is_refused(tmp_path: Path, url: str) -> None:
+    with pytest.raises(RigctlError, match="not a kind of port"):
+        PyserialPort(url.format(folder=tmp_path), 115200, VirtualClock())
+    assert list(tmp_path.iterdir()) == []

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dataset.strokes import sample
+from dataset.strokes import measure_strokes, sample
 from rigctl.dataset import Run, RunWriter, open_run
 from rigctl.dataset.exporting import export_run
 from rigctl.dataset.importing import import_file
@@ -23,7 +24,7 @@ def run(make_run: Callable[..., Path]) -> Run:
 
 def test_a_heading_names_the_units(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
-    assert export_run(run, path) == 8
+    assert export_run(run, path).rows == 8
     lines = path.read_bytes().decode("utf-8").split("\n")
     assert lines[0] == (
         "time [s],record,oil_temperature [degC],supply_pressure [bar],position [mm],heater [1],valve [1]"
@@ -44,7 +45,7 @@ def test_what_is_handed_out_can_be_brought_in_again(run: Run, tmp_path: Path, na
 
 
 def test_some_records_alone(run: Run, tmp_path: Path) -> None:
-    assert export_run(run, tmp_path / "out.csv", records=[1]) == 3
+    assert export_run(run, tmp_path / "out.csv", records=[1]).rows == 3
     with pytest.raises(RigctlError, match="no such record"):
         export_run(run, tmp_path / "none.csv", records=[7])
     assert not (tmp_path / "none.csv").exists()
@@ -58,7 +59,7 @@ def test_missing_values_are_empty_cells(writer: RunWriter, tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("table", "rows"), [("records", 2), ("events", 10)])
 def test_the_other_tables(run: Run, tmp_path: Path, table: str, rows: int) -> None:
-    assert export_run(run, tmp_path / "out.csv", table=table) == rows
+    assert export_run(run, tmp_path / "out.csv", table=table).rows == rows
     heading = (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()[0]
     assert ("oil [degC]" in heading) == (table == "records")
 
@@ -70,7 +71,7 @@ def test_a_file_that_is_there_is_kept(run: Run, tmp_path: Path) -> None:
         export_run(run, path)
     assert "--overwrite" in str(caught.value.hint)
     assert path.read_text(encoding="utf-8") == "precious"
-    assert export_run(run, path, overwrite=True) == 8
+    assert export_run(run, path, overwrite=True).rows == 8
 
 
 def test_what_does_not_exist_is_told(run: Run, tmp_path: Path) -> None:
@@ -81,3 +82,22 @@ def test_what_does_not_exist_is_told(run: Run, tmp_path: Path) -> None:
     assert caught.value.nearest == "records"
     with pytest.raises(RigctlError, match="cannot write"):
         export_run(run, tmp_path / "no" / "out.csv")
+
+
+def test_texts_that_a_spreadsheet_would_run_are_disarmed_on_request(
+    writer: RunWriter, tmp_path: Path
+) -> None:
+    measure_strokes(writer, records=1, rows=3)
+    for text in ('=HYPERLINK("x")', "+1", "-2", "@SUM(A1)", "plain"):
+        writer.event(1.0, "note", message=text)
+    run = open_run(writer.close("finished"))
+    as_it_is, disarmed = tmp_path / "a.csv", tmp_path / "b.csv"
+    assert export_run(run, as_it_is, table="events").disarmed == 0
+    assert export_run(run, disarmed, table="events", disarm=True).disarmed == 4
+
+    def messages(path: Path) -> list[str]:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [row["message"] for row in csv.DictReader(file) if row["kind"] == "note"]
+
+    assert messages(as_it_is) == ['=HYPERLINK("x")', "+1", "-2", "@SUM(A1)", "plain"]
+    assert messages(disarmed) == ['\'=HYPERLINK("x")', "'+1", "'-2", "'@SUM(A1)", "plain"]

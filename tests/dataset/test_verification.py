@@ -13,6 +13,7 @@ from rigctl.dataset import Condition, RunWriter, open_run, verify
 from rigctl.dataset.annotations import append_annotations, say
 from rigctl.dataset.finalise import recovered_history
 from rigctl.dataset.journal import read_journal
+from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]
 FILES = ("samples.parquet", "records.parquet", "events.parquet", "log.jsonl")
@@ -214,3 +215,40 @@ def test_changed_annotations_are_broken(make_run: RunMaker) -> None:
 
 def test_a_folder_with_nothing_in_it_is_broken(tmp_path: Path) -> None:
     assert verify(tmp_path).condition is Condition.BROKEN
+
+
+def test_a_changed_run_json_is_refused_and_made_again(make_run: RunMaker) -> None:
+    """Millimetres that become metres would pass every checksum of the samples."""
+    folder = make_run()
+    path = folder / "run.json"
+    whole = path.read_bytes()
+    changed = whole.replace(b'"mm"', b'"m"', 1)
+    assert changed != whole
+    path.write_bytes(changed)
+    with pytest.raises(RigctlError, match="changed since it was written"):
+        open_run(folder)
+    verdict = verify(folder)
+    assert verdict.condition is Condition.RECOVERED
+    assert path.read_bytes() == whole
+    assert (folder / "run.json.changed-1").read_bytes() == changed
+    assert verify(folder).condition is Condition.WHOLE
+
+
+def test_a_run_json_that_is_only_formatted_otherwise_is_whole(make_run: RunMaker) -> None:
+    folder = make_run()
+    path = folder / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")), indent=7), encoding="utf-8")
+    assert verify(folder).condition is Condition.WHOLE
+
+
+def test_a_run_that_names_another_folder_is_refused(make_run: RunMaker) -> None:
+    folder = make_run()
+    moved = folder.rename(folder.with_name("20270101-000000-other"))
+    with pytest.raises(RigctlError, match="belongs to another run"):
+        open_run(moved)
+    before = {path.name: path.read_bytes() for path in moved.iterdir()}
+    verdict = verify(moved)
+    assert verdict.condition is Condition.BROKEN
+    assert {name: content for name, content in before.items() if "changed" not in name} == {
+        path.name: path.read_bytes() for path in moved.iterdir() if "changed" not in path.name
+    }

@@ -44,6 +44,15 @@ def test_any_client_can_talk_to_the_emulated_board_until_it_is_ended(
     assert not link.is_symlink()
 
 
+def test_a_file_is_never_deleted_for_the_name_of_a_port(tmp_path: Path) -> None:
+    rig = tmp_path / "bench.yaml"
+    rig.write_text("rig: mine\n", encoding="utf-8")
+    done = CliRunner().invoke(app, ["emulate", "--link", str(rig)])
+    assert done.exit_code != 0
+    assert "a file already" in str(done.exception)
+    assert rig.read_text(encoding="utf-8") == "rig: mine\n"
+
+
 def test_a_procedure_runs_on_the_emulated_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)

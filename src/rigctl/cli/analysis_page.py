@@ -18,7 +18,23 @@ if TYPE_CHECKING:
 _MOST_EARLIER = 5
 
 
-def write_page(runs: Sequence[Run], output: Path, sections: Sequence[Section]) -> None:
+def require_page(output: Path | None, *, force: bool) -> None:
+    """Refuse a page's path before any work is done, where something else would be lost.
+
+    Raises
+    ------
+    RigctlError
+        as `rigctl.dataset.outputs.require_output`.
+    """
+    from rigctl.dataset.outputs import is_page, require_output
+
+    if output is not None:
+        require_output(output, replaces=is_page, force=force)
+
+
+def write_page(
+    runs: Sequence[Run], output: Path, sections: Sequence[Section], *, force: bool = False
+) -> None:
     """Write the runs' page with these sections, and say where it is.
 
     Raises
@@ -28,7 +44,7 @@ def write_page(runs: Sequence[Run], output: Path, sections: Sequence[Section]) -
     """
     from rigctl.report import write_report
 
-    written = write_report(runs, output, sections=sections)
+    written = write_report(runs, output, sections=sections, force=force)
     typer.echo(f"Wrote {written.summary()}", err=True)
 
 

@@ -45,6 +45,10 @@ Page = Annotated[
     ),
 ]
 
+Force = Annotated[
+    bool, typer.Option("--force", help="Let -o replace a file that is no page of ours; never one of a run.")
+]
+
 
 def compare(
     runs: Runs,
@@ -66,6 +70,7 @@ def compare(
     ] = True,
     family: FamilyOption = None,
     output: Page = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Compare models with what was measured: how well they agree, and where they fail.
@@ -80,11 +85,12 @@ def compare(
 
       rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
     """
-    from rigctl.cli.analysis_page import compare_with_versions, write_page
+    from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
     from rigctl.cli.compare_views import show_comparison
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
 
+    require_page(output, force=force)
     opened, models = open_runs(runs), open_models(model)
     with telling("nothing was saved") as tell:
         found, versions = compare_with_versions(
@@ -100,7 +106,7 @@ def compare(
         from rigctl.report.analysis import comparison_sections, history_sections
 
         last = history_sections(model[-1], versions) if models[-1].path is not None else []
-        write_page(opened, output, [*comparison_sections(found), *last])
+        write_page(opened, output, [*comparison_sections(found), *last], force=force)
     if as_json:
         print_json(found.document())
     else:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import HoldOut, Only, Page, Runs
+from rigctl.cli.compare import Force, HoldOut, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def diagnose(
     ] = 4,
     family: FamilyOption = None,
     output: Page = None,
+    force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Find out which effect a model lacks, how sure that is, and what it cannot be told apart from.
@@ -61,6 +62,7 @@ def diagnose(
 
       rigctl diagnose latest --model models/hl32-textbook.yaml --apply --hold-out "oil == 60 degC"
     """
+    from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_runs
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
     from rigctl.cli.model import own_model
@@ -69,6 +71,7 @@ def diagnose(
     from rigctl.diagnose.diagnose import diagnose_comparison
     from rigctl.diagnose.loop import improve
 
+    require_page(output, force=force)
     path = own_model(model) if apply else model
     kept = "each step that was saved before stays" if apply else "nothing was saved"
     with telling(kept) as tell:
@@ -81,7 +84,7 @@ def diagnose(
                 before, compared.runs, compared.held_out, compared.notes, most=most, tell=tell
             )
     if output is not None:
-        _write_page(open_runs(runs), output, compared, done if apply else found, path)
+        _write_page(open_runs(runs), output, compared, done if apply else found, path, force=force)
     if as_json:
         print_json(done.document() if apply else found.document())
     elif apply:
@@ -114,7 +117,13 @@ def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | Non
 
 
 def _write_page(
-    runs: list[Run], output: Path, compared: Comparison, found: Diagnosis | Improvement, path: Path
+    runs: list[Run],
+    output: Path,
+    compared: Comparison,
+    found: Diagnosis | Improvement,
+    path: Path,
+    *,
+    force: bool,
 ) -> None:
     """The diagnosis first, or what was added; then the comparison."""
     from rigctl.cli.analysis_page import write_page
@@ -125,7 +134,7 @@ def _write_page(
         sections = improvement_sections(compared, found, path)
     else:
         sections = [*diagnosis_sections(found), *comparison_sections(compared)]
-    write_page(runs, output, sections)
+    write_page(runs, output, sections, force=force)
 
 
 def _compared(

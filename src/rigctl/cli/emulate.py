@@ -53,7 +53,6 @@ def emulate(
                 bridge.step()
         typer.echo("ended", err=True)
     finally:
-        if link is not None:
-            link.unlink(missing_ok=True)
+        bridge.unlink()
         bridge.close()
         board.close()

@@ -27,7 +27,12 @@ def export(
     record: Annotated[
         list[int] | None, typer.Option(help="Only the samples of this record; repeatable.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", "--force", help="Replace a file that is there; never one of a run.")
+    ] = False,
+    disarm: Annotated[
+        bool, typer.Option("--disarm", help="In CSV: keep a spreadsheet from taking texts for formulas.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Write a run's data to a file that other programs read, every column with its unit.
@@ -46,8 +51,10 @@ def export(
     table = table or default_table(opened)
     suffix = f"-{table}" if table != "samples" else ""
     path = output or Path(f"{opened.id}{suffix}.csv")
-    rows = export_run(opened, path, table=table, records=record, overwrite=overwrite)
+    exported = export_run(opened, path, table=table, records=record, overwrite=overwrite, disarm=disarm)
     if as_json:
-        typer.echo(to_json({"run": opened.id, "path": str(path), "table": table, "rows": rows}))
+        facts = {"run": opened.id, "path": str(path), "table": table}
+        typer.echo(to_json({**facts, "rows": exported.rows, "disarmed": exported.disarmed}))
     else:
-        typer.echo(f"{path}: {rows} rows")
+        also = f"; {exported.disarmed} cells were disarmed with an apostrophe" if exported.disarmed else ""
+        typer.echo(f"{path}: {exported.rows} rows{also}")

@@ -49,6 +49,9 @@ def report(
         Path | None, typer.Option(help="A folder for every plot as a file of its own.")
     ] = None,
     form: Annotated[FigureFormat, typer.Option("--format", help="Of the figures.")] = FigureFormat.PNG,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace files that are no page or figure; never one of a run.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Say what was written as JSON.")] = False,
 ) -> None:
     """Make one self-contained HTML page about one or more runs.
@@ -65,6 +68,7 @@ def report(
 
       rigctl report 20261121-0900 20261122-0900 -o both-days.html --figures figures --format svg
     """
+    from rigctl.cli.analysis_page import require_page
     from rigctl.dataset import open_run
     from rigctl.files.write import to_json
     from rigctl.report import write_report
@@ -78,8 +82,11 @@ def report(
     first = next(iter(opened))
     more = len(opened) - 1
     target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
+    require_page(target, force=force)
     sections = _analysis(list(opened.values()), model, diagnose=diagnose) if model else []
-    written = write_report(list(opened.values()), target, figures=figures, form=form.value, sections=sections)
+    written = write_report(
+        list(opened.values()), target, figures=figures, form=form.value, sections=sections, force=force
+    )
     if as_json:
         facts = {
             "page": written.page,

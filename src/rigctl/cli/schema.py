@@ -30,6 +30,8 @@ def schema(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write it to a file instead of stdout.")
     ] = None,
+    *,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is no schema.")] = False,
 ) -> None:
     """Print the JSON Schema of a kind of file, with which an editor completes and checks it.
 
@@ -37,6 +39,7 @@ def schema(
 
     In a file, '# yaml-language-server: $schema=procedure.schema.json' as the first line attaches it.
     """
+    from rigctl.dataset.outputs import is_schema, require_output
     from rigctl.files.schema import json_schema
     from rigctl.files.write import write_text
 
@@ -48,4 +51,5 @@ def schema(
     if output is None:
         typer.echo(text)
     else:
+        require_output(output, replaces=is_schema, force=force)
         write_text(output, text + "\n")

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import log
+from rigctl.dataset import log, run_json
 from rigctl.dataset.header import RunHeader
 from rigctl.errors import ExitCode, Location, RigctlError
 
@@ -114,7 +114,7 @@ def read_history(folder: Path) -> History:
     path = folder / log.NAME
     lines = log.read_lines(path)
     try:
-        return _interpret(lines)
+        history = _interpret(lines)
     except (KeyError, TypeError, ValueError, IndexError) as problem:
         damaged = next((number for number, line in enumerate(lines, start=1) if line is None), None)
         raise RigctlError(
@@ -123,6 +123,8 @@ def read_history(folder: Path) -> History:
             where=Location(path, damaged),
             exit_code=ExitCode.FAILED,
         ) from problem
+    run_json.require_own(folder, history.header.id, path)
+    return history
 
 
 def _interpret(lines: Sequence[Mapping[str, Any] | None]) -> History:

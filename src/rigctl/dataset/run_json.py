@@ -9,9 +9,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.files.write import write_json
+from rigctl.files.write import to_json, write_json
 
 NAME: Final = "run.json"
+#: the field that holds the SHA-256 of all others, in their canonical text
+_CHECKSUM: Final = "checksum"
+#: the first format that has it
+_PROTECTED: Final = 2
 #: status of a run that a program is carrying out, or was when it was killed
 RUNNING: Final = "running"
 
@@ -22,7 +26,7 @@ def read_info(folder: Path) -> dict[str, Any]:
     Raises
     ------
     RigctlError
-        there is none, or it is damaged.
+        there is none, it is damaged or was changed since it was written, or it is another run's.
     """
     path = folder / NAME
     try:
@@ -33,12 +37,58 @@ def read_info(folder: Path) -> dict[str, Any]:
         raise _damaged(path) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
         raise _damaged(path)
+    if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != checksum(info):
+        raise _damaged(path, "the file was changed since it was written")
+    require_own(folder, info["id"], path)
     return info
 
 
+def require_own(folder: Path, run_id: object, path: Path) -> None:
+    """Refuse a file of a run's folder that names another run: what it says would be written there.
+
+    Raises
+    ------
+    RigctlError
+        the id is not the folder's name; a folder that is just being made has none yet.
+    """
+    name = folder.resolve().name
+    if run_id != name and not name.startswith("."):
+        raise RigctlError(
+            "the file belongs to another run",
+            value=str(run_id),
+            expected=name,
+            hint="A run's folder keeps the name of the run's id",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        )
+
+
 def write_info(folder: Path, info: Mapping[str, Any]) -> None:
-    """Replace ``run.json`` in one step."""
-    write_json(folder / NAME, info)
+    """Replace ``run.json`` in one step, with the checksum of what it says."""
+    said = {key: value for key, value in info.items() if key != _CHECKSUM}
+    write_json(folder / NAME, {**said, _CHECKSUM: checksum(said)})
+
+
+def checksum(info: Mapping[str, Any]) -> str:
+    """SHA-256 of the canonical text of ``run.json``: its fields but this one, keys sorted, without blanks.
+
+    The text is compared as JSON reads it back, so that formatting does not matter and any value does.
+    """
+    said = json.loads(to_json({key: value for key, value in info.items() if key != _CHECKSUM}))
+    text = json.dumps(said, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def set_aside(folder: Path) -> Path | None:
+    """Keep a damaged or changed ``run.json`` under another name; None where there is none."""
+    path = folder / NAME
+    if not path.exists():
+        return None
+    number = 1
+    while (kept := folder / f"{NAME}.changed-{number}").exists():
+        number += 1
+    kept.write_bytes(path.read_bytes())
+    return kept
 
 
 def file_facts(path: Path) -> dict[str, Any]:
@@ -48,9 +98,9 @@ def file_facts(path: Path) -> dict[str, Any]:
     return {"sha256": digest, "bytes": path.stat().st_size}
 
 
-def _damaged(path: Path) -> RigctlError:
+def _damaged(path: Path, what: str = "the file is damaged") -> RigctlError:
     return RigctlError(
-        "the file is damaged",
+        what,
         hint=f"'rigctl runs verify {path.parent.name}' says what can be saved",
         where=Location(path),
         exit_code=ExitCode.FAILED,

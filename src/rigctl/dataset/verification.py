@@ -11,6 +11,7 @@ from typing import Any
 from rigctl.dataset import journal, log, run_json
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.finalise import finalise
+from rigctl.dataset.history import read_history
 from rigctl.dataset.lock import try_lock
 from rigctl.errors import RigctlError
 
@@ -78,9 +79,15 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
     lock = try_lock(folder)
     if lock is None:
         return Verification(folder.name, folder, Condition.IN_PROGRESS)
+    told = []
     with lock:
+        if info is None:
+            read_history(folder)  # raises where nothing can be made again: then nothing is touched
+            kept = run_json.set_aside(folder)
+            told.append("run.json was damaged, changed or missing; it was made again from the log")
+            if kept is not None:
+                told.append(f"what stood there is kept as {kept.name}")
         made = finalise(folder)
-    told = [] if info else ["run.json was damaged or missing; it was made again from the log"]
     told.append(
         f"{made['rows']} samples and {made['complete_records']} of {made['records']} records are complete"
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigctl.dataset.outputs import is_figure, is_page, require_output, require_outputs
 from rigctl.errors import RigctlError
 from rigctl.files.write import write_text
 from rigctl.report.heat_map import HeatMap, write_heat_map
@@ -42,28 +43,35 @@ def write_report(
     figures: Path | None = None,
     form: str = "png",
     sections: Sequence[Section] = (),
+    force: bool = False,
 ) -> Report:
     """Write one self-contained HTML page about the runs, whole or not at all.
 
     Parameters
     ----------
-    output: the page's file; one that is there is replaced.
+    output: the page's file; an earlier page is replaced.
     figures: a folder for every plot as a file of its own.
     form: of these, ``png`` or ``svg``.
     sections: what other parts of rigctl have to say about these runs; shown after the outcome.
+    force: replace whatever file is there, but none of a run.
 
     Raises
     ------
     RigctlError
-        no run was given, a run's file is damaged, or a file cannot be written.
+        no run was given, a run's file is damaged, another file is where one should go, or a file cannot be
+        written.
     """
+    require_output(output, replaces=is_page, force=force)
     if not runs:
         raise RigctlError("a report needs at least one run")
     data = [read_run(run) for run in runs]
     parts = assemble(data, sections)
     html = page(data, parts)
-    write_text(output, html)
     drawn: tuple[Path, ...] = ()
+    if figures is not None:
+        files = [figures / f"{plot.id}.{form}" for part in parts for plot in part.plots]
+        require_outputs(files, replaces=is_figure, force=force)
+    write_text(output, html)
     if figures is not None:
         drawn = tuple(_draw(plot, figures, form) for part in parts for plot in part.plots)
     return Report(output, drawn, tuple(run.id for run in data), output.stat().st_size)

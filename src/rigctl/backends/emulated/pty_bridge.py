@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rigctl.backends.emulated.board import SLICE, EmulatedBoard
 from rigctl.clock import Clock
+from rigctl.errors import Location, RigctlError
 
 _BAUD_TOLERANCE = 0.045  # a receiver gives up beyond it
 _FARTHEST_BEHIND = 2.0  # s that a busy computer may lag, and catch up, before time is let go
@@ -41,6 +42,7 @@ class PtyBridge:
         self._master, slave = os.openpty()
         tty.setraw(slave)  # a cooked one would echo answers back as commands
         self.port = os.ttyname(slave)
+        self._named: Path | None = None
         os.close(slave)  # so that a hang-up on the master means: nobody has it open
         os.set_blocking(self._master, False)
         self._speeds = _speeds()
@@ -65,9 +67,28 @@ class PtyBridge:
         os.close(self._master)
 
     def link(self, path: Path) -> None:
-        """Give the port a name of one's own."""
-        path.unlink(missing_ok=True)
-        path.symlink_to(self.port)
+        """Give the port a name of one's own.
+
+        Raises
+        ------
+        RigctlError
+            a file is there; only the name that an earlier port has left is taken over.
+        """
+        if path.is_symlink() and path.readlink().parent == Path(self.port).parent:
+            path.unlink()
+        try:
+            path.symlink_to(self.port)
+        except FileExistsError:
+            raise RigctlError(
+                "there is a file already", where=Location(path), expected="a new name for the port"
+            ) from None
+        self._named = path
+
+    def unlink(self) -> None:
+        """Take the name away again, where it still is this port's."""
+        name, self._named = self._named, None
+        if name is not None and name.is_symlink() and str(name.readlink()) == self.port:
+            name.unlink()
 
     def _keep_pace(self) -> None:
         due = self._board.time - self._ahead

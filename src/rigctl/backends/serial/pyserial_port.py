@@ -10,6 +10,8 @@ from rigctl.backends.serial.port import PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 
+#: kinds of pyserial URL that do nothing but connect: 'spy://' writes a file, and 'alt://' runs another class
+_SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
 _LONGEST_WAIT = 0.5  # s of wall time in one read, so that a lost port is noticed
 
 
@@ -34,6 +36,7 @@ class PyserialPort:
     def __init__(self, url: str, baud: int, clock: Clock, frame: str = "8N1") -> None:
         import serial
 
+        _require_plain(url)
         self.name = url
         self._clock = clock
         self._lost: tuple[type[BaseException], ...] = (serial.SerialException, OSError, TypeError)
@@ -77,6 +80,17 @@ class PyserialPort:
         """Let it go."""
         with suppress(*self._lost):
             self._serial.close()
+
+
+def _require_plain(url: str) -> None:
+    scheme, found, _ = url.partition("://")
+    if found and scheme.lower() not in _SCHEMES:
+        urls = ", ".join(f"{known}://" for known in _SCHEMES)
+        raise RigctlError(
+            "not a kind of port that is opened",
+            value=url,
+            expected=f"a device such as /dev/ttyACM0 or COM3, or {urls}",
+        )
 
 
 def _refusal(url: str, error: Exception) -> Exception:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, cast
 
-from rigctl.dataset.exporting.tables import observations
+from rigctl.dataset.exporting.tables import disarmed_texts, observations
+from rigctl.dataset.outputs import require_output
 from rigctl.dataset.parquet import replace_with, write_error
-from rigctl.errors import Location, RigctlError, unknown_name
+from rigctl.errors import RigctlError, unknown_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,6 +29,13 @@ FORMATS: Final[Mapping[str, str]] = {
 TABLES: Final = ("samples", "observations", "records", "events")
 
 
+class Exported(NamedTuple):
+    """How many rows were written, and how many of their cells were disarmed."""
+
+    rows: int
+    disarmed: int
+
+
 class Writer(Protocol):
     """Writes a table to a new file: `names` are the records' names by index, `title` what the table is."""
 
@@ -42,8 +50,9 @@ def export_run(
     table: str | None = None,
     records: Sequence[int] | None = None,
     overwrite: bool = False,
-) -> int:
-    """Write one of a run's tables, every column with its unit; returns the number of rows.
+    disarm: bool = False,
+) -> Exported:
+    """Write one of a run's tables, every column with its unit.
 
     Parameters
     ----------
@@ -52,6 +61,8 @@ def export_run(
         ``events``. When left out the samples, or the observations of a run that has no samples.
     records: only the samples of these records.
     overwrite: replace a file that is there.
+    disarm: of CSV, put an apostrophe before every text that begins with one of ``= + - @``, so that no
+        spreadsheet takes it for a formula. Numbers stay as they are.
 
     Raises
     ------
@@ -66,14 +77,16 @@ def export_run(
     wanted = table or default_table(run)
     if wanted not in TABLES:
         raise unknown_name("table", wanted, TABLES)
-    if path.exists() and not overwrite:
-        raise RigctlError("the file is there already", where=Location(path), hint="'--overwrite' replaces it")
+    require_output(path, force=overwrite, option="--overwrite")
     content = _table(run, wanted, records)
+    disarmed = 0
+    if disarm and suffix == ".csv":
+        content, disarmed = disarmed_texts(content)
     module = import_module(f"rigctl.dataset.exporting.{FORMATS[suffix]}")
     write = cast("Writer", module.write)
     with replace_with(path) as draft, write_error(path):
         write(draft, content, run.records["name"].tolist(), wanted)
-    return int(content.num_rows)
+    return Exported(int(content.num_rows), disarmed)
 
 
 def default_table(run: Run) -> str:

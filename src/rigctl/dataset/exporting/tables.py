@@ -108,3 +108,23 @@ def _column(table: pa.Table, index: int) -> Column:
     if column.null_count:
         column = column.cast(pa.float64())
     return Column(field.name, unit, column.to_numpy())
+
+
+def disarmed_texts(table: pa.Table) -> tuple[pa.Table, int]:
+    """The table with an apostrophe before each text that a spreadsheet would take for a formula; how many.
+
+    What a spreadsheet takes for one begins with ``= + - @``, a tab or a carriage return (OWASP, CSV
+    injection).
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    columns, count = [], 0
+    for column in table.columns:
+        if not pa.types.is_string(column.type):
+            columns.append(column)
+            continue
+        armed = pc.match_substring_regex(column, r"^[=+\-@\t\r]")
+        count += pc.sum(armed).as_py() or 0
+        columns.append(pc.if_else(armed, pc.binary_join_element_wise("'", column, ""), column))
+    return pa.table(columns, schema=table.schema), count
