@@ -44,7 +44,7 @@ def require_output(
     replaces: tells from the first bytes of a file that is there whether it is an earlier product of the same
         kind, which is replaced without being asked; None where nothing is.
     force: replace any file but one of a run.
-    option: how a user says so.
+    option: how a user says so; empty where no option does.
 
     Raises
     ------
@@ -64,7 +64,11 @@ def require_output(
         return
     if replaces is None or not replaces(_head(path)):
         what = "the file is there already" if replaces is None else "a file of another kind is there already"
-        raise RigctlError(what, where=Location(path), hint=f"Choose another name; '{option}' replaces it")
+        raise RigctlError(
+            what,
+            where=Location(path),
+            hint="Choose another name" + f"; '{option}' replaces it" * bool(option),
+        )
 
 
 def require_outputs(paths: Sequence[Path], *, replaces: Callable[[bytes], bool], force: bool = False) -> None:

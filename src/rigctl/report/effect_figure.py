@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rigctl.dataset.outputs import is_figure, require_output
 from rigctl.effects.declaration import Effect
 from rigctl.errors import RigctlError
 from rigctl.model.signature import Signature
@@ -28,7 +29,7 @@ def write_effect_figure(seen: Signature, effect: Effect, path: Path, rig: Rig | 
     Raises
     ------
     RigctlError
-        the file's ending is another one, or it cannot be written.
+        the file's ending is another one, what is there is no figure, or it cannot be written.
     """
     form = path.suffix.lstrip(".").casefold()
     if form not in FORMATS:
@@ -37,6 +38,7 @@ def write_effect_figure(seen: Signature, effect: Effect, path: Path, rig: Rig | 
             value=path.name,
             expected=f"a name ending in {' or '.join(f'.{each}' for each in FORMATS)}",
         )
+    require_output(path, replaces=is_figure, option="")
     panels = []
     for index, (name, si) in enumerate(zip(seen.output_names, seen.output_units, strict=True)):
         unit = shown_unit(name, si, rig)
