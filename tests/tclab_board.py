@@ -107,6 +107,12 @@ class MemoryPort:
         self.closed = False
         self._coming: list[tuple[float, bytes]] = []
 
+    def check(self) -> None:
+        """Raise where the port cannot be opened."""
+        if self.gone:
+            raise PortLost("the plug is pulled")
+        self.closed = False
+
     def write(self, data: bytes) -> None:
         if self.gone:
             raise PortLost("the plug is pulled")

@@ -42,7 +42,8 @@ def recorded(bench: SimulatedBench) -> Vector:
     while len(rows) <= END * RATE:
         while waiting and waiting[0][0] <= len(rows) / RATE:
             when, actuator, value = waiting.pop(0)
-            bench.command(actuator, value, at=when)
+            bench.clock.sleep_until(when)
+            bench.command(actuator, value)
         sample = bench.next_sample(10.0)
         assert sample is not None
         rows.append(sample.values)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.backends.errors import BackendLost
+from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.protocol import Sample
 from rigctl.backends.simulated.bench import SimulatedBench
 from rigctl.backends.simulated.faults import KINDS, Fault, parse_fault
@@ -235,12 +235,14 @@ def test_a_bench_that_comes_back_was_made_safe_by_its_watchdog(make_bench: MakeB
     assert "gap" in [notice.kind for notice in bench.take_notices()]
 
 
-def test_a_command_waits_for_a_bench_that_comes_back(make_bench: MakeBench) -> None:
+def test_a_command_to_a_bench_that_is_away_is_refused_and_never_made_up_for(make_bench: MakeBench) -> None:
     bench = make_bench(faults="backend_lost@1 s..2 s")
     bench.start(10.0)
     take(bench, 10)
     assert bench.next_sample(0.5) is None
     with pytest.raises(BackendLost):
         bench.safe()
-    assert bench.command("valve", 1.0).time == 2.0
-    assert bench.clock.now() == 2.0
+    with pytest.raises(OutOfReach):
+        bench.command("valve", 1.0)
+    assert bench.clock.now() == 1.4
+    assert [sample.commands[1] for sample in take(bench, 10)] == [0.0] * 10

@@ -22,6 +22,13 @@ class BackendLost(RigctlError):
         )
 
 
+class OutOfReach(BackendLost):
+    """Contact is lost for the moment and is being looked for; what was asked for will not be made up for.
+
+    The caller decides what becomes of it once the bench is back, which leaves it in its safe state.
+    """
+
+
 class BenchTripped(RigctlError):
     """The bench has tripped and waits for somebody to clear that on purpose; its outputs are safe."""
 

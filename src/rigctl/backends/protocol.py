@@ -104,7 +104,8 @@ class Backend(Protocol):
     def start(self, rate: float) -> None:
         """Sample at `rate` Hz from now on, the first sample at once; replaces an earlier rate.
 
-        The first sample of the new rate may bear the same time as the last one of the old.
+        A bench that is out of reach does so when it is back. The first sample of the new rate may bear the
+        same time as the last one of the old.
         """
         ...
 
@@ -120,14 +121,13 @@ class Backend(Protocol):
         """
         ...
 
-    def command(
-        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
-    ) -> CommandReceipt:
-        """Switch an actuator to an SI value, now or at bench time `at`, and say when that is.
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
+        """Switch an actuator to an SI value, now, and say when that was; waits for its answer only.
 
         With `duration` the bench returns it to its safe value that many seconds later, by itself; the
         receipt of this return comes from `take_receipts`. A new command to the same actuator replaces
-        a pulse that has not ended. A command for a time that has passed is carried out now.
+        a pulse that has not ended. A command is never sent again after a loss of contact: the run has to be
+        judged first.
 
         An actuator that is worked by hand (``by: operator``) is commanded as well: a real bench only
         notes what the operator was asked for, a simulated one has its operator turn it.
@@ -136,8 +136,10 @@ class Backend(Protocol):
         ------
         RigctlError
             no such actuator, or the value is none that it can take; nothing has moved.
+        OutOfReach
+            contact is lost for the moment, or was lost before the answer came.
         BackendLost
-            the bench cannot be reached.
+            the bench is gone for good, or does nothing any more.
         """
         ...
 

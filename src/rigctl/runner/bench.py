@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rigctl.backends.errors import OutOfReach
 from rigctl.backends.protocol import Backend, CommandReceipt
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
@@ -44,6 +46,7 @@ class Bench:
         self.columns: Mapping[str, int] = {name: index for index, name in enumerate(rig.layout.columns)}
         self.newest: Row | None = None
         self.rate = rig.monitor_rate
+        self.record_began = -math.inf  #: s, when the newest record was opened
         self.path = ""  #: of the step in progress
         self.commanded: dict[str, float] = {}
         self.pulses: dict[str, Pulse] = {}
@@ -53,7 +56,9 @@ class Bench:
         self.reachable = True
         self.trouble: RigctlError | None = None  #: the first event that could not be written
         self._types: dict[str, ValueType] = dict(rig.layout.types())
-        self._switches: dict[str, float] = {}  # s, when each actuator was last switched
+        self._switches: dict[str, float] = {}  # s, when each actuator was last switched, at the latest
+        self._known: dict[str, float] = {}  # s, time of the newest receipt of each actuator
+        self.regulated: set[str] = set()  #: what the step in progress commands anew by itself
         self._changed = -1.0  # s, when a command was last given
         # the values at which nothing that a directional valve drives can move
         self._resting = {
@@ -66,6 +71,10 @@ class Bench:
     def now(self) -> float:
         """Bench time, s."""
         return self.backend.clock.now()
+
+    def record_of(self, time: float) -> int:
+        """The record that a sample belongs to; -1 for one that was taken before the open record began."""
+        return self.writer.record if time >= self.record_began else -1
 
     @property
     def recording(self) -> bool:
@@ -142,14 +151,37 @@ class Bench:
         """The value an actuator rests at."""
         return float(self.rig.safe_state.get(actuator, 0.0))
 
-    def command(self, actuator: str, value: float, duration: float | None = None) -> CommandReceipt:
-        """Switch an actuator now, for `duration` s if given, and log when that was.
+    def command(
+        self, actuator: str, value: float, duration: float | None = None
+    ) -> Generator[Until, Row | None, CommandReceipt]:
+        """Switch an actuator as soon as it may be, for `duration` s if given, and log when that was.
+
+        Until it has rested for its `min_interval`, and while the bench is out of reach, samples, interlocks
+        and endings go on. What a loss of contact means for the run is decided before this goes on.
+        """
+        while True:
+            ready = self.rested_at(actuator, value)
+            while self.now < ready:
+                yield Until(ready)
+            try:
+                return self.switch(actuator, value, duration)
+            except OutOfReach as error:
+                self.event("note", f"{actuator} could not be commanded: {error}")
+            yield Until(when=every_sample)
+
+    def switch(self, actuator: str, value: float, duration: float | None = None) -> CommandReceipt:
+        """Switch an actuator now; for what cannot wait. Otherwise as `command`.
 
         A bench that cannot time a pulse itself is switched back by `finish_pulse`.
+
+        Raises
+        ------
+        OutOfReach
+            contact is lost for the moment.
         """
         timed = duration is not None and self.backend.timed
-        at = self._earliest(actuator, value)
-        receipt = self.backend.command(actuator, value, at=at, duration=duration if timed else None)
+        receipt = self.backend.command(actuator, value, duration=duration if timed else None)
+        self.take_receipts()  # what the bench did before comes first
         self.pulses.pop(actuator, None)
         if duration is not None:
             self.pulses[actuator] = Pulse(receipt.time + duration, value)
@@ -157,16 +189,24 @@ class Bench:
         self._keep_watch()
         return receipt
 
-    def _earliest(self, actuator: str, value: float) -> float | None:
-        """When an actuator that needs rest between two switches may be switched; None: now.
+    def release(self, actuator: str) -> None:
+        """Bring an actuator back to its safe value now; a bench out of reach is made safe when it is back."""
+        if not self.reachable or self.commanded.get(actuator) == self.safe_value(actuator):
+            return
+        try:
+            self.switch(actuator, self.safe_value(actuator))
+        except OutOfReach as error:
+            self.event("note", f"{actuator} could not be commanded: {error}")
+
+    def rested_at(self, actuator: str, value: float) -> float:
+        """When an actuator that needs rest between two switches may be switched to `value`, s.
 
         It may always go back to its safe value.
         """
         rest = self.rig.actuators[actuator].min_interval
-        last = self._switches.get(actuator)
-        if rest <= 0.0 or last is None or value == self.safe_value(actuator) or last + rest <= self.now:
-            return None
-        return last + rest
+        if rest <= 0.0 or value in (self.safe_value(actuator), self.commanded.get(actuator)):
+            return -math.inf
+        return self._switches.get(actuator, -math.inf) + rest
 
     def finish_pulse(self, actuator: str) -> Waiting:
         """Wait until a timed command is over; ends it from here where the bench cannot."""
@@ -174,13 +214,15 @@ class Bench:
         if pulse is None:
             return
         if not self.backend.timed:
-            self.command(actuator, self.safe_value(actuator))
+            self.release(actuator)
+            self.pulses.pop(actuator, None)
             return
         give_up = pulse.end + self.rig.stale_after
         while actuator in self.pulses:
             if self.now >= give_up:
                 self.event("note", f"{actuator}: the bench did not report the end of its pulse")
-                self.command(actuator, self.safe_value(actuator))
+                self.release(actuator)
+                self.pulses.pop(actuator, None)
                 return
             yield Until(give_up, lambda _: actuator not in self.pulses)
 
@@ -192,38 +234,55 @@ class Bench:
             self._keep_watch()
 
     def make_safe(self, reason: str) -> None:
-        """Bring every driven output to the safe state; never raises, `reachable` says whether it worked."""
+        """Bring every driven output to the safe state; never raises, `reachable` says whether it worked.
+
+        What did not arrive is not logged as given.
+        """
         self.pulses.clear()
         try:
             self.backend.safe()
-        except RigctlError as error:
+        except Exception as error:  # noqa: BLE001 - whatever it is, an ending goes on
             if self.reachable:
                 self.event("fault", f"outputs could not be made safe from here: {error}")
             self.reachable = False
+            return
+        if not self.reachable:
+            self.event("note", "the bench can be reached again, outputs are safe")
+        self.reachable = True
+        self.take_receipts()
         for actuator, value in self.rig.safe_state.items():
             changed = self.commanded.get(actuator) != float(value)
             if changed and self.rig.actuators[actuator].by == "driven":
                 time = self.now
                 self._switched(CommandReceipt(time, actuator, float(value)), message=reason)
-        if self.reachable:
-            try:
-                self._keep_watch()
-            except RigctlError as error:
-                self.event("fault", f"the bench could not be asked for fewer samples: {error}")
+        try:
+            self._keep_watch()
+        except RigctlError as error:
+            self.event("fault", f"the bench could not be asked for fewer samples: {error}")
+
+    def restorable_at(self, commands: Mapping[str, float]) -> float:
+        """When every actuator has rested long enough for `restore`, s."""
+        return max(
+            (self.rested_at(actuator, value) for actuator, value in commands.items()), default=-math.inf
+        )
 
     def restore(self, commands: Mapping[str, float]) -> None:
         """Give driven actuators the values they had before a pause."""
         for actuator, value in commands.items():
             driven = self.rig.actuators[actuator].by == "driven"
             if driven and self.commanded.get(actuator) != value:
-                self.command(actuator, value)
+                self.switch(actuator, value)
 
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
-        if self.commanded.get(receipt.actuator) != receipt.value:
-            self._switches[receipt.actuator] = receipt.time
-        self.commanded[receipt.actuator] = receipt.value
+        """Log a switch; one that is older than what is known changes nothing any more."""
+        name, latest = receipt.actuator, receipt.time + receipt.uncertainty
+        if latest >= self._known.get(name, -math.inf):
+            if self.commanded.get(name) != receipt.value:
+                self._switches[name] = latest
+            self.commanded[name] = receipt.value
+            self._known[name] = receipt.time
+            self.history.begin_phase(receipt.time)
         self._changed = max(self._changed, receipt.time)
-        self.history.begin_phase(receipt.time)
         self.log(
             receipt.time,
             "command",

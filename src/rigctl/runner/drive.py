@@ -104,17 +104,21 @@ class Driver:
             patience = sampling.newest + silence - time
             if patience <= 0.0:  # the alarm for that has been sounded, and time has to go on
                 patience = silence
+            if sampling.awaiting:  # no step goes on meanwhile, whatever it waits for
+                sampling.next_row(min(self._slice, patience))
+                continue
             row = sampling.next_row(min(max(deadline - time, 0.0), self._slice, patience))
             if row is not None:
                 if when is not None and when(row):
                     return row
-            elif now() < deadline - _SLACK:
-                sampling.check_silence()
-            elif limit < until.time:
+                continue
+            sampling.check_silence()  # at every wait's end as well: many short ones must not hide a silence
+            if sampling.awaiting or now() < deadline - _SLACK:
+                continue
+            if limit < until.time:
                 text = f"a cleanup step took longer than {CLEANUP_STEP_LIMIT:g} s"
                 raise StepFailed(text, outcome=Outcome.TIMED_OUT)
-            else:
-                return None
+            return None
 
     def watch(self, duration: float) -> list[Row]:
         """The samples of the next `duration` s, taken as always, while no step is in progress."""
@@ -188,16 +192,20 @@ class Driver:
         self._lifecycle.send("pause")
         self._bench.make_safe("paused")
         control, order = pause
-        control.acknowledge(order, "paused, outputs are safe")
+        safe = "outputs are safe" if self._bench.reachable else "but the outputs could not be made safe"
+        control.acknowledge(order, f"paused, {safe}")
         still = math.isinf(self._clock.speed)  # virtual time does not run away while a person thinks
-        while self._pause is not None:
-            if still:
+        baseline = self._walker.baseline if self._walker is not None else {}
+        while True:
+            rested_in = self._bench.restorable_at(baseline) - self._clock.now()
+            if self._pause is None and rested_in <= 0.0:
+                break
+            if self._pause is not None and still:
                 sleep(min(self._response, RESPONSE))
                 self._look(until)
             else:
-                self.watch(self._slice)
+                self.watch(self._slice if self._pause is not None else min(self._slice, rested_in))
         self._lifecycle.send("go_on")
-        if self._walker is not None:
-            self._bench.restore(self._walker.baseline)
+        self._bench.restore(baseline)
         if until.on_pause is OnPause.RESTART:
             raise Restart

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 from rigctl.backends.errors import BackendLost
@@ -18,6 +18,14 @@ from rigctl.runner.waits import Row
 
 #: s of bench time that a record which will be measured again waits for a lost bench to come back
 RECONNECT = 30.0
+
+
+@dataclass(frozen=True)
+class _Awaited:
+    """A bench that is waited for: why, and until which bench time, s."""
+
+    reason: str
+    give_up: float
 
 
 class Sampling:
@@ -35,6 +43,7 @@ class Sampling:
         self._interlocks = interlocks
         self._secure = secure
         self.newest = bench.now  #: s, time of the newest sample
+        self._awaited: _Awaited | None = None  # a lost bench whose record will be measured again
         self._told = False  # that the data cannot be kept
         self._fault = ""  # that the bench has told of since the newest sample
         self.repeatable = False  #: the open record will be measured again if samples are lost
@@ -45,6 +54,11 @@ class Sampling:
     def longest_silence(self) -> float:
         """How long samples may stay away at the present rate, s."""
         return self._interlocks.silence_limit(1.0 / self._bench.rate)
+
+    @property
+    def awaiting(self) -> bool:
+        """True while no step may go on, since the bench is lost and its record will be measured again."""
+        return self._awaited is not None
 
     def next_row(self, timeout: float) -> Row | None:
         """The next sample's row, kept and looked at; None when none came within `timeout` s.
@@ -58,9 +72,17 @@ class Sampling:
             sample = self._next_sample(timeout)
         except BackendLost as error:
             self._end(Lost(str(error)))
+        awaited = self._awaited
         if sample is None:
             self._collect()
+            if awaited is not None and self._bench.now >= awaited.give_up:
+                self._end(Lost(f"{awaited.reason}; it did not come back within {RECONNECT:g} s"))
             return None
+        if awaited is not None:
+            self._bench.reachable = True
+            self._awaited = None
+            self._take(sample)
+            self._end(SamplesLost(awaited.reason))
         return self._take(sample)
 
     def check_silence(self) -> None:
@@ -72,7 +94,10 @@ class Sampling:
         if self._fault:
             alarm = replace(alarm, message=f"{alarm.message}: {self._fault}")
         if self.repeatable:
-            self._await_return(alarm)
+            self._bench.event("gap", alarm.message)
+            self._bench.make_safe(alarm.message)
+            self._awaited = _Awaited(alarm.message, self._bench.now + RECONNECT)
+            return
         self._sound([alarm])
 
     def note(self, time: float, kind: str, message: str) -> None:
@@ -81,7 +106,7 @@ class Sampling:
 
     def _take(self, sample: Sample) -> Row:
         bench = self._bench
-        row = (sample.time, bench.writer.record, *sample.values, *sample.commands)
+        row = (sample.time, bench.record_of(sample.time), *sample.values, *sample.commands)
         bench.newest = row
         self.newest = sample.time
         self._fault = ""
@@ -117,27 +142,18 @@ class Sampling:
                 self._gap(notice)
 
     def _gap(self, notice: Notice) -> None:
-        """A gap ends a record that can be measured again, or whose excitation was cut off in it."""
-        if self.repeatable:
-            self._end(SamplesLost(notice.message))
-        if self._bench.recording and notice.fields.get("switched_off"):
-            self._end(Lost(notice.message))
+        """A gap ends a record that can be measured again, and whatever had its outputs cut off in it.
 
-    def _await_return(self, alarm: Alarm) -> NoReturn:
-        """Give a lost bench time to come back; the record it was lost in will be measured again."""
-        self._bench.event("gap", alarm.message)
-        self._bench.make_safe(alarm.message)
-        give_up = self._bench.now + RECONNECT
-        while self._bench.now < give_up:
-            try:
-                sample = self._next_sample(1.0)
-            except BackendLost as error:
-                self._end(Lost(str(error)))
-            if sample is not None:
-                self._bench.reachable = True
-                self._take(sample)
-                self._end(SamplesLost(alarm.message))
-        self._end(Lost(f"{alarm.message}; it did not come back within {RECONNECT:g} s"))
+        A step that regulates an output commands it anew by itself; what an earlier step has set, or half a
+        move, nothing makes good. In a record nothing may have been otherwise than commanded.
+        """
+        if self.repeatable:
+            self._end(SamplesLost(self._awaited.reason if self._awaited is not None else notice.message))
+        names = notice.fields.get("switched_off")
+        cut_off = set(names) if isinstance(names, list) else set()
+        lasting = cut_off if self._bench.recording else cut_off - self._bench.regulated
+        if lasting:
+            self._end(Lost(notice.message))
 
     def _sound(self, alarms: Sequence[Alarm]) -> None:
         """Log alarms; one that stops ends the step in progress, outputs safe first."""
@@ -158,5 +174,6 @@ class Sampling:
             raise tripped
 
     def _end(self, ending: Ending) -> NoReturn:
+        self._awaited = None
         self._secure(ending)
         raise ending

@@ -239,8 +239,9 @@ class Walker:
     def _open(self, node: RecordNode, path: str) -> None:
         bench = self._bench
         try:
-            bench.writer.open_record(bench.now, node.name, node.sweep, path, node.rate)
-            bench.history.begin_record(bench.now)
+            began = bench.record_began = bench.now
+            bench.writer.open_record(began, node.name, node.sweep, path, node.rate)
+            bench.history.begin_record(began)
             bench.start(node.rate)
         except Exception as error:  # noqa: BLE001 - as for a step
             ending = ending_for(error, bench)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import TypeVar
 
 from rigctl.backends.commands import check_command
-from rigctl.backends.errors import BackendLost
+from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.lines.greeting import Device, Greeting, greet
 from rigctl.backends.lines.guard_port import GuardActed
 from rigctl.backends.lines.poll import Poll
@@ -77,6 +78,7 @@ class LineBench:
         self._commanded: dict[str, float] = {}
         self._receipts: list[CommandReceipt] = []
         self._notices: list[Notice] = []
+        self._cut_off: set[str] = set()  # what was driven, or may have been, when the line was lost
         self._over = ""  # why the device cannot be trusted any more
         self._over_told = False
 
@@ -148,21 +150,23 @@ class LineBench:
 
     # --- commands -----------------------------------------------------------------------------------------
 
-    def command(
-        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
-    ) -> CommandReceipt:
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
         """Set an actuator; the receipt says between which times the device had the command."""
         self._check_open()
         check_command(self._rig, actuator, value, duration)
-        if at is not None:
-            self._let_pass(at)
         if self._rig.actuators[actuator].by == "operator":
             if self._by_hand is not None:
                 self._by_hand(actuator, value)
             self._commanded[actuator] = value
             return CommandReceipt(self.clock.now(), actuator, value)
         self._ends.pop(actuator, None)
-        receipt = self._carried_out(lambda talk: self._setter.set(talk, actuator, value))
+        in_reach = self._talk is not None
+        try:
+            receipt = self._carried_out(lambda talk: self._setter.set(talk, actuator, value))
+        except OutOfReach:
+            if in_reach and value != self._resting().get(actuator):  # it may have been carried out
+                self._cut_off.add(actuator)
+            raise
         self._commanded[actuator] = value
         if duration is not None:
             self._ends[actuator] = receipt.time + duration
@@ -230,7 +234,8 @@ class LineBench:
                 first, silent = first or error, True
             except Refused as error:
                 first = first or error
-        self._commanded |= self._resting()
+        if first is None:
+            self._commanded |= self._resting()
         return first
 
     def _let_pass(self, until: float) -> None:
@@ -264,7 +269,8 @@ class LineBench:
     def _end_pulses(self) -> None:
         for actuator in [name for name, end in self._ends.items() if end <= self.clock.now()]:
             del self._ends[actuator]
-            self._receipts.append(self.command(actuator, float(self._rig.safe_state[actuator])))
+            with suppress(OutOfReach):  # a device that comes back is made safe before anything else
+                self._receipts.append(self.command(actuator, float(self._rig.safe_state[actuator])))
 
     def _ask_sample(self, talk: Talk) -> Sample | None:
         """Ask all that is due; None when the line was lost over it."""
@@ -312,25 +318,27 @@ class LineBench:
             self._notice("note", str(acted))
 
     def _carried_out(self, action: Callable[[Talk], T]) -> T:
-        """Do something with the device, after it has come back where it is lost."""
-        while True:
-            talk = self._talk
-            if self._over:
-                raise BackendLost(self._over)
-            if talk is None:
-                self._try_again(math.inf)
-                continue
-            try:
-                return action(talk)
-            except GuardActed as acted:
-                self._guard_acted(acted)
-            except PortLost as error:
-                self._lose(error)
-            except Refused as error:
-                raise RigctlError(str(error), exit_code=ExitCode.FAILED) from None
+        """Do something with the device, once; what a loss of the line has cut off is not made up for here."""
+        talk = self._talk
+        if self._over:
+            raise BackendLost(self._over)
+        if talk is None:
+            raise OutOfReach(f"the device cannot be reached for the moment: {self._reconnection.why}")
+        try:
+            return action(talk)
+        except GuardActed as acted:
+            self._guard_acted(acted)
+            raise OutOfReach(str(acted)) from None
+        except PortLost as error:
+            self._lose(error)
+            raise OutOfReach(f"the line to the device is lost: {error}") from None
+        except Refused as error:
+            raise RigctlError(str(error), exit_code=ExitCode.FAILED) from None
 
     def _lose(self, error: PortLost) -> None:
         talk, self._talk = self._talk, None
+        resting = self._resting()
+        self._cut_off |= {name for name, value in resting.items() if self._commanded.get(name) != value}
         if talk is not None:
             talk.port.close()
         self._reconnection.begin(str(error))
@@ -341,7 +349,6 @@ class LineBench:
         device = self._reconnection.attempt(until)
         if device is None:
             return
-        was_on = {name for name, value in self._resting().items() if self._commanded.get(name) != value}
         try:
             self._begin(device)
         except (PortLost, Refused) as error:
@@ -353,15 +360,25 @@ class LineBench:
             raise
         now = self.clock.now()
         self._notice("note", f"the device is back after {now - self._reconnection.since:.1f} s, outputs safe")
-        self._receipts += [CommandReceipt(now, name, self._commanded[name]) for name in sorted(was_on)]
+        resting, switched_off = self._resting(), sorted(self._cut_off)
+        self._cut_off.clear()
+        half = 0.5 * (now - self._reconnection.since)  # when they went off is not known any better
+        self._receipts += [CommandReceipt(now - half, name, resting[name], half) for name in switched_off]
         missed = math.floor((now - self._start) * self._rate) + 1 - self._index if self._rate else 0
-        if missed > 0:
-            self._gap(missed)
-            self._index += missed
+        if missed > 0 or switched_off:
+            self._gap(max(missed, 0), cause=self._reconnection.why, switched_off=switched_off)
+            self._index += max(missed, 0)
 
-    def _gap(self, missed: int) -> None:
+    def _gap(self, missed: int, *, cause: str = "", switched_off: Sequence[str] = ()) -> None:
+        """Samples that will not come, and what went to its safe value meanwhile without being told to."""
         message = f"{missed} samples missing before {self.clock.now():.3f} s"
-        self._notice("gap", message, samples=missed)
+        if cause:
+            message += f": {cause}"
+        fields: dict[str, object] = {"samples": missed}
+        if switched_off:
+            message += f"; meanwhile {', '.join(switched_off)} went to the safe state"
+            fields["switched_off"] = list(switched_off)
+        self._notice("gap", message, **fields)
 
     def _notice(self, kind: str, message: str, **fields: object) -> None:
         self._notices.append(Notice(self.clock.now(), kind, message, fields))

@@ -105,20 +105,16 @@ class Player:
         _, values, commands = self._rows.pop()
         return Sample(when, tuple(values), tuple(commands))
 
-    def command(
-        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
-    ) -> CommandReceipt:
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
         """Take note of a command."""
         recording = self._opened()
         check_command(self._rig, actuator, value, duration)
         now = self.clock.now()
-        when = now if at is None else max(at, now)
-        if when == now:
-            self._meet(recording, actuator, value, now)
+        self._meet(recording, actuator, value, now)
         self._pulse_ends.pop(actuator, None)
         if duration is not None:
-            self._pulse_ends[actuator] = when + duration
-        return CommandReceipt(when, actuator, value)
+            self._pulse_ends[actuator] = now + duration
+        return CommandReceipt(now, actuator, value)
 
     def take_receipts(self) -> list[CommandReceipt]:
         """Ends of pulses that have passed since the last call."""

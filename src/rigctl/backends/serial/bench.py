@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TypeVar
 
 from rigctl.backends.commands import check_command
-from rigctl.backends.errors import BackendLost, BenchTripped
+from rigctl.backends.errors import BackendLost, BenchTripped, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.board import Board, trip_causes
 from rigctl.backends.serial.greeting import Greeting, greet
@@ -81,6 +82,7 @@ class SerialBench:
         self._rate = 0.0
         self._heartbeat: Heartbeat | None = None
         self._trip_told = False
+        self._cut_off: set[str] = set()  # what was driven, or may have been, when contact was lost
         self._ends: dict[str, float] = {}  # pulses that are timed here
         self._intake = Intake(self._translation, clock)
 
@@ -118,7 +120,8 @@ class SerialBench:
             )
         self._check_open()
         self._rate = rate
-        self._carried_out(self._start_stream)
+        with suppress(OutOfReach):  # a board that comes back begins its stream by itself
+            self._carried_out(self._start_stream)
         self._intake.wanted = True
 
     def next_sample(self, timeout: float) -> Sample | None:
@@ -148,21 +151,23 @@ class SerialBench:
 
     # --- commands -----------------------------------------------------------------------------------------
 
-    def command(
-        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
-    ) -> CommandReceipt:
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
         """Switch an actuator; the receipt has the time that the board stamped."""
         self._check_open()
         check_command(self._rig, actuator, value, duration)
-        while at is not None and self.clock.now() < at:
-            self._pump(at)
         if self._rig.actuators[actuator].by == "operator":
             if self._by_hand is not None:
                 self._by_hand(actuator, value)
             self._intake.commanded[actuator] = value
             return CommandReceipt(self.clock.now(), actuator, value)
         self._ends.pop(actuator, None)
-        receipt = self._carried_out(lambda board: self._switch(board, actuator, value, duration))
+        in_reach = self._board is not None
+        try:
+            receipt = self._carried_out(lambda board: self._switch(board, actuator, value, duration))
+        except OutOfReach:
+            if in_reach and value != self._resting().get(actuator):  # it may have been carried out
+                self._cut_off.add(actuator)
+            raise
         self._intake.commanded[actuator] = value
         if duration is not None and not self._translation.times_pulse(actuator, duration):
             self._ends[actuator] = receipt.time + duration
@@ -243,7 +248,8 @@ class SerialBench:
         now = self.clock.now()
         for actuator in [name for name, end in self._ends.items() if end <= now]:
             del self._ends[actuator]
-            self._intake.receipts.append(self.command(actuator, float(self._rig.safe_state[actuator])))
+            with suppress(OutOfReach):  # a board that comes back is made safe before anything else
+                self._intake.receipts.append(self.command(actuator, float(self._rig.safe_state[actuator])))
         board, heartbeat = self._board, self._heartbeat
         if board is None or heartbeat is None:
             self._try_again(until)
@@ -259,18 +265,17 @@ class SerialBench:
         self._intake.take(board)
 
     def _carried_out(self, action: Callable[[Board], T]) -> T:
-        """Do something with the board, after it has come back where it is lost."""
-        while True:
-            board = self._board
-            if board is None:
-                self._try_again(math.inf)
-                continue
-            try:
-                return action(board)
-            except PortLost as error:
-                self._lose(error)
-            except Refused as error:
-                raise RigctlError(str(error), hint=_why(board), exit_code=ExitCode.FAILED) from None
+        """Do something with the board, once; what a loss of contact has cut off is never made up for here."""
+        board = self._board
+        if board is None:
+            raise OutOfReach(f"the board cannot be reached for the moment: {self._reconnection.why}")
+        try:
+            return action(board)
+        except PortLost as error:
+            self._lose(error)
+            raise OutOfReach(f"contact with the board is lost: {error}") from None
+        except Refused as error:
+            raise RigctlError(str(error), hint=_why(board), exit_code=ExitCode.FAILED) from None
 
     def _lose(self, error: PortLost) -> None:
         """Contact is lost; what the board does by itself now is to switch off."""
@@ -283,6 +288,7 @@ class SerialBench:
                 kept = board.line.port
             else:
                 board.line.port.close()
+        self._cut_off |= self._driven()
         self._reconnection.begin(f"{error}{damaged}", kept)
         self._intake.notice("fault", f"contact with the board is lost: {error}{damaged}")
 
@@ -291,7 +297,6 @@ class SerialBench:
         board = self._reconnection.attempt(until)
         if board is None:
             return
-        switched_off = self._driven()
         try:
             self._begin(board)
         except (PortLost, Refused) as error:
@@ -309,15 +314,19 @@ class SerialBench:
         lost_at, why = self._reconnection.since, self._reconnection.why
         now = self.clock.now()
         self._intake.notice("note", f"the board is back after {now - lost_at:.1f} s, outputs off")
-        resting = self._resting()
-        self._intake.receipts += [CommandReceipt(now, name, resting[name]) for name in switched_off]
+        switched_off = sorted(self._cut_off)
+        self._cut_off.clear()
+        resting, half = self._resting(), 0.5 * (now - lost_at)  # when, is not known any better
+        self._intake.receipts += [
+            CommandReceipt(now - half, name, resting[name], half) for name in switched_off
+        ]
         missing = self._intake.missing_since(lost_at, self._rate or self._rig.monitor_rate)
         self._intake.gap(missing, cause=why, switched_off=switched_off)
 
-    def _driven(self) -> list[str]:
+    def _driven(self) -> set[str]:
         """Actuators that are commanded to something else than their safe value."""
         resting = self._resting()
-        return [name for name, value in self._intake.commanded.items() if resting.get(name, value) != value]
+        return {name for name, value in self._intake.commanded.items() if resting.get(name, value) != value}
 
     def _switch(self, board: Board, actuator: str, value: float, duration: float | None) -> CommandReceipt:
         """Send a command and wait for the board to say when it was done."""

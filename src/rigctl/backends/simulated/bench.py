@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from rigctl.backends.commands import check_command
-from rigctl.backends.errors import BackendLost
+from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.simulated.device import Device
 from rigctl.backends.simulated.link import Link
@@ -56,6 +56,8 @@ class SimulatedBench:
         self._start = 0.0  # clock time of the grid's first sample
         self._index = 0  # of the next sample on the grid
         self._missed = 0  # samples that did not arrive since the last that did
+        self._lost_at: float | None = None  # clock time since when there was no contact at all
+        self._told: dict[str, float] = {}  # what driven actuators were commanded to since they were safe
         self._notices: list[Notice] = []
 
     def open(self) -> None:
@@ -89,17 +91,16 @@ class SimulatedBench:
         self._index += 1
         device.run_to(when - self._origin)
         if self._missed:
-            self._report_gap(when)
+            self._report_gap(when, self._make_safe_again(device, when))
         return Sample(when, device.read(), device.commands)
 
-    def command(
-        self, actuator: str, value: float, *, at: float | None = None, duration: float | None = None
-    ) -> CommandReceipt:
-        """Switch an actuator at an exact time."""
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
+        """Switch an actuator now."""
         device = self._opened()
         check_command(self._rig, actuator, value, duration)
-        now = self._wait_for_link()
-        when = device.command(actuator, value, (now if at is None else max(at, now)) - self._origin, duration)
+        when = device.command(actuator, value, self._reached() - self._origin, duration)
+        if self._rig.actuators[actuator].by == "driven":
+            self._told[actuator] = value
         return CommandReceipt(when + self._origin, actuator, value)
 
     def take_receipts(self) -> list[CommandReceipt]:
@@ -108,6 +109,8 @@ class SimulatedBench:
         if device.next_event <= self.clock.now() - self._origin:
             self._catch_up(device)
         taken, device.receipts = device.receipts, []
+        for receipt in taken:
+            self._told[receipt.actuator] = receipt.value
         return [replace(receipt, time=receipt.time + self._origin) for receipt in taken]
 
     def take_notices(self) -> list[Notice]:
@@ -124,6 +127,7 @@ class SimulatedBench:
         if not self._link.perfect and self._link.back_at(now) > now:
             raise _lost()
         device.make_safe(now)
+        self._told.clear()
         self._catch_up(device)
 
     def _opened(self) -> Device:
@@ -156,24 +160,50 @@ class SimulatedBench:
                 raise _lost()
             self._index += 1
             self._missed += 1
+            if self._lost_at is None and self._link.back_at(when - self._origin) > when - self._origin:
+                self._lost_at = when
             when = self._start + self._index / self._rate
         return when
 
-    def _wait_for_link(self) -> float:
-        """Wait until the bench can be reached, and say when that is."""
+    def _reached(self) -> float:
+        """Now; raises when the bench cannot be reached now."""
         now = self.clock.now()
         if self._link.perfect:
             return now
         back = self._origin + self._link.back_at(now - self._origin)
         if math.isinf(back):
             raise _lost()
-        self.clock.sleep_until(back)
-        return max(now, back)
+        if back > now:
+            raise OutOfReach("the bench does not answer for the moment")
+        return now
 
-    def _report_gap(self, when: float) -> None:
+    def _make_safe_again(self, device: Device, when: float) -> list[str]:
+        """As a host does with a real bench that is back: the actuators that it had commanded otherwise.
+
+        When they went off is not known better than that it was during the loss.
+        """
+        if self._lost_at is None:
+            return []
+        for receipt in device.receipts:  # pulses that ended as they had to
+            self._told[receipt.actuator] = receipt.value
+        resting = {name: float(value) for name, value in self._rig.safe_state.items()}
+        switched_off = [name for name, value in self._told.items() if value != resting.get(name, value)]
+        now, half = when - self._origin, 0.5 * (when - self._lost_at)
+        device.make_safe(now)
+        device.run_to(now)
+        device.receipts += [CommandReceipt(now - half, name, resting[name], half) for name in switched_off]
+        self._told.clear()
+        self._lost_at = None
+        return switched_off
+
+    def _report_gap(self, when: float, switched_off: list[str]) -> None:
         seconds = self._missed / self._rate
         message = f"{self._missed} samples missing before {when:.3f} s ({seconds:g} s)"
-        self._notices.append(Notice(when - self._origin, "gap", message, {"samples": self._missed}))
+        fields: dict[str, object] = {"samples": self._missed}
+        if switched_off:
+            message += f"; meanwhile {', '.join(switched_off)} went to the safe state"
+            fields["switched_off"] = switched_off
+        self._notices.append(Notice(when - self._origin, "gap", message, fields))
         self._missed = 0
 
 

@@ -93,15 +93,13 @@ class _Drive:
 
     def stop(self) -> None:
         """Leave the actuator at its safe value."""
-        bench, name = self._bench, self._action.actuator
-        if bench.reachable and bench.commanded.get(name) != bench.safe_value(name):
-            bench.command(name, bench.safe_value(name))
+        self._bench.release(self._action.actuator)
 
     def _pulse(self, value: float, distance: float) -> Waiting:
         """A pulse for `distance`; learns how much of it was lost to the opening of the valve."""
         duration = max(distance / self._speed + self._lost, _SHORTEST)
         before = self._position
-        receipt = self._bench.command(self._action.actuator, value, duration)
+        receipt = yield from self._bench.command(self._action.actuator, value, duration)
         yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
         yield from self._bench.finish_pulse(self._action.actuator)
         after = yield from self.rest()
@@ -109,7 +107,7 @@ class _Drive:
 
     def _full_speed(self, value: float, direction: float) -> Waiting:
         """Drive until the next sample would be too late, then stop at the predicted time."""
-        self._bench.command(self._action.actuator, value)
+        yield from self._bench.command(self._action.actuator, value)
         period = 1.0 / self._bench.rate
         past: deque[tuple[float, float]] = deque(maxlen=max(2, round(_SPAN / period) + 1))
         while True:

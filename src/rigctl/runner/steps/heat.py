@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+from rigctl.backends.errors import OutOfReach
 from rigctl.procedure.actions import Heat
 from rigctl.runner.bench import Bench
 from rigctl.runner.outcomes import Outcome, StepFailed
@@ -26,6 +29,7 @@ def heat(action: Heat, bench: Bench) -> Behaviour:
     give_up = bench.now + action.timeout
     row = yield from bench.fresh()
     try:
+        bench.regulated.add(action.actuator)
         while not settling.add(row[0], row[column]):
             heater.regulate(row[0], settling.mean)
             sample = yield Until(give_up, every_sample)
@@ -64,14 +68,17 @@ class _Thermostat:
             wanted = self._off
         else:
             return
-        if time >= self._next_switch and self._bench.commanded.get(self._action.actuator) != wanted:
-            self._bench.command(self._action.actuator, wanted)
-            self._next_switch = time + self._rest
+        bench, name = self._bench, self._action.actuator
+        ready = max(self._next_switch, bench.rested_at(name, wanted))
+        if time >= ready and bench.commanded.get(name) != wanted:
+            with suppress(OutOfReach):  # by the next sample it may be back
+                bench.switch(name, wanted)
+                self._next_switch = time + self._rest
 
     def off(self) -> None:
-        """Leave it off; a bench that is gone has a watchdog for that."""
-        if self._bench.reachable and self._bench.commanded.get(self._action.actuator) != self._off:
-            self._bench.command(self._action.actuator, self._off)
+        """Leave it off."""
+        self._bench.regulated.discard(self._action.actuator)
+        self._bench.release(self._action.actuator)
 
 
 def _gave_up(action: Heat, bench: Bench, settling: Settling) -> str:

@@ -27,7 +27,7 @@ def move(action: Move, bench: Bench) -> Behaviour:
 
 def _for_a_time(action: Move, bench: Bench, duration: float) -> Behaviour:
     """Timed by the bench where it can be, so that delays of this computer do not move the stroke."""
-    receipt = bench.command(action.actuator, action.value, duration)
+    receipt = yield from bench.command(action.actuator, action.value, duration)
     yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
     yield from bench.finish_pulse(action.actuator)
     return Outcome.COMPLETE
@@ -41,12 +41,12 @@ def _until(action: Move, bench: Bench) -> Behaviour:
     if condition(row):
         return Outcome.COMPLETE
     timeout = action.timeout or 0.0
-    bench.command(action.actuator, action.value)
+    yield from bench.command(action.actuator, action.value)
     try:
         reached = yield Until(bench.now + timeout, condition)
     finally:
-        if bench.reachable and bench.commanded[action.actuator] == action.value:
-            bench.command(action.actuator, bench.safe_value(action.actuator))
+        if bench.commanded[action.actuator] == action.value:
+            bench.release(action.actuator)
     if reached is None:
         names = action.until.names | ({action.position} if action.position else set())
         raise StepFailed(

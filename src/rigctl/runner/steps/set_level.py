@@ -21,7 +21,7 @@ def set_level(action: SetLevel, bench: Bench) -> Behaviour:
     """
     actuator = bench.rig.actuators[action.actuator]
     target = reading(bench, action.channel, action.to)
-    bench.command(action.actuator, action.to)
+    yield from bench.command(action.actuator, action.to)
     if actuator.by == "operator":
         request = actuator.prompt or f"Turn {action.actuator} until {action.channel} reads"
         bench.tell(Question(f"{request} {target}", notice=True))

@@ -15,7 +15,7 @@ def set_values(action: Set, bench: Bench) -> Behaviour:
     An actuator that is turned by hand is asked for and has to be confirmed.
     """
     for name, value in action.values.items():
-        bench.command(name, value, action.duration)
+        yield from bench.command(name, value, action.duration)
         actuator = bench.rig.actuators[name]
         if actuator.by == "operator":
             yield from bench.ask(Question(f"Set {name} to {actuator.show(value)}"))
