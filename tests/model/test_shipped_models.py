@@ -47,7 +47,7 @@ def test_the_oil_reproduces_the_printed_table_row_by_row() -> None:
         times=rows + 1.0,  # a sample at a switch still shows the row before it
         switch_times=rows,
         inputs=np.array([[celsius + 273.15, 0.0] for celsius, _, _ in PRINTED]),
-        initial=np.zeros(1),
+        initial=np.zeros(0),
         parameters=np.array(model.system().nominal),
     )
     found = simulate(compiled, [table]).outputs[0]

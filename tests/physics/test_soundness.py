@@ -51,7 +51,6 @@ def formula(text: str) -> ModelFamily:
     ("family", "part", "said"),
     [
         (replace(CUP, outputs=()), "outputs", "the family has no outputs"),
-        (replace(CUP, states=()), "states", "the family has no states"),
         (
             replace(CUP, inputs=(InputVariable("heat", "K", 0.0, ""),)),
             "states",

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.cache import load_compiled
+from rigctl.engine.guards import width
 from rigctl.engine.source import ARGUMENTS, Source, source_of
 from rigctl.engine.system import System
 
@@ -98,7 +99,7 @@ def _load_kernels(progress: Progress | None) -> Any:
     from rigctl.engine.kernels.record import integrate_record
     from rigctl.engine.kernels.step import step_to
 
-    text = _KERNELS
+    text = _KERNELS + ("# with bounds checked\n" if width() else "")
     for module, signature, kernel in (("record", "RECORD", integrate_record), ("step", "STEP", step_to)):
         arguments = ", ".join(inspect.signature(kernel.py_func).parameters)
         text += _KERNEL_FUNCTION.format(

@@ -63,7 +63,7 @@ def check_values(system: System, excitation: Excitation) -> Failure | None:
 
 def explain(system: System, outcome: int, time: float, counters: Sequence[int] | np.ndarray) -> Failure:
     """The failure that a kernel's outcome stands for."""
-    state = system.state_names[int(counters[outcomes.GUILTY_STATE])]
+    state = system.state_names[int(counters[outcomes.GUILTY_STATE])] if system.states else ""
     match outcome:
         case outcomes.NOT_FINITE_RHS:
             return Failure(Cause.EQUATIONS, f"the derivative of {state} is not a finite number", time, state)

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rigctl.engine import guards
 from rigctl.engine.compile import CompiledSystem, Integers
 from rigctl.engine.excitation import Excitation, Floats, Ramps, check_fits
 from rigctl.engine.failure import Failure, check_outputs, check_values, explain
+from rigctl.engine.guards import Result, Workspace
 from rigctl.engine.kernels import outcomes
 from rigctl.engine.kernels import sizes as sizing
 from rigctl.engine.source import Pattern
@@ -140,6 +142,7 @@ def _plan(
     patterns = (source.rhs_pattern, source.outputs_pattern, source.delays_pattern)
     active = [_active(pattern, chosen) for pattern in patterns]
     sizes = np.zeros(sizing.SIZES, dtype=np.int64)
+    sizes[sizing.GUARD] = guards.width()
     sizes[sizing.N] = len(system.states)
     sizes[sizing.INPUTS] = len(system.inputs)
     sizes[sizing.OUTPUTS_COUNT] = len(system.outputs)
@@ -210,9 +213,13 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     sizes[sizing.CAPACITY] = plan.delayed.size * excitation.switch_times.size
     samples, columns = excitation.times.size, int(sizes[sizing.COLUMNS])
     width = int(sizes[sizing.OUTPUTS_COUNT])
-    states = np.empty((samples, excitation.initial.size))
-    outputs = np.empty((samples, width))
-    sensitivities = np.empty((samples, width, columns))
+    workspace = Workspace(sizes)
+    results = (
+        Result("states", (samples, excitation.initial.size)),
+        Result("outputs", (samples, width)),
+        Result("sensitivities", (samples, width, columns)),
+    )
+    states, outputs, sensitivities = (result.values for result in results)
     inputs, shifts, ramps = _commands(excitation, int(sizes[sizing.SHIFTS]))
     counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
     outcome, reached, done = plan.compiled.integrate_record(
@@ -233,13 +240,15 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
         plan.rhs_active,
         plan.outputs_active,
         plan.delays_active,
-        np.empty(sizing.float_count(sizes)),
-        np.empty(sizing.integer_count(sizes), dtype=np.int64),
+        workspace.floats,
+        workspace.integers,
         states,
         outputs,
         sensitivities,
         counters,
     )
+    for checked in (workspace, *results):
+        checked.check()
     failure = None
     if outcome != outcomes.DONE:
         failure = explain(plan.compiled.system, int(outcome), float(reached), counters)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from rigctl.engine.compile import CompiledSystem
 from rigctl.engine.excitation import Floats
 from rigctl.engine.failure import explain
+from rigctl.engine.guards import Result, Workspace, width
 from rigctl.engine.kernels import outcomes
 from rigctl.engine.kernels import sizes as sizing
 from rigctl.engine.simulate import delayed_inputs, tolerances
@@ -63,10 +64,12 @@ class Stepper:
         self._sizes[sizing.CAPACITY] = _WAITING_COMMANDS if system.delays else 0
         self._tolerance = tolerances(compiled, tolerance)
         self._delayed = delayed_inputs(compiled)
-        self._floats = np.zeros(sizing.float_count(self._sizes))
-        self._integers = np.zeros(sizing.integer_count(self._sizes), dtype=np.int64)
+        self._sizes[sizing.GUARD] = width()
+        self._workspace = Workspace(self._sizes)
+        self._floats, self._integers = self._workspace.floats, self._workspace.integers
         self._counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
-        self._outputs = np.zeros(len(system.outputs))
+        self._seen = Result("outputs", (len(system.outputs),))
+        self._outputs = self._seen.values
         self._carried = np.array([float(time), 0.0, 1.0])
         start, acting, commanded = sizing.stepping_places(self._sizes)
         self._state = self._floats[start : start + len(system.states)]
@@ -174,6 +177,8 @@ class Stepper:
             self._outputs,
             self._counters,
         )
+        self._workspace.check()
+        self._seen.check()
         if outcome != outcomes.DONE:
             failure = explain(self.compiled.system, outcome, reached, self._counters)
             raise RigctlError(f"the simulation broke down: {failure}", exit_code=ExitCode.FAILED)

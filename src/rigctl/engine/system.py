@@ -222,8 +222,6 @@ def _dimension(unit: str) -> Dimension:
 
 
 def _check_names(system: System) -> None:
-    if not system.states:
-        raise RigctlError("a system needs at least one state")
     if len(system.rhs) != len(system.states):
         raise RigctlError(
             f"{len(system.states)} states have {len(system.rhs)} derivatives", expected="one for each state"

@@ -50,6 +50,8 @@ def restart(addresses, u, q, work, relative, absolute, sensitive, counters):
     """
     n, m = work.n, work.m
     counters[RESTARTS] += 1
+    if n == 0:  # static: nothing moves between two switches
+        return DONE, math.inf
     if sensitive:
         call_6(addresses[RHS_TANGENT], work.y, u, q, work.k, work.jacobian, work.packed)
         for i in range(n):
@@ -100,6 +102,11 @@ def advance(addresses, switches, ramped, q, t, target, h, work, relative, absolu
     `sensitive` also that of `work.dk` and the Jacobian, belong to the state at the start and at the end.
     """
     n = work.n
+    if n == 0:
+        if ramped:
+            for j in range(switches.inputs):
+                switches.u[j] += (target - t) * switches.slope[j]
+        return DONE, target, h
     fresh = sensitive
     for _ in range(_MOST_STEPS):
         left = target - t

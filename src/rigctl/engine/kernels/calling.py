@@ -15,11 +15,14 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from rigctl.engine.guards import width
+
 #: where the address of each function stands in the array of addresses
 RHS, RHS_JACOBIAN, RHS_TANGENT, OUTPUTS, OUTPUTS_TANGENT, DELAYS, DELAYS_TANGENT = range(7)
 
-#: how every kernel is compiled: division by zero gives inf, and other Python threads go on meanwhile
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+#: how every kernel is compiled: division by zero gives inf, other Python threads go on meanwhile, and
+#: indices of arrays are checked when `engine.guards` are on
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "boundscheck": width() > 0}
 
 
 @intrinsic

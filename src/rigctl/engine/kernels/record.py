@@ -112,9 +112,10 @@ def integrate_record(
 ):
     """Integrate from ``command_times[0]`` over all samples; a sample at a switch shows what was before it.
 
-    Arguments: `sizes` and the buffers as in `workspace`; `tolerance` the relative one and then the absolute
-    one of each state; y0 (n); q; command k holds ``command_values[k]`` from ``command_times[k]`` on, whose
-    derivatives by the quantities of the last columns are ``command_shifts[k]``; the inputs `ramped` (r) are
+    Arguments: `sizes` and the buffers, full of zeros, as in `workspace`; `tolerance` the relative one and
+    then the absolute one of each state; y0 (n); q; command k holds ``command_values[k]`` from
+    ``command_times[k]`` on, whose derivatives by the quantities of the
+    last columns are ``command_shifts[k]``; the inputs `ramped` (r) are
     straight lines between their values `ramps` (knots, r) at the times `knots`, and constant beyond;
     `initial_columns` the initial states that the columns before the last differentiate by. Fills states
     (samples, n), outputs (samples, z) and sensitivities (samples, z, columns).
@@ -135,8 +136,6 @@ def integrate_record(
     shifts = pointer_to(command_shifts)
     sensitive = m > 0
     relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
-    for i in range(floats.size):
-        floats[i] = 0.0
     for i in range(n):
         work.y[i] = y0[i]
     switches.waiting[0] = 0

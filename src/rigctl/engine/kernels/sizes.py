@@ -7,30 +7,74 @@ from numpy.typing import NDArray
 
 #: places in the array of sizes: states, inputs, outputs, delays, sensitivity columns; entries of the three
 #: packed ∂/∂q, and how many of those the columns use; commands that may wait at once; inputs that change
-#: steadily between knots; how many of the last columns differentiate by what moves the commands' times
+#: steadily between knots; how many of the last columns differentiate by what moves the commands' times;
+#: words that stand behind each array, see `engine.guards`
 N, INPUTS, OUTPUTS_COUNT, DELAYS_COUNT, COLUMNS = range(5)
 RHS_ENTRIES, OUTPUTS_ENTRIES, DELAYS_ENTRIES, RHS_ACTIVE, OUTPUTS_ACTIVE, DELAYS_ACTIVE, CAPACITY = range(
     5, 12
 )
-RAMPS, SHIFTS = 12, 13
-SIZES = 14
+RAMPS, SHIFTS, GUARD = 12, 13, 14
+SIZES = 15
+
+
+def float_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
+    """Name and length of each array of doubles, in the order in which `workspace.lay_out` cuts them."""
+    n, inputs, outputs, delays, m, rhs, outputs_entries, delays_entries = (int(size) for size in sizes[:8])
+    capacity = int(sizes[CAPACITY])
+    return [
+        ("y", n),
+        ("k", 4 * n),
+        ("z", 4 * n),
+        ("base", n),
+        ("value", n),
+        ("correction", n),
+        ("unit", n),
+        ("weight", n),
+        ("jacobian", n * n),
+        ("matrix", n * n),
+        ("s", n * m),
+        ("dk", 4 * n * m),
+        ("fixed", n * m),
+        ("moving", n * m),
+        ("packed", rhs),
+        ("acting", inputs),
+        ("commanded", inputs),
+        ("following", inputs),
+        ("waiting times", capacity),
+        ("waiting values", capacity),
+        ("shift", capacity * m),
+        ("tau", delays),
+        ("jacobian of delays", delays * n),
+        ("packed of delays", delays_entries),
+        ("earlier", n),
+        ("later", n),
+        ("slope", inputs),
+        ("stage", inputs),
+        ("outputs", outputs),
+        ("jacobian of outputs", outputs * n),
+        ("packed of outputs", outputs_entries),
+    ]
+
+
+def integer_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
+    """Name and length of each array of integers."""
+    return [("exchanges", int(sizes[N])), ("waiting", 1), ("waiting inputs", int(sizes[CAPACITY]))]
 
 
 def float_count(sizes: NDArray[np.int64]) -> int:
-    """How many doubles the workspaces take, in the order in which `workspace.lay_out` cuts them."""
-    n, inputs, outputs, delays, m, rhs, outputs_entries, delays_entries = (int(size) for size in sizes[:8])
-    work = 14 * n + 2 * n * n + 7 * n * m + rhs
-    switches = 5 * inputs + int(sizes[CAPACITY]) * (2 + m) + delays + delays * n + delays_entries + 2 * n
-    return work + switches + outputs + outputs * n + outputs_entries
+    """How many doubles the workspaces take."""
+    return sum(length + int(sizes[GUARD]) for _, length in float_regions(sizes))
 
 
 def integer_count(sizes: NDArray[np.int64]) -> int:
     """How many integers they take."""
-    return int(sizes[N] + 1 + sizes[CAPACITY])
+    return sum(length + int(sizes[GUARD]) for _, length in integer_regions(sizes))
 
 
 def stepping_places(sizes: NDArray[np.int64]) -> tuple[int, int, int]:
     """Where the state, the acting inputs and the commanded ones lie in the buffer of doubles."""
-    n, m = int(sizes[N]), int(sizes[COLUMNS])
-    acting = 14 * n + 2 * n * n + 7 * n * m + int(sizes[RHS_ENTRIES])
-    return 0, acting, acting + int(sizes[INPUTS])
+    places, end = {}, 0
+    for name, length in float_regions(sizes):
+        places[name] = end
+        end += length + int(sizes[GUARD])
+    return places["y"], places["acting"], places["commanded"]

@@ -13,6 +13,7 @@ from rigctl.engine.kernels.sizes import (
     DELAYS_ACTIVE,
     DELAYS_COUNT,
     DELAYS_ENTRIES,
+    GUARD,
     INPUTS,
     OUTPUTS_ACTIVE,
     OUTPUTS_COUNT,
@@ -51,49 +52,49 @@ Seen = namedtuple("Seen", "outputs value jacobian packed active used")  # noqa: 
 
 @njit(**OPTIONS)
 def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, delayed):
-    """The three workspaces inside the buffers `floats` and `integers`."""
+    """The three workspaces inside the buffers `floats` and `integers`, cut as `sizes.float_regions` says."""
     n, m, inputs, delays = sizes[N], sizes[COLUMNS], sizes[INPUTS], sizes[DELAYS_COUNT]
-    capacity, outputs = sizes[CAPACITY], sizes[OUTPUTS_COUNT]
+    capacity, outputs, guard = sizes[CAPACITY], sizes[OUTPUTS_COUNT], sizes[GUARD]
     y = floats
-    k = offset(y, n)
-    z = offset(k, 4 * n)
-    base = offset(z, 4 * n)
-    value = offset(base, n)
-    correction = offset(value, n)
-    unit = offset(correction, n)
-    weight = offset(unit, n)
-    jacobian = offset(weight, n)
-    matrix = offset(jacobian, n * n)
-    s = offset(matrix, n * n)
-    dk = offset(s, n * m)
-    fixed = offset(dk, 4 * n * m)
-    moving = offset(fixed, n * m)
-    packed = offset(moving, n * m)
+    k = offset(y, n + guard)
+    z = offset(k, 4 * n + guard)
+    base = offset(z, 4 * n + guard)
+    value = offset(base, n + guard)
+    correction = offset(value, n + guard)
+    unit = offset(correction, n + guard)
+    weight = offset(unit, n + guard)
+    jacobian = offset(weight, n + guard)
+    matrix = offset(jacobian, n * n + guard)
+    s = offset(matrix, n * n + guard)
+    dk = offset(s, n * m + guard)
+    fixed = offset(dk, 4 * n * m + guard)
+    moving = offset(fixed, n * m + guard)
+    packed = offset(moving, n * m + guard)
     work = Work(
         n, m, y, k, z, base, value, correction, unit, weight, jacobian, matrix, integers, s, dk, fixed,
         moving, packed, rhs_active, sizes[RHS_ACTIVE],
     )  # fmt: skip
-    u = offset(packed, sizes[RHS_ENTRIES])
-    commanded = offset(u, inputs)
-    following = offset(commanded, inputs)
-    time = offset(following, inputs)
-    held = offset(time, capacity)
-    shift = offset(held, capacity)
-    tau = offset(shift, capacity * m)
-    delay_jacobian = offset(tau, delays)
-    delay_packed = offset(delay_jacobian, delays * n)
-    earlier = offset(delay_packed, sizes[DELAYS_ENTRIES])
-    later = offset(earlier, n)
-    slope = offset(later, n)
-    stage = offset(slope, inputs)
-    waiting = offset(integers, n)
+    u = offset(packed, sizes[RHS_ENTRIES] + guard)
+    commanded = offset(u, inputs + guard)
+    following = offset(commanded, inputs + guard)
+    time = offset(following, inputs + guard)
+    held = offset(time, capacity + guard)
+    shift = offset(held, capacity + guard)
+    tau = offset(shift, capacity * m + guard)
+    delay_jacobian = offset(tau, delays + guard)
+    delay_packed = offset(delay_jacobian, delays * n + guard)
+    earlier = offset(delay_packed, sizes[DELAYS_ENTRIES] + guard)
+    later = offset(earlier, n + guard)
+    slope = offset(later, n + guard)
+    stage = offset(slope, inputs + guard)
+    waiting = offset(integers, n + guard)
     switches = Switches(
-        inputs, delays, u, commanded, following, waiting, time, held, offset(waiting, 1), shift, delayed,
-        tau, delay_jacobian, delay_packed, delays_active, sizes[DELAYS_ACTIVE], capacity, earlier, later,
-        slope, stage, sizes[SHIFTS],
+        inputs, delays, u, commanded, following, waiting, time, held, offset(waiting, 1 + guard), shift,
+        delayed, tau, delay_jacobian, delay_packed, delays_active, sizes[DELAYS_ACTIVE], capacity, earlier,
+        later, slope, stage, sizes[SHIFTS],
     )  # fmt: skip
-    seen_value = offset(stage, inputs)
-    seen_jacobian = offset(seen_value, outputs)
-    seen_packed = offset(seen_jacobian, outputs * n)
+    seen_value = offset(stage, inputs + guard)
+    seen_jacobian = offset(seen_value, outputs + guard)
+    seen_packed = offset(seen_jacobian, outputs * n + guard)
     seen = Seen(outputs, seen_value, seen_jacobian, seen_packed, outputs_active, sizes[OUTPUTS_ACTIVE])
     return work, switches, seen

@@ -37,15 +37,10 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
         the table has no column that the model predicts.
     """
     rows = [run.record(index) for index in run.usable]
-    if model.family.states and not _is_static(model):
+    if model.family.states:
         moving = [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
         return [record for record in moving if record.here.any()]
     return [record for record in _table(model, run, rows, outputs) if record.here.any()]
-
-
-def _is_static(model: Model) -> bool:
-    """A family whose only state counts the rows of a table."""
-    return [state.name for state in model.family.states] == ["row"]
 
 
 def _values(row: Record) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """The viscosity of an oil over temperature and pressure, as a table of measurements: Vogel's law and density.
 
-There is no motion: the family's one state counts the rows of the table, a second each.
+There is no motion, and so no state: each row of a table lasts a second.
 """
 
 from rigctl.physics.oil_viscosity.family import OIL_VISCOSITY

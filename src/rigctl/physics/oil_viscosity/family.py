@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rigctl.engine.symbols import Scalar
 from rigctl.physics import oil
-from rigctl.physics.family import Definition, InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
+from rigctl.physics.family import Definition, InputVariable, ModelFamily, OutputVariable, Slot
 from rigctl.physics.family import ParameterDeclaration as Parameter
 from rigctl.physics.oil import HL32
 from rigctl.physics.scope import Scope
@@ -54,7 +54,7 @@ OIL_VISCOSITY = ModelFamily(
     name="oil_viscosity",
     title="Viscosity of an oil over temperature and pressure",
     source="Vogel (1921); density by thermal expansion",
-    states=(StateVariable("row", "s", 1.0, lambda m: 1.0, 0.0, "counts the rows of the table"),),
+    states=(),
     inputs=(
         InputVariable("oil_temperature", "K", 313.15, "as the thermometer reads"),
         InputVariable("pressure", "Pa", 0.0, "gauge"),

@@ -137,7 +137,10 @@ class FamilyFile(_Part):
     family: Name = Field(description="its name, e.g. water_tank")
     title: str = Field(default="", description="one line about it")
     source: str = Field(default="", description="where the equations come from")
-    states: dict[BenchName, StateField] = Field(min_length=1, description="what changes with time, by name")
+    states: dict[BenchName, StateField] = Field(
+        default_factory=dict,
+        description="what changes with time, by name; none where the outputs follow the inputs at once",
+    )
     inputs: dict[BenchName, InputField] = Field(
         default_factory=dict, description="what is commanded, or given from outside"
     )
