@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from rigctl.cli.main import app
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.validation.outcome import Outcome
+from rigctl.validation.anyone.trial import BenchTrial
+from rigctl.validation.outcome import Outcome, TrialOutcome
 from rigctl.validation.scenario import Scenario, Wanted
 
 SCENARIOS = (
@@ -88,3 +89,21 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(monkeypatch: pytest.MonkeyPat
         told("--tier", "quick")
     assert end.value.exit_code == ExitCode.INTERRUPTED
     assert len(Path("validation/quick.jsonl").read_text("utf-8").splitlines()) == 1
+
+
+def test_the_tier_of_anyones_benches_goes_the_same_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    def say_adequate(trial: BenchTrial) -> TrialOutcome[BenchTrial]:
+        return TrialOutcome(trial, verdict="adequate")
+
+    monkeypatch.setattr("rigctl.validation.anyone.work.carry_out_trial", say_adequate)
+    found = json.loads(told("--tier", "anyone", "--first", "20", "--json"))
+    rates = {(rate["name"], rate["of"]): rate for rate in found["rates"]}
+    assert rates["false alarm", "nothing hidden"]["count"] == 0
+    assert rates["right, or its class", "λ >= 30"]["met"] is False
+    assert found["confusion"]["motor"] == {"adequate": 1}
+    assert json.loads(told("--tier", "anyone", "--first", "20", "--resume", "--json")) == found
+    assert (
+        Path("validation/anyone.md")
+        .read_text(encoding="utf-8")
+        .startswith("`rigctl validate --tier anyone --first 20`: 20 trials")
+    )

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.validation.outcome import Interval, Outcome
-from rigctl.validation.rates import confusion, document, rates, wilson
+from rigctl.validation.figures import wilson
+from rigctl.validation.outcome import Interval, Outcome, TrialOutcome
+from rigctl.validation.rates import confusion, figures, rates
 from rigctl.validation.scenario import Scenario, Wanted
 from rigctl.validation.tables import confusion_table, markdown, rates_table
 
@@ -104,7 +105,8 @@ def test_removed_truth_coverage_and_what_was_not_made() -> None:
     assert found[name, "best rival's cos < 0.85"] == (1, 1)
     assert found[name, "all"] == (1, 2)
     assert found["95 % interval covers the truth", "the library’s own shape"] == (1, 2)
-    assert document(outcomes)["untested"] == [{"scenario": ONE.name, "why": "λ 10 cannot be reached"}]
+    untested = figures(outcomes).document()["untested"]
+    assert untested == [{"scenario": ONE.name, "why": "λ 10 cannot be reached"}]
 
 
 def test_confusion_counts_what_was_found_first() -> None:
@@ -118,16 +120,16 @@ def test_tables_show_the_same_figures() -> None:
     from rich.console import Console
 
     outcomes = [one(), one(effects=("spring_load",)), Outcome(NOTHING, verdict="adequate")]
-    text = markdown(outcomes)
+    text = markdown(figures(outcomes))
     assert "| coulomb_friction | 1 of 2 | spring_load 1 |" in text
     assert "| 50.0 % | 9.5 % to 90.5 % | 1 of 2 | at least 97.0 %: missed |" in text
     console = Console(file=StringIO(), width=200)
-    console.print(rates_table(outcomes))
-    console.print(confusion_table(outcomes))
+    console.print(rates_table(figures(outcomes)))
+    console.print(confusion_table(figures(outcomes)))
     shown = console.file.getvalue()
     assert "1 of 2" in shown
     assert "spring_load 1" in shown
-    json.dumps(document(outcomes), allow_nan=False)
+    json.dumps(figures(outcomes).document(), allow_nan=False)
 
 
 def test_an_outcome_survives_json() -> None:
@@ -137,4 +139,4 @@ def test_an_outcome_survives_json() -> None:
         sizes=(9.9,),
         amplitudes=(50.0,),
     )
-    assert Outcome.read(json.loads(json.dumps(outcome.document()))) == outcome
+    assert TrialOutcome.read(json.loads(json.dumps(outcome.document())), Scenario.read) == outcome

@@ -17,7 +17,7 @@ SCENARIOS = [Scenario("nothing", seed=seed) for seed in range(8)]
 
 
 def test_a_line_that_was_cut_short_is_done_again(tmp_path: Path) -> None:
-    store = ResultStore(tmp_path / "kept" / "results.jsonl", "1")
+    store = ResultStore(tmp_path / "kept" / "results.jsonl", "1", Scenario.read)
     for scenario in SCENARIOS[:3]:
         store.keep(Outcome(scenario, verdict="adequate"))
     whole = store.path.read_bytes()
@@ -29,13 +29,13 @@ def test_a_line_that_was_cut_short_is_done_again(tmp_path: Path) -> None:
 
 def test_results_of_another_version_do_not_count(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
-    ResultStore(path, "1").keep(Outcome(SCENARIOS[0], verdict="adequate"))
-    assert len(ResultStore(path, "2").missing(SCENARIOS)) == len(SCENARIOS)
-    assert ResultStore(path, "2").outcomes() == ()
+    ResultStore(path, "1", Scenario.read).keep(Outcome(SCENARIOS[0], verdict="adequate"))
+    assert len(ResultStore(path, "2", Scenario.read).missing(SCENARIOS)) == len(SCENARIOS)
+    assert ResultStore(path, "2", Scenario.read).outcomes() == ()
 
 
 def test_the_last_result_of_a_scenario_counts(tmp_path: Path) -> None:
-    store = ResultStore(tmp_path / "results.jsonl", "1")
+    store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     for verdict in ("adequate", "ambiguous"):
         store.keep(Outcome(SCENARIOS[0], verdict=verdict))
     assert [outcome.verdict for outcome in store.outcomes(SCENARIOS)] == ["ambiguous"]
@@ -43,12 +43,12 @@ def test_the_last_result_of_a_scenario_counts(tmp_path: Path) -> None:
 
 def test_a_store_that_cannot_be_written_says_so(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="cannot keep the result"):
-        ResultStore(tmp_path, "1").keep(Outcome(SCENARIOS[0]))
+        ResultStore(tmp_path, "1", Scenario.read).keep(Outcome(SCENARIOS[0]))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
-    store = ResultStore(tmp_path / "results.jsonl", "1")
+    store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     first = run_scenarios(SCENARIOS[:4], quick, store, workers=workers)
     assert {outcome.scenario.seed: bool(outcome.failure) for outcome in first} == {
         0: False, 1: True, 2: False, 3: True,
@@ -64,7 +64,7 @@ def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
 
 
 def test_a_killed_process_costs_only_what_was_in_work(tmp_path: Path) -> None:
-    store = ResultStore(tmp_path / "results.jsonl", "1")
+    store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     with pytest.raises(RigctlError, match="was killed"):
         run_scenarios(SCENARIOS, dying, store, workers=2)
     kept = len(store.outcomes())

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
-    from rigctl.validation.outcome import Outcome
-    from rigctl.validation.parallel import Standing
+    from rigctl.validation.figures import Figures
+    from rigctl.validation.outcome import AnyTrial, TrialOutcome
+    from rigctl.validation.parallel import Standing, Work
 
 #: without a terminal a line is printed this often, s
 _OFTEN = 15.0
@@ -28,10 +29,13 @@ class TierName(StrEnum):
 
     QUICK = "quick"
     FULL = "full"
+    ANYONE = "anyone"
 
 
 def validate(
-    tier: Annotated[TierName, typer.Option(help="quick takes minutes, full hours.")] = TierName.QUICK,
+    tier: Annotated[
+        TierName, typer.Option(help="quick takes minutes, full hours; anyone: ten small benches.")
+    ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder that keeps every result.")] = Path(
         "validation"
     ),
@@ -54,37 +58,70 @@ def validate(
     """Count how often the diagnosis is right, on campaigns of a separate bench that hides effects.
 
     That bench shares no equation and no integrator with the models it judges, and hides its effects in other
-    shapes than the library's. Every finished trial is kept: after a kill, --resume goes on. The tables are
-    also written into the folder, as Markdown.
+    shapes than the library's. The tier anyone has ten small benches instead, each with family, rig and model
+    as a user writes them, judged from a CSV file to the verdict. Every finished trial is kept: after a kill,
+    --resume goes on. The tables are also written into the folder, as Markdown.
 
     Example: rigctl validate --tier quick
     """
     from rigctl.cli.tables import print_json
     from rigctl.files.write import write_text
-    from rigctl.validation.judged import judged_version
-    from rigctl.validation.parallel import run_scenarios
-    from rigctl.validation.rates import document
-    from rigctl.validation.store import ResultStore
     from rigctl.validation.tables import page
-    from rigctl.validation.tiers import scenarios
-    from rigctl.validation.work import carry_out
 
-    chosen = scenarios(tier.value)[:first]
-    store = ResultStore(out / f"{tier.value}.jsonl", judged_version())
-    if not resume and store.outcomes(chosen):
-        raise RigctlError(
-            "results of this version are there already",
-            value=str(store.path),
-            hint="'--resume' goes on with them, another '--out' begins anew",
-        )
-    with _told() as progress:
-        found = run_scenarios(chosen, carry_out, store, workers=workers, progress=progress)
+    found, path = _carried_out(tier, out, first, workers, resume=resume)
     command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")
     write_text(out / f"{tier.value}.md", page(found, command))
     if as_json:
-        print_json({"command": command, "results": str(store.path), **document(found)})
+        print_json({"command": command, "results": str(path), **found.document()})
     else:
-        _show(found, store.path)
+        _show(found, path)
+
+
+def _carried_out(
+    tier: TierName, out: Path, first: int | None, workers: int | None, *, resume: bool
+) -> tuple[Figures, Path]:
+    """The figures of the tier's trials, and the file that keeps every one of them."""
+    path = out / f"{tier.value}.jsonl"
+    if tier is TierName.ANYONE:
+        from rigctl.validation.anyone.rates import bench_figures
+        from rigctl.validation.anyone.tier import bench_trials
+        from rigctl.validation.anyone.trial import BenchTrial
+        from rigctl.validation.anyone.work import carry_out_trial
+
+        trials = bench_trials()[:first]
+        outcomes = _outcomes(trials, carry_out_trial, path, BenchTrial.read, workers, resume=resume)
+        return bench_figures(outcomes), path
+    from rigctl.validation.rates import figures
+    from rigctl.validation.scenario import Scenario
+    from rigctl.validation.tiers import scenarios
+    from rigctl.validation.work import carry_out
+
+    chosen = scenarios("quick" if tier is TierName.QUICK else "full")[:first]
+    return figures(_outcomes(chosen, carry_out, path, Scenario.read, workers, resume=resume)), path
+
+
+def _outcomes(
+    trials: Sequence[AnyTrial],
+    work: Work[AnyTrial],
+    path: Path,
+    read: Callable[[Mapping[str, Any]], AnyTrial],
+    workers: int | None,
+    *,
+    resume: bool,
+) -> Sequence[TrialOutcome[AnyTrial]]:
+    from rigctl.validation.judged import judged_version
+    from rigctl.validation.parallel import run_scenarios
+    from rigctl.validation.store import ResultStore
+
+    store = ResultStore(path, judged_version(), read)
+    if not resume and store.outcomes(trials):
+        raise RigctlError(
+            "results of this version are there already",
+            value=str(path),
+            hint="'--resume' goes on with them, another '--out' begins anew",
+        )
+    with _told() as progress:
+        return run_scenarios(trials, work, store, workers=workers, progress=progress)
 
 
 @contextmanager
@@ -106,7 +143,7 @@ def _told() -> Iterator[Callable[[Standing], None]]:
         yield told
 
 
-def _show(found: Sequence[Outcome], path: Path) -> None:
+def _show(found: Figures, path: Path) -> None:
     from rich.markup import escape
 
     from rigctl.cli.tables import console

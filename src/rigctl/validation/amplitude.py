@@ -76,19 +76,27 @@ class Amplitudes:
             tried.append((amplitude, found))
             return found
 
-        amplitude, found = _search(size, wanted, abs(hidden.typical), hidden.largest, tried)
+        amplitude, found = search_amplitude(size, wanted, abs(hidden.typical), hidden.largest, tried)
         reached = abs(found / wanted - 1.0) <= CLOSE
         return Amplitude(sign * amplitude, found, reached)
 
 
-def _search(
+def search_amplitude(
     size: Callable[[float], float],
     wanted: float,
     typical: float,
     largest: float,
     tried: list[tuple[float, float]],
 ) -> tuple[float, float]:
-    """Secant on the logarithms, held within what is known to be too small and too large."""
+    """The amplitude whose size is nearest to the one wanted, and that size.
+
+    Secant on the logarithms, held within what is known to be too small and too large.
+
+    Parameters
+    ----------
+    size: of an amplitude; what it finds it appends to `tried`.
+    typical, largest: amplitudes to begin with and to end at.
+    """
     if not tried:
         size(min(typical, largest))
     for _ in range(_MOST_TRIALS):

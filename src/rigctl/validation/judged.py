@@ -9,7 +9,20 @@ from pathlib import Path
 import rigctl.errors as ground
 
 #: packages of rigctl that a trial runs through
-_PACKAGES = ("compare", "diagnose", "effects", "engine", "model", "noise", "physics", "validation")
+_PACKAGES = (
+    "compare",
+    "dataset/importing",
+    "diagnose",
+    "effects",
+    "engine",
+    "expressions",
+    "model",
+    "noise",
+    "physics",
+    "validation",
+)
+#: what they consist of: code, and the files that the small benches' users write
+_KINDS = (".py", ".yaml")
 
 
 @lru_cache(maxsize=1)
@@ -18,7 +31,7 @@ def judged_version() -> str:
     root = Path(ground.__file__).parent
     digest = sha256()
     for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
+        for path in sorted(p for p in (root / package).rglob("*") if p.suffix in _KINDS):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Generic, Literal, Protocol, TypeAlias, TypeVar
 
 from rigctl.validation.scenario import Scenario
 
+
+class Trial(Protocol):
+    """What is tried: a campaign that hides something, or nothing."""
+
+    @property
+    def name(self) -> str:
+        """All of it in one line, unique among the trials of a tier."""
+
+    @property
+    def truth(self) -> tuple[str, ...]:
+        """Names of effects that are a right answer; none where nothing is hidden."""
+
+    def document(self) -> dict[str, Any]:
+        """The trial as plain data."""
+
+
+AnyTrial = TypeVar("AnyTrial", bound=Trial)
 Verdict: TypeAlias = Literal["adequate", "missing_effect", "ambiguous", "outside_library"]
 
 
@@ -28,8 +45,8 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of one scenario.
+class TrialOutcome(Generic[AnyTrial]):
+    """What came of one trial.
 
     Attributes
     ----------
@@ -47,7 +64,7 @@ class Outcome:
     seconds: of processor time that it took.
     """
 
-    scenario: Scenario
+    scenario: AnyTrial
     verdict: Verdict | None = None
     effects: tuple[str, ...] = ()
     classes: tuple[tuple[str, ...], ...] = ()
@@ -94,12 +111,18 @@ class Outcome:
         return {**asdict(self), "scenario": self.scenario.document()}
 
     @classmethod
-    def read(cls, document: Mapping[str, Any]) -> Outcome:
-        """The outcome that `document` made, also after a way through JSON."""
+    def read(
+        cls, document: Mapping[str, Any], trial: Callable[[Mapping[str, Any]], AnyTrial]
+    ) -> TrialOutcome[AnyTrial]:
+        """The outcome that `document` made, also after a way through JSON; `trial` reads what was tried."""
         fields = dict(document)
         for name in ("effects", "sizes", "amplitudes", "beside"):
             fields[name] = tuple(fields[name])
-        fields["scenario"] = Scenario.read(fields["scenario"])
+        fields["scenario"] = trial(fields["scenario"])
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])
         fields["intervals"] = tuple(Interval(**interval) for interval in fields["intervals"])
         return cls(**fields)
+
+
+#: of a campaign on the separate bench
+Outcome: TypeAlias = TrialOutcome[Scenario]

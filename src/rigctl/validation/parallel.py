@@ -13,15 +13,14 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from rigctl.errors import RigctlError
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.scenario import Scenario
+from rigctl.validation.outcome import AnyTrial, TrialOutcome
 from rigctl.validation.store import ResultStore
 
 #: a scenario in, what came of it out; sent to other processes, so a module's function or a partial of one
-Work: TypeAlias = Callable[[Scenario], Outcome]
+Work: TypeAlias = Callable[[AnyTrial], TrialOutcome[AnyTrial]]
 
 #: libraries that would use every core in each process
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -36,7 +35,7 @@ class Standing:
     failed: int
     elapsed: float
     left: float
-    last: Outcome | None = None
+    last: TrialOutcome[Any] | None = None
 
     def __str__(self) -> str:
         left = f", about {_duration(self.left)} left" if math.isfinite(self.left) else ""
@@ -45,13 +44,13 @@ class Standing:
 
 
 def run_scenarios(
-    scenarios: Sequence[Scenario],
-    work: Work,
-    store: ResultStore,
+    scenarios: Sequence[AnyTrial],
+    work: Work[AnyTrial],
+    store: ResultStore[AnyTrial],
     *,
     workers: int | None = None,
     progress: Callable[[Standing], None] = lambda _: None,
-) -> tuple[Outcome, ...]:
+) -> tuple[TrialOutcome[AnyTrial], ...]:
     """Carry out the scenarios that have no result yet; returns the results of all of them.
 
     Interrupted or killed, it goes on where it was when it is called again. The work of one scenario may fail
@@ -81,17 +80,19 @@ def run_scenarios(
     return store.outcomes(scenarios)
 
 
-def attempt(work: Work, scenario: Scenario) -> Outcome:
+def attempt(work: Work[AnyTrial], scenario: AnyTrial) -> TrialOutcome[AnyTrial]:
     """What `work` makes of a scenario; its failure is an outcome too."""
     began = time.process_time()
     try:
         return work(scenario)
     except (RigctlError, ArithmeticError, ValueError) as problem:
         said = f"{type(problem).__name__}: {problem}"
-        return Outcome(scenario, failure=said, seconds=time.process_time() - began)
+        return TrialOutcome(scenario, failure=said, seconds=time.process_time() - began)
 
 
-def _outcomes(scenarios: Sequence[Scenario], work: Work, workers: int) -> Iterator[Outcome]:
+def _outcomes(
+    scenarios: Sequence[AnyTrial], work: Work[AnyTrial], workers: int
+) -> Iterator[TrialOutcome[AnyTrial]]:
     if workers == 1:
         for scenario in scenarios:
             yield attempt(work, scenario)
@@ -110,11 +111,11 @@ def _outcomes(scenarios: Sequence[Scenario], work: Work, workers: int) -> Iterat
 
 
 def _finished(
-    pool: ProcessPoolExecutor, scenarios: Iterable[Scenario], work: Work, workers: int
-) -> Iterator[Outcome]:
+    pool: ProcessPoolExecutor, scenarios: Iterable[AnyTrial], work: Work[AnyTrial], workers: int
+) -> Iterator[TrialOutcome[AnyTrial]]:
     """Outcomes as they come; few are handed out ahead, so that an interrupt is soon obeyed."""
     waiting = iter(scenarios)
-    running: set[Future[Outcome]] = set()
+    running: set[Future[TrialOutcome[AnyTrial]]] = set()
     while True:
         while len(running) < 2 * workers and (scenario := next(waiting, None)) is not None:
             running.add(pool.submit(attempt, work, scenario))

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 from rigctl.validation.amplitude import CLOSE
+from rigctl.validation.figures import Figures, Rate
 from rigctl.validation.outcome import Outcome
 
-#: two-sided 95 %
-_Z = 1.959963984540054
 #: separation below which a class must be reported, and above which one effect
 SEPARABLE = 2.33
 #: a rival nearer than this caps what any method can reach
@@ -21,76 +18,6 @@ NEAR_TWIN = 0.85
 TOGETHER = 10.0
 #: what stands in the confusion matrix where no effect was named
 NOTHING_NAMED = "none"
-
-
-@dataclass(frozen=True)
-class Rate:
-    """How often something happened.
-
-    Attributes
-    ----------
-    name, of: what is counted, among which trials.
-    low, high: Wilson bounds at 95 %.
-    at_least, at_most: the target; None for a bound that there is not.
-    """
-
-    name: str
-    of: str
-    count: int
-    trials: int
-    at_least: float | None = None
-    at_most: float | None = None
-
-    @property
-    def value(self) -> float:
-        """The share; nan without trials."""
-        return self.count / self.trials if self.trials else math.nan
-
-    @property
-    def low(self) -> float:
-        """Lower Wilson bound."""
-        return wilson(self.count, self.trials)[0]
-
-    @property
-    def high(self) -> float:
-        """Upper Wilson bound."""
-        return wilson(self.count, self.trials)[1]
-
-    @property
-    def met(self) -> bool | None:
-        """Whether the share reaches its target; None without a target or without trials."""
-        if not self.trials or (self.at_least is None and self.at_most is None):
-            return None
-        enough = self.at_least is None or self.value >= self.at_least
-        return enough and (self.at_most is None or self.value <= self.at_most)
-
-    def document(self) -> dict[str, Any]:
-        """The rate as plain data."""
-        return {
-            "name": self.name,
-            "of": self.of,
-            "count": self.count,
-            "trials": self.trials,
-            "value": self.value if self.trials else None,
-            "low": self.low,
-            "high": self.high,
-            "at_least": self.at_least,
-            "at_most": self.at_most,
-            "met": self.met,
-        }
-
-
-def wilson(count: int, trials: int, z: float = _Z) -> tuple[float, float]:
-    """Wilson's interval of a share: (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²))/(1 + z²/n); (0, 1) without trials.
-
-    Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
-    """
-    if not trials:
-        return 0.0, 1.0
-    share, square = count / trials, z * z / trials
-    half = z * math.sqrt(share * (1.0 - share) / trials + square / (4.0 * trials))
-    centre = share + square / 2.0
-    return max(0.0, (centre - half) / (1.0 + square)), min(1.0, (centre + half) / (1.0 + square))
 
 
 def rates(outcomes: Iterable[Outcome]) -> tuple[Rate, ...]:
@@ -121,16 +48,9 @@ def confusion(outcomes: Iterable[Outcome]) -> dict[str, dict[str, int]]:
     return {truth: dict(rows[truth].most_common()) for truth in sorted(rows)}
 
 
-def document(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Everything that is printed, as plain data."""
-    return {
-        "scenarios": len(outcomes),
-        "untested": [{"scenario": o.scenario.name, "why": o.untested} for o in outcomes if o.untested],
-        "failed": [{"scenario": o.scenario.name, "why": o.failure} for o in outcomes if o.failure],
-        "rates": [rate.document() for rate in rates(outcomes)],
-        "confusion": confusion(outcomes),
-        "seconds": sum(outcome.seconds for outcome in outcomes),
-    }
+def figures(outcomes: Sequence[Outcome]) -> Figures:
+    """Everything that is printed of trials on the separate bench."""
+    return Figures(tuple(outcomes), rates(outcomes), confusion(outcomes))
 
 
 def _of(outcomes: Sequence[Outcome], wanted: Callable[[Outcome], bool]) -> list[Outcome]:

@@ -8,30 +8,31 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic
 
 from rigctl.errors import Location, RigctlError
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.scenario import Scenario
+from rigctl.validation.outcome import AnyTrial, TrialOutcome
 
 
 @dataclass(frozen=True)
-class ResultStore:
+class ResultStore(Generic[AnyTrial]):
     """The results of one version of the tool in one file.
 
     Attributes
     ----------
     path: of the file; it and its folder are made when the first result is kept.
     version: of what is judged; results of other versions stay in the file and are not read.
+    read: what was tried, from plain data.
     """
 
     path: Path
     version: str
+    read: Callable[[Mapping[str, Any]], AnyTrial]
 
-    def outcomes(self, scenarios: Iterable[Scenario] | None = None) -> tuple[Outcome, ...]:
+    def outcomes(self, scenarios: Iterable[AnyTrial] | None = None) -> tuple[TrialOutcome[AnyTrial], ...]:
         """What is kept, of these scenarios or of all, each scenario once: its last result.
 
         Raises
@@ -43,15 +44,15 @@ class ResultStore:
         found = {}
         for line in self._lines():
             if line.get("version") == self.version and (wanted is None or line["scenario"] in wanted):
-                found[line["scenario"]] = Outcome.read(line["outcome"])
+                found[line["scenario"]] = TrialOutcome.read(line["outcome"], self.read)
         return tuple(found.values())
 
-    def missing(self, scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
+    def missing(self, scenarios: Iterable[AnyTrial]) -> tuple[AnyTrial, ...]:
         """The scenarios that have no result yet."""
         done = {line["scenario"] for line in self._lines() if line.get("version") == self.version}
         return tuple(scenario for scenario in scenarios if scenario.name not in done)
 
-    def keep(self, outcome: Outcome) -> None:
+    def keep(self, outcome: TrialOutcome[AnyTrial]) -> None:
         """Append a result.
 
         Raises

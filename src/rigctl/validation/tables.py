@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.rates import Rate, confusion, rates
+from rigctl.validation.figures import Figures, Rate
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -15,59 +14,59 @@ _HEADINGS = ("what", "of", "share", "95 % bounds", "trials", "target")
 _CONFUSED = ("hidden", "found as first", "mistaken for")
 
 
-def rates_table(outcomes: Sequence[Outcome]) -> Table:
+def rates_table(figures: Figures) -> Table:
     """The rates as a table for the terminal; met targets are green, missed ones red."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(*_HEADINGS)
     colours = {True: "green", False: "red", None: ""}
-    for rate in rates(outcomes):
+    for rate in figures.rates:
         row = _row(rate)
         table.add_row(*map(Text, row[:2]), Text(row[2], style=colours[rate.met]), *map(Text, row[3:]))
     return table
 
 
-def confusion_table(outcomes: Sequence[Outcome]) -> Table:
+def confusion_table(figures: Figures) -> Table:
     """Which effects were taken for which, as a table for the terminal."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(*_CONFUSED)
-    for row in _confused(outcomes):
+    for row in _confused(figures):
         table.add_row(*map(Text, row))
     return table
 
 
-def markdown(outcomes: Sequence[Outcome]) -> str:
+def markdown(figures: Figures) -> str:
     """Both tables in Markdown."""
     return "\n".join(
         [
-            *_markdown(_HEADINGS, [_row(rate) for rate in rates(outcomes)]),
+            *_markdown(_HEADINGS, [_row(rate) for rate in figures.rates]),
             "",
-            *_markdown(_CONFUSED, _confused(outcomes)),
+            *_markdown(_CONFUSED, _confused(figures)),
             "",
         ]
     )
 
 
-def page(outcomes: Sequence[Outcome], command: str) -> str:
+def page(figures: Figures, command: str) -> str:
     """The tables with the command that made them, in Markdown."""
-    counted = sum(outcome.counts for outcome in outcomes)
-    hours = sum(outcome.seconds for outcome in outcomes) / 3600.0
+    counted = sum(outcome.counts for outcome in figures.outcomes)
+    hours = sum(outcome.seconds for outcome in figures.outcomes) / 3600.0
     lines = [
         f"`{command}`: {counted} trials, {hours:.1f} hours of one core.",
         "",
-        markdown(outcomes),
-        *left_out_text(outcomes),
+        markdown(figures),
+        *left_out_text(figures),
     ]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def left_out_text(outcomes: Sequence[Outcome]) -> list[str]:
+def left_out_text(figures: Figures) -> list[str]:
     """A sentence each for trials that could not be made, and for those that failed."""
-    untested = [outcome for outcome in outcomes if outcome.untested]
-    failed = [outcome for outcome in outcomes if outcome.failure]
+    untested = [outcome for outcome in figures.outcomes if outcome.untested]
+    failed = [outcome for outcome in figures.outcomes if outcome.failure]
     found = []
     if untested:
         names = ", ".join(dict.fromkeys(effect for one in untested for effect in one.scenario.truth))
@@ -100,9 +99,9 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 
-def _confused(outcomes: Sequence[Outcome]) -> list[tuple[str, str, str]]:
+def _confused(figures: Figures) -> list[tuple[str, str, str]]:
     rows = []
-    for truth, named in confusion(outcomes).items():
+    for truth, named in figures.confusion.items():
         right = named.get(truth, 0)
         others = ", ".join(f"{name} {count}" for name, count in named.items() if name != truth)
         rows.append((truth, f"{right} of {sum(named.values())}", others))

@@ -1,0 +1,94 @@
+"""Rates of the tier of anyone's benches, beside their targets."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from rigctl.validation.anyone.work import BenchOutcome
+from rigctl.validation.figures import Figures, Rate
+
+#: the least λ of what must be found
+_PLAIN = 30.0
+
+
+def bench_rates(outcomes: Iterable[BenchOutcome]) -> tuple[Rate, ...]:
+    """The rates that have a target, then the same by bench and by how the data were taken."""
+    made = [outcome for outcome in outcomes if outcome.counts]
+    nothing = [outcome for outcome in made if not outcome.scenario.size]
+    hidden = [outcome for outcome in made if outcome.scenario.size >= _PLAIN]
+    found = [
+        _rate("false alarm", "nothing hidden", nothing, alarm, at_most=0.05),
+        _rate("right, or its class", f"λ >= {_PLAIN:g}", hidden, found_right, at_least=0.95),
+        _rate("wrong", "all trials", made, wrong, at_most=0.01),
+        _rate("something is missing, not what", f"λ >= {_PLAIN:g}", hidden, outside),
+        _rate("called adequate", f"λ >= {_PLAIN:g}", hidden, lambda o: o.verdict == "adequate"),
+        _rate("failed", "all trials", made, lambda o: bool(o.failure)),
+        *_parted("false alarm", nothing, alarm),
+        *_parted("right, or its class", hidden, found_right),
+    ]
+    return tuple(rate for rate in found if rate.trials)
+
+
+def bench_figures(outcomes: Sequence[BenchOutcome]) -> Figures:
+    """Everything that is printed of the tier."""
+    rows: dict[str, Counter[str]] = {}
+    for outcome in outcomes:
+        if outcome.scenario.size and outcome.counts:
+            rows.setdefault(outcome.scenario.bench, Counter())[_answer(outcome)] += 1
+    named = {bench: dict(rows[bench].most_common()) for bench in sorted(rows)}
+    return Figures(tuple(outcomes), bench_rates(outcomes), named)
+
+
+def _answer(outcome: BenchOutcome) -> str:
+    """The bench's name for what is right, else what was said."""
+    if outcome.right:
+        return outcome.scenario.bench
+    return " and ".join(outcome.effects) if outcome.accepted else str(outcome.verdict or "failed")
+
+
+def alarm(outcome: BenchOutcome) -> bool:
+    """The verdict on a bench that hides nothing is not `adequate`; a failure counts as one."""
+    return outcome.verdict != "adequate"
+
+
+def found_right(outcome: BenchOutcome) -> bool:
+    """What is hidden is named, alone or in a class with others."""
+    return outcome.right
+
+
+def wrong(outcome: BenchOutcome) -> bool:
+    """An effect is named that is neither hidden nor in a class with what is."""
+    return outcome.accepted and not outcome.right
+
+
+def outside(outcome: BenchOutcome) -> bool:
+    """Nothing is named, and it is said that something is missing."""
+    return outcome.verdict == "outside_library"
+
+
+def _rate(
+    name: str,
+    of: str,
+    among: Sequence[BenchOutcome],
+    happened: Callable[[BenchOutcome], bool],
+    *,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Rate:
+    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)
+
+
+def _parted(
+    name: str, among: Sequence[BenchOutcome], happened: Callable[[BenchOutcome], bool]
+) -> Iterator[Rate]:
+    """The rate by bench, by sampling, by whether the optional input was recorded, and by noise."""
+    parts: tuple[tuple[str, Callable[[BenchOutcome], str]], ...] = (
+        ("bench", lambda o: o.scenario.bench),
+        ("sampling", lambda o: o.scenario.sampling),
+        ("optional input", lambda o: "recorded" if o.scenario.recorded else "not recorded"),
+        ("noise", lambda o: o.scenario.noise),
+    )
+    for by, part in parts:
+        for value in sorted({part(outcome) for outcome in among}):
+            yield _rate(name, f"{by}: {value}", [o for o in among if part(o) == value], happened)

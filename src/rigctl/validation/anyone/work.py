@@ -1,0 +1,93 @@
+"""One trial from the generator to the verdict, by the steps that the how-tos tell a user to take."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeAlias
+
+from rigctl.dataset import open_run
+from rigctl.dataset.importing.bring_in import import_file
+from rigctl.diagnose.diagnose import diagnose
+from rigctl.diagnose.result import Diagnosis
+from rigctl.engine.one_thread import one_thread
+from rigctl.model.load import load_model
+from rigctl.rig.load import load_rig
+from rigctl.validation.amplitude import CLOSE, search_amplitude
+from rigctl.validation.anyone.trial import BenchTrial
+from rigctl.validation.benches.bench import BenchCampaign
+from rigctl.validation.benches.register import find_bench
+from rigctl.validation.benches.size import size_of
+from rigctl.validation.outcome import TrialOutcome
+
+BenchOutcome: TypeAlias = TrialOutcome[BenchTrial]
+
+#: what a user writes of a bench
+USER_FILES = ("family.yaml", "rig.yaml", "model.yaml")
+
+
+@one_thread()
+def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
+    """Measure the bench of a trial, import the file, diagnose the user's model, and say what came of it.
+
+    Raises
+    ------
+    RigctlError
+        the tool cannot import or diagnose what was measured.
+    """
+    began = time.process_time()
+    amplitude, size = amplitude_of(trial) if trial.size else (0.0, 0.0)
+    made = TrialOutcome(trial, amplitudes=(amplitude,), sizes=(size,)) if trial.size else TrialOutcome(trial)
+    if trial.size and abs(size / trial.size - 1.0) > CLOSE:
+        return replace(made, untested="no amplitude has the size wanted")
+    with TemporaryDirectory() as folder:
+        found = diagnose_campaign(trial.campaign(amplitude), Path(folder))
+    return replace(
+        made,
+        verdict=found.verdict.value,
+        effects=found.effects,
+        classes=found.classes,
+        first=found.ranking[0].effect if found.ranking else None,
+        seconds=time.process_time() - began,
+    )
+
+
+def write_bench(campaign: BenchCampaign, folder: Path) -> Path:
+    """A folder as a user has it: family, rig and model, and the log; returns the log."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in USER_FILES:
+        shutil.copyfile(campaign.bench.file(name), folder / name)
+    log = folder / f"{campaign.bench.name}.csv"
+    campaign.write_csv(log)
+    return log
+
+
+def diagnose_campaign(campaign: BenchCampaign, folder: Path) -> Diagnosis:
+    """What the tool says of a campaign that is imported into `folder`."""
+    log = write_bench(campaign, folder)
+    imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
+    return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))
+
+
+def amplitude_of(trial: BenchTrial) -> tuple[float, float]:
+    """The amplitude whose λ is as wanted, and that λ; of the first seed, and nearly so of all."""
+    return _amplitude(trial.bench, trial.size, trial.sampling, trial.recorded)
+
+
+@lru_cache(maxsize=512)
+def _amplitude(name: str, wanted: float, sampling: str, recorded: bool) -> tuple[float, float]:
+    hidden = find_bench(name).hidden
+    plain = BenchTrial(name, wanted, sampling, recorded)  # type: ignore[arg-type]
+    tried: list[tuple[float, float]] = []
+
+    def size(amplitude: float) -> float:
+        found = size_of(plain.campaign(amplitude))
+        tried.append((amplitude, found))
+        return found if math.isfinite(found) else math.inf
+
+    return search_amplitude(size, wanted, hidden.typical, hidden.largest, tried)

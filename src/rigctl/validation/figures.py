@@ -1,0 +1,109 @@
+"""A rate with its Wilson bounds, and all the figures of a tier."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rigctl.validation.outcome import TrialOutcome
+
+#: two-sided 95 %
+_Z = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often something happened.
+
+    Attributes
+    ----------
+    name, of: what is counted, among which trials.
+    low, high: Wilson bounds at 95 %.
+    at_least, at_most: the target; None for a bound that there is not.
+    """
+
+    name: str
+    of: str
+    count: int
+    trials: int
+    at_least: float | None = None
+    at_most: float | None = None
+
+    @property
+    def value(self) -> float:
+        """The share; nan without trials."""
+        return self.count / self.trials if self.trials else math.nan
+
+    @property
+    def low(self) -> float:
+        """Lower Wilson bound."""
+        return wilson(self.count, self.trials)[0]
+
+    @property
+    def high(self) -> float:
+        """Upper Wilson bound."""
+        return wilson(self.count, self.trials)[1]
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the share reaches its target; None without a target or without trials."""
+        if not self.trials or (self.at_least is None and self.at_most is None):
+            return None
+        enough = self.at_least is None or self.value >= self.at_least
+        return enough and (self.at_most is None or self.value <= self.at_most)
+
+    def document(self) -> dict[str, Any]:
+        """The rate as plain data."""
+        return {
+            "name": self.name,
+            "of": self.of,
+            "count": self.count,
+            "trials": self.trials,
+            "value": self.value if self.trials else None,
+            "low": self.low,
+            "high": self.high,
+            "at_least": self.at_least,
+            "at_most": self.at_most,
+            "met": self.met,
+        }
+
+
+def wilson(count: int, trials: int, z: float = _Z) -> tuple[float, float]:
+    """Wilson's interval of a share: (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²))/(1 + z²/n); (0, 1) without trials.
+
+    Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+    """
+    if not trials:
+        return 0.0, 1.0
+    share, square = count / trials, z * z / trials
+    half = z * math.sqrt(share * (1.0 - share) / trials + square / (4.0 * trials))
+    centre = share + square / 2.0
+    return max(0.0, (centre - half) / (1.0 + square)), min(1.0, (centre + half) / (1.0 + square))
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Everything that is printed of a tier.
+
+    Attributes
+    ----------
+    confusion: by what was hidden, how often each answer was given; what is right has the name of the row.
+    """
+
+    outcomes: tuple[TrialOutcome[Any], ...]
+    rates: tuple[Rate, ...]
+    confusion: Mapping[str, Mapping[str, int]]
+
+    def document(self) -> dict[str, Any]:
+        """The figures as plain data."""
+        outcomes = self.outcomes
+        return {
+            "scenarios": len(outcomes),
+            "untested": [{"scenario": o.scenario.name, "why": o.untested} for o in outcomes if o.untested],
+            "failed": [{"scenario": o.scenario.name, "why": o.failure} for o in outcomes if o.failure],
+            "rates": [rate.document() for rate in self.rates],
+            "confusion": {truth: dict(named) for truth, named in self.confusion.items()},
+            "seconds": sum(outcome.seconds for outcome in outcomes),
+        }
