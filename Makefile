@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs clean system constraints
+.PHONY: demo test check lint types imports unit bench docs clean system constraints torture
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -35,6 +35,11 @@ system:
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
+
+# Hours of random damage; its minute is among the tests. SEED and what it takes are printed with what was found.
+SEED ?= 0
+torture: $(VENV)/.installed-dev
+	PYTHONPATH=tests $(BIN)/python -m torture --seed $(SEED)
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py

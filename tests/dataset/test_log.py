@@ -60,3 +60,29 @@ def test_text_that_is_no_unicode_does_not_stop_the_log(tmp_path: Path) -> None:
     writer.flush()
     writer.close()
     assert len(read_lines(path)) == 1
+
+
+def test_a_digit_that_changes_makes_its_line_a_damaged_one(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    writer = LogWriter(path)
+    for number in range(3):
+        writer.append({"time": 1.25, "n": number, "text": "ö"})
+    writer.flush()
+    writer.close()
+    assert [line and line["n"] for line in read_lines(path)] == [0, 1, 2]
+    whole = path.read_bytes()
+    ends = [place for place, byte in enumerate(whole) if byte == ord("\n")]
+    for place in range(len(whole)):
+        if place in ends:
+            continue
+        damaged = bytearray(whole)
+        damaged[place] ^= 1
+        path.write_bytes(damaged)
+        hit = sum(end < place for end in ends)
+        found = [None if line is None else (line["n"], line["text"]) for line in read_lines(path)]
+        expected = [None if n == hit else (n, "ö") for n in range(3)]
+        if hit == 0 and place > whole.index(b',"crc"'):
+            # where its checksum itself is damaged, a first line may pass for one of an earlier version
+            assert found[0] in (None, (0, "ö"))
+            found[0] = None
+        assert found == expected

@@ -1,7 +1,8 @@
 """Everything that happened in a run, one JSON object per line, append-only.
 
-The first line is the run's header; sessions, records, measures, commands, alarms and the end follow. A last
-line that was cut off by a kill is ignored.
+The first line is the run's header; sessions, records, measures, commands, alarms and the end follow. Each line
+ends with the field ``crc``, the CRC-32 of the line before that field in hexadecimal digits: a digit that a bad
+disk has changed is still JSON. A last line that was cut off by a kill is ignored.
 """
 
 from __future__ import annotations
@@ -9,14 +10,18 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
+from zlib import crc32
 
 from rigctl.dataset.journal import write_fully
 from rigctl.errors import ExitCode, Location, RigctlError
 
 NAME: Final = "log.jsonl"
+#: how a line with a checksum ends
+_CRC: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}$')
 
 
 def _as_plain(value: object) -> object:
@@ -35,6 +40,13 @@ def encode_line(fields: Mapping[str, Any]) -> str:
         return _encode(fields)
     except ValueError:
         return _encode(_without_nan(fields))
+
+
+def protected_line(fields: Mapping[str, Any]) -> bytes:
+    """One line of the file, with its checksum and without its end."""
+    # surrogates can come from names of files; they must not keep a run from being logged
+    said = encode_line(fields)[:-1].encode("utf-8", "backslashreplace")
+    return b'%s,"crc":"%08x"}' % (said, crc32(said))
 
 
 def _without_nan(value: Any) -> Any:
@@ -57,14 +69,14 @@ class LogWriter:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._waiting: list[str] = []
+        self._waiting: list[bytes] = []
         self._file = path.open("ab", buffering=0)
         self._whole = whole_length(path)
         self._file.truncate(self._whole)
 
     def append(self, fields: Mapping[str, Any]) -> None:
         """Add one line."""
-        self._waiting.append(encode_line(fields))
+        self._waiting.append(protected_line(fields))
 
     def flush(self) -> None:
         """Hand every waiting line to the operating system.
@@ -76,8 +88,7 @@ class LogWriter:
         """
         if not self._waiting:
             return
-        # surrogates can come from names of files; they must not keep a run from being logged
-        content = ("\n".join(self._waiting) + "\n").encode("utf-8", "backslashreplace")
+        content = b"\n".join(self._waiting) + b"\n"
         try:
             write_fully(self._file, content)
         except OSError:
@@ -101,7 +112,9 @@ def whole_length(path: Path) -> int:
 
 
 def read_lines(path: Path) -> list[dict[str, Any] | None]:
-    """The whole lines of a file of JSON objects; None for a line that is none.
+    """The whole lines of a file of JSON objects, without their checksums; None for one that is damaged.
+
+    Lines of earlier versions have no checksum; behind the first line that has one, every line must.
 
     Raises
     ------
@@ -114,12 +127,19 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
         raise RigctlError(
             f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
         ) from problem
-    return [_read_line(line) for line in content[: content.rfind(b"\n") + 1].split(b"\n")[:-1]]
+    lines = content[: content.rfind(b"\n") + 1].split(b"\n")[:-1]
+    first = next((place for place, line in enumerate(lines) if _CRC.search(line)), len(lines))
+    return [_read_line(line, protected=place >= first) for place, line in enumerate(lines)]
 
 
-def _read_line(line: bytes) -> dict[str, Any] | None:
+def _read_line(line: bytes, *, protected: bool) -> dict[str, Any] | None:
+    if protected:
+        found = _CRC.search(line)
+        if found is None or crc32(line[: found.start()]) != int(found.group(1), 16):
+            return None
+        line = line[: found.start()] + b"}"
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError):
         return None
-    return fields if isinstance(fields, dict) else None
+    return fields if isinstance(fields, dict) and "crc" not in fields else None

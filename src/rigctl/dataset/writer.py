@@ -349,8 +349,8 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
         while True:
             run_id = next_free(header.id, runs)
             named = replace(header, id=run_id).to_json()
-            line = log.encode_line({"time": 0.0, "kind": "run", "header": named})
-            (draft / log.NAME).write_bytes(line.encode("utf-8", "backslashreplace") + b"\n")
+            line = log.protected_line({"time": 0.0, "kind": "run", "header": named})
+            (draft / log.NAME).write_bytes(line + b"\n")
             write_info(draft, {**named, "status": RUNNING, "reason": None})
             try:
                 return draft.rename(runs / run_id)

@@ -1,0 +1,1 @@
+"""Random damage, kills and broken files: a minute of it in CI, hours by ``make torture``."""

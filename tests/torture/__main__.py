@@ -1,0 +1,31 @@
+"""``make torture``: as many trials as are asked for, with a seed; prints what was found as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+
+from torture import broken_files, corruptions
+
+
+def main() -> None:
+    asked = argparse.ArgumentParser(prog="python -m torture", description=__doc__)
+    asked.add_argument("--corruptions", type=int, default=5000)
+    asked.add_argument("--files", type=int, default=100_000)
+    asked.add_argument("--seed", type=int, default=0)
+    given = asked.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        runs, files = Path(folder) / "runs", Path(folder) / "files"
+        files.mkdir()
+        found = {
+            "corruptions": asdict(corruptions.torture(runs, given.corruptions, given.seed)),
+            "broken_files": asdict(broken_files.torture(files, given.files, given.seed)),
+        }
+    print(json.dumps({"seed": given.seed, **found}, indent=1))  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

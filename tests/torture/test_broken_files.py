@@ -1,0 +1,11 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from torture.broken_files import torture
+
+
+def test_a_broken_file_is_read_or_refused_in_one_message(tmp_path: Path) -> None:
+    found = torture(tmp_path, 250, seed=1)
+    assert found.refused > 100
+    assert found.read > 10
