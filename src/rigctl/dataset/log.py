@@ -1,8 +1,8 @@
 """Everything that happened in a run, one JSON object per line, append-only.
 
-The first line is the run's header; sessions, records, measures, commands, alarms and the end follow. Each line
-ends with the field ``crc``, the CRC-32 of the line before that field in hexadecimal digits: a digit that a bad
-disk has changed is still JSON. A last line that was cut off by a kill is ignored.
+The first line is the run's header; sessions, records, measures, commands, alarms and the end follow. Each
+line ends with the field ``crc``, the CRC-32 of the line before that field in hexadecimal digits: a digit that
+a bad disk has changed is still JSON. A last line that was cut off by a kill is ignored.
 """
 
 from __future__ import annotations
