@@ -20,6 +20,7 @@ RECORDS = {f"{number:03d}" for number in (*range(1, 5), *range(25, 29))}
 
 MOTOR = """
 family: flywheel
+generic_effects: false
 states:
   speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (gain*drive - damping*speed - drag)/inertia}
 inputs:

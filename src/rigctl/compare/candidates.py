@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from rigctl.compare.data_ranges import Ranges
 from rigctl.effects.declaration import Effect, EffectParameter, qualified
 from rigctl.effects.registry import library
 from rigctl.model.model import Model
@@ -40,10 +41,15 @@ class Candidate:
         return self.effect.parameter(column.partition(".")[2])
 
 
-def candidates(model: Model, excluded: Collection[str] = ()) -> tuple[Candidate, ...]:
+def candidates(
+    model: Model, excluded: Collection[str] = (), ranges: Ranges | None = None
+) -> tuple[Candidate, ...]:
     """Every effect that `model` may lack, at every shape of its grid, in the library's order.
 
-    `excluded` are names of effects that are not to be looked at.
+    Parameters
+    ----------
+    excluded: names of effects that are not to be looked at.
+    ranges: of what was measured, over which thresholds are looked for.
     """
     present = [model.effect(name) for name in model.effects]
     impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
@@ -51,7 +57,7 @@ def candidates(model: Model, excluded: Collection[str] = ()) -> tuple[Candidate,
     for effect in (*library(model.family).values(), *model.own):
         says_the_same = any(other.name in effect.instead_of for other in present)
         if effect.terms and effect.name not in impossible and not says_the_same:
-            found += _at_each_shape(effect)
+            found += _at_each_shape(effect, ranges or {})
     return tuple(found)
 
 
@@ -63,16 +69,26 @@ def by_effect(found: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
     return {name: tuple(own) for name, own in places.items()}
 
 
-def _at_each_shape(effect: Effect) -> Iterator[Candidate]:
+def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:
     switching = [parameter for parameter in effect.parameters if not parameter.shape]
     columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
     signs = tuple(int(parameter.sign) for parameter in switching)
     at_sizes = [(qualified(effect.name, one.name), size) for one in switching for size in one.grid]
     for name, size in at_sizes:
         yield Candidate(effect, columns, signs, {}, {name: size})
-    if not at_sizes:
+    measured = [one for one in effect.parameters if one.shape and one.within in ranges and one.shares]
+    if not at_sizes and not measured:
         yield Candidate(effect, columns, signs, {})
     for parameter in effect.parameters:
         if parameter.shape:
-            for value in parameter.grid:
+            for value in _grid(parameter, ranges):
                 yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})
+
+
+def _grid(parameter: EffectParameter, ranges: Ranges) -> tuple[float, ...]:
+    """The values of a shape that are looked at: over the measured range, where there is one."""
+    if parameter.within not in ranges or not parameter.shares:
+        return parameter.grid
+    low, high = ranges[parameter.within]
+    over = [low + share * (high - low) for share in parameter.shares]
+    return tuple(min(max(value, parameter.low), parameter.high) for value in over)

@@ -9,6 +9,7 @@ from rigctl.compare.adequacy import adequacy
 from rigctl.compare.candidates import candidates
 from rigctl.compare.cells import cell_map
 from rigctl.compare.chance import chance_text
+from rigctl.compare.data_ranges import data_ranges
 from rigctl.compare.direction import sentence, trends
 from rigctl.compare.fitting import Data, Tell, fit_to_data, read_runs, tell_nobody
 from rigctl.compare.linearise import linearise
@@ -98,7 +99,8 @@ def judge(
     locate: False leaves the places of the error, its directions and the equations out: the tests alone.
     """
     whole = fitted.problem.rebuilt(fitted.model, library=True, progress=tell)
-    linearisation = linearise(fitted, whole, candidates(fitted.model, excluded))
+    ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
+    linearisation = linearise(fitted, whole, candidates(fitted.model, excluded, ranges))
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)

@@ -20,6 +20,7 @@ from rigctl.diagnose.search import SHAPE, Search, Tell
 from rigctl.diagnose.table_remarks import table_remarks
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
+from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
@@ -223,7 +224,9 @@ def _trial_of(search: Search, best: Trial, name: str) -> tuple[Trial | None, Tri
 def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParameter]:
     """An effect's parameters as fitted, in the units they are shown in."""
     found = {}
-    for column in candidate.columns:
+    fitted = {unknown.name for unknown in trial.fit.problem.shared}
+    refined = [name for name in _shapes(candidate) if name in fitted]
+    for column in (*candidate.columns, *refined):
         declared = candidate.parameter(column)
         value, std = trial.value(column)
         unit = parse_unit(declared.unit)
@@ -232,6 +235,10 @@ def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParam
             (value - offset) / unit.factor, declared.unit, std / unit.factor
         )
     return found
+
+
+def _shapes(candidate: Candidate) -> list[str]:
+    return [qualified(candidate.name, one.name) for one in candidate.effect.parameters if one.shape]
 
 
 def _linear_parameters(candidate: Candidate, sizes: Sequence[float]) -> dict[str, FoundParameter]:

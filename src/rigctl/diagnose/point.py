@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigctl.compare.adequacy import Adequacy, adequacy
 from rigctl.compare.candidates import Candidate, candidates
+from rigctl.compare.data_ranges import data_ranges
 from rigctl.compare.linearise import Linearisation, linearise
 from rigctl.compare.projected import Projected, project
 from rigctl.compare.scores import Screening, screen
@@ -97,8 +98,11 @@ class Point:
             problem=problem.with_shared([problem.shared[k] for k in keep], base),
             values=trial.fit.values[keep],
         )
+        ranges = data_ranges(self.whole.model.family, self.whole.measurements)
         members = [_from_here_to_null(one) for one in trial.candidates]
-        others = [one for one in candidates(self.whole.model, self.excluded) if one.name not in present]
+        others = [
+            one for one in candidates(self.whole.model, self.excluded, ranges) if one.name not in present
+        ]
         return replace(linearise(fixed, self.whole, [*members, *others]), fit=trial.fit)
 
 

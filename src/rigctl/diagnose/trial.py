@@ -58,8 +58,12 @@ class Trial:
         return self.chi2 + self.parameters * math.log(samples) + 2.0 * count * math.log(max(library, 2))
 
     def value(self, column: str) -> tuple[float, float]:
-        """A parameter of an effect, and its standard deviation, SI."""
-        names = [unknown.name for unknown in self.fit.problem.shared]
+        """A parameter of an effect, and its standard deviation, SI; none where it acts on no reading."""
+        problem = self.fit.problem
+        names = [unknown.name for unknown in problem.shared]
+        if column not in names:
+            known = problem.compiled.system.parameter_names
+            return float(problem.base[known.index(column)]), math.nan
         return float(self.fit.values[names.index(column)]), self.fit.std.get(column, math.nan)
 
     def sizes(self, candidate: Candidate) -> Floats:
@@ -98,11 +102,48 @@ def refit(
         known = fitted if begin is None else begin
         problem = problem.with_shared(_started(problem, known))
         found = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP)
+        found, more = _refined(found, chosen, cost)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     assert found.solution is not None  # noqa: S101 - there is something to fit
-    columns = sum(len(candidate.columns) for candidate in chosen)
+    columns = more + sum(len(candidate.columns) for candidate in chosen)
     return Trial(tuple(chosen), found, 2.0 * found.solution.cost, columns)
+
+
+def _refined(found: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:
+    """The fit with those of the effects' shapes free that may be refined, and how many; where that pays.
+
+    Only once the effect is in: at its null a shape does nothing.
+    """
+    names = {
+        (one.name, parameter.name)
+        for one in chosen
+        for parameter in one.effect.parameters
+        if parameter.refined and parameter.shape
+    }
+    if not names:
+        return found, 0
+    model = found.model
+    free = {
+        effect: {
+            name: replace(value, fit=value.fit or (effect, name) in names) for name, value in values.items()
+        }
+        for effect, values in model.effects.items()
+    }
+    problem = found.problem.rebuilt(replace(model, effects=free))
+    problem = problem.with_shared(_started(problem, found))
+    try:
+        better = fit(problem, found.held_out, local=found.local, cost=cost, largest_step=_STEP)
+    except RigctlError:
+        return found, 0
+    samples = sum(int(problem.ok[k].sum()) for k in found.fitted)
+    pays = _cost(found) - _cost(better) > len(names) * math.log(max(samples, 2))
+    return (better, len(names)) if pays else (found, 0)
+
+
+def _cost(found: FitResult) -> float:
+    assert found.solution is not None  # noqa: S101 - there is something to fit
+    return 2.0 * found.solution.cost
 
 
 def _values(candidate: Candidate) -> dict[str, float]:

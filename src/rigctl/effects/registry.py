@@ -15,6 +15,7 @@ from types import MappingProxyType
 from rigctl.effects import heater_board, hydraulic_cylinder, oil_viscosity
 from rigctl.effects.declaration import Effect, problems
 from rigctl.effects.examine import examine
+from rigctl.effects.generic import generic_effects
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
@@ -57,7 +58,7 @@ def shipped_effects(family: str) -> tuple[Effect, ...]:
 
 
 def library(family: str | ModelFamily) -> Mapping[str, Effect]:
-    """The effects of a model family, by name, in the library's order.
+    """The effects of a model family, by name, in the library's order: its own, then the generic ones.
 
     Raises
     ------
@@ -65,14 +66,17 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
         there is no such family, or an installed package registers something that is no sound effect, or a
         name that is taken.
     """
-    name = (find_family(family) if isinstance(family, str) else family).name
     found: dict[str, Effect] = {}
+    chosen = find_family(family) if isinstance(family, str) else family
+    name = chosen.name
     installed = () if _reading_packages.get() else installed_effects()
     for effect in (*_shipped(), *installed):
         if effect.family == name:
             if effect.name in found:
                 raise RigctlError("two effects have the same name", value=effect.name)
             found[effect.name] = effect
+    for effect in generic_effects(chosen):
+        found.setdefault(effect.name, effect)  # a package knows its family better
     return MappingProxyType(found)
 
 

@@ -132,6 +132,8 @@ class ModelFamily:
     options: the variants of the equations, each with its choices; the first is the default.
     rig_names: the parameters that a name of a rig file stands for, where it is not their own.
     standard_record: what effects are tried and drawn on.
+    generic: effects that may be missing in any bench are offered at its slots; the shipped families have
+        effects of their own instead.
     """
 
     name: str
@@ -146,6 +148,7 @@ class ModelFamily:
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig_names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     standard_record: StandardRecord | None = None
+    generic: bool = True
 
     def slot(self, name: str) -> Slot:
         """The slot called `name`.

@@ -22,10 +22,15 @@ def si_unit(unit: str) -> str:
     parsed = parse_unit(unit)
     if parsed.factor == 1.0 and parsed.offset == 0.0:
         return unit
+    return unit_of(parsed.dimension)
+
+
+def unit_of(dimension: Dimension) -> str:
+    """The SI unit of a dimension: its own name (N, Pa, ...) where it has one, else base units."""
     for name in _NAMED:
-        if parse_unit(name).dimension == parsed.dimension:
+        if parse_unit(name).dimension == dimension:
             return name
-    return _quotient(parsed.dimension)
+    return _quotient(dimension)
 
 
 def _quotient(dimension: Dimension) -> str:

@@ -82,4 +82,5 @@ HEATER_BOARD = ModelFamily(
     outputs=OUTPUTS,
     rig_names={"heater_gain": ("heater_gain_1", "heater_gain_2")},
     standard_record=STANDARD_RECORD,
+    generic=False,
 )

@@ -111,4 +111,5 @@ HYDRAULIC_CYLINDER = ModelFamily(
     options={"throttle": ("meter_in", "meter_out", "both")},
     rig_names=RIG_NAMES,
     standard_record=STANDARD_RECORD,
+    generic=False,
 )

@@ -84,4 +84,5 @@ OIL_VISCOSITY = ModelFamily(
         OutputVariable("density", "kg/m^3", lambda m: m.true_density, "hydrometer"),
     ),
     standard_record=STANDARD_RECORD,
+    generic=False,
 )

@@ -56,6 +56,7 @@ def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
         definitions=_each(reader, "definitions", written.definitions, _definition),
         slots=_each(reader, "slots", written.slots, _slot),
         outputs=_each(reader, "outputs", written.outputs, _output),
+        generic=written.generic_effects,
     )
 
 

@@ -10,6 +10,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.soundness import examine_family
 from rigctl.physics.user.declare import declare
@@ -58,7 +59,7 @@ def _build(document: Document, taken: Iterable[str]) -> ModelFamily:
     for flaw in examine_family(family):
         reader.refuse(_keys(written, flaw.part, flaw.name), flaw.error, of_key=flaw.unused)
     reader.stop_at_errors()
-    return family
+    return with_derived_slots(family)
 
 
 def _keys(written: FamilyFile, part: str, name: str) -> tuple[str, ...]:

@@ -157,4 +157,9 @@ class FamilyFile(_Part):
     outputs: dict[BenchName, FormulaField] = Field(
         min_length=1, description="what sensors read, by the channels' names"
     )
+    generic_effects: bool = Field(
+        default=True,
+        description="offer friction, leaks, lags and the like wherever they fit; slots are derived when "
+        "there are none",
+    )
     standard_record: RecordField | None = Field(default=None, description="what effects are tried on")

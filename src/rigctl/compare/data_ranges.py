@@ -1,0 +1,57 @@
+"""Over what range the data go: where effects that begin at a threshold are looked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rigctl.errors import RigctlError
+from rigctl.model.measured.record import Measurements
+from rigctl.physics.derived_slots import rates_in_symbols
+from rigctl.physics.family import ModelFamily
+
+#: shares of the readings left out at either end: spikes are no range
+_ENDS = (0.005, 0.995)
+
+#: the lowest and the highest value of a state, an input's size ("|u|") or a record's "time", SI
+Ranges = Mapping[str, tuple[float, float]]
+
+
+def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
+    """The ranges of what was measured: of states that are read, of inputs' sizes, of records' lengths."""
+    if not family.generic:
+        return {}
+    found: dict[str, tuple[float, float]] = {}
+    for name, state in _read_states(family).items():
+        if name in measurements.outputs:
+            at = measurements.outputs.index(name)
+            values = np.concatenate([record.values[:, at] for record in measurements.records])
+            values = values[np.isfinite(values)]
+            if values.size:
+                low, high = np.quantile(values, _ENDS)
+                found[state] = (float(low), float(high))
+    for k, name in enumerate(measurements.inputs):
+        largest = max(
+            (float(np.abs(record.inputs[:, k]).max()) for record in measurements.records), default=0.0
+        )
+        found[f"|{name}|"] = (0.0, largest)
+    lengths = [
+        float(record.times[-1] - record.times[0]) for record in measurements.records if record.times.size
+    ]
+    if lengths:
+        found["time"] = (0.0, float(np.median(lengths)))
+    return {name: ends for name, ends in found.items() if ends[1] > ends[0]}
+
+
+def _read_states(family: ModelFamily) -> dict[str, str]:
+    """Of each output that reads one state alone, the state."""
+    try:
+        written = rates_in_symbols(family)
+    except RigctlError:
+        return {}
+    states = {state.name for state in family.states}
+    readings = {output.name: written[f"reading of {output.name}"] for output in family.outputs}
+    return {
+        name: expr.name for name, expr in readings.items() if expr.op == "variable" and expr.name in states
+    }

@@ -1,0 +1,386 @@
+"""Effects at the balance of one state: friction where it is a speed, losses where something is stored.
+
+``ds/dt = f(...) + d·g·w`` with w the sum of the effects, g > 0 and d = ±1 from the family's equations. Every
+term is written against the motion, or out of the store, whatever the sign with which the slot enters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
+from rigctl.effects.generic.common import (
+    ARMSTRONG,
+    CORNER,
+    beyond,
+    either_sign,
+    one_sign,
+    quotient,
+    shape,
+    sign,
+)
+from rigctl.effects.generic.magnitudes import Magnitudes
+from rigctl.effects.generic.places import Balance
+from rigctl.engine.symbols import Scalar, absolute, constant_like, exp, power
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.scope import Scope
+
+_INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
+_BOUC = "Bouc (1967); Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249, with n = 1, which is Dahl's friction"
+_FLOW = "White, Fluid Mechanics: turbulent drag and flow go with the square"
+
+
+def at_balance(family: ModelFamily, place: Balance, sizes: Magnitudes) -> Iterator[Effect]:
+    """The effects that may act at a balance."""
+    name = place.state.name
+    at = _At(
+        family,
+        place,
+        span=sizes.state(name),
+        size=sizes.rate(name) / place.gain,
+        time=sizes.time(name),
+    )
+    yield from _of_motion(at) if place.moves else _of_store(at)
+    yield _offset(at)
+    yield _drift(at)
+
+
+@dataclass(frozen=True)
+class _At:
+    """A balance with its typical sizes: the state's range, that of a term, and the time of a change."""
+
+    family: ModelFamily
+    place: Balance
+    span: float
+    size: float
+    time: float
+
+    @property
+    def unit(self) -> str:
+        """Of a term."""
+        return self.place.slot.unit
+
+    @property
+    def state_unit(self) -> str:
+        return self.place.state.unit
+
+    def x(self, m: Scope) -> Scalar:
+        return m[self.place.state.name]
+
+    def above(self, m: Scope) -> Scalar:
+        """The state above what it is counted from."""
+        x = self.x(m)
+        if self.place.surroundings is not None:
+            return x - m[self.place.surroundings]
+        return x - constant_like(self.place.reference, x) if self.place.reference else x
+
+    def direction(self, m: Scope) -> Scalar:
+        """The sign of a speed."""
+        x = self.x(m)
+        return sign(x, constant_like(self.place.state.scale, x))
+
+    def against(self, value: Scalar) -> Scalar:
+        """A term that opposes a rising state."""
+        return -value if self.place.direction > 0.0 else value
+
+    def effect(
+        self,
+        kind: str,
+        summary: str,
+        equation: str,
+        source: str,
+        term: Term,
+        parameters: tuple[EffectParameter, ...],
+        looks_like: str,
+        *,
+        states: tuple[EffectState, ...] = (),
+        confused: tuple[str, ...] = (),
+        needs: str | None = None,
+    ) -> Effect:
+        label = self.place.label
+        return Effect(
+            name=f"{kind}_on_{label}",
+            family=self.family.name,
+            summary=summary,
+            equation=equation,
+            source=source,
+            looks_like=looks_like,
+            terms=((self.place.slot.name, term),),
+            parameters=parameters,
+            states=states,
+            confused_with=tuple(f"{one}_on_{label}" for one in confused),
+            needs=needs,
+            own_family=self.family,
+        )
+
+
+def _of_motion(at: _At) -> Iterator[Effect]:
+    name, per_speed = at.place.state.name, quotient(at.unit, at.state_unit)
+    size = one_sign("size", at.unit, 0.05 * at.size, "F, while it slides")
+    yield at.effect(
+        "coulomb",
+        f"Dry friction holds {name} back with a constant size.",
+        f"w = −F·sign({name})",
+        ARMSTRONG,
+        lambda m, p: at.against(p.size * at.direction(m)),
+        (size,),
+        f"A constant part of what drives {name} is lost, and it comes to a stop in a finite time.",
+        confused=("stribeck", "hysteresis", "offset"),
+    )
+    yield at.effect(
+        "stribeck",
+        f"Dry friction holds {name} back, most near standstill.",
+        f"w = −(F + E·exp(−({name}/v)²))·sign({name})",
+        ARMSTRONG,
+        lambda m, p: at.against((p.size + p.excess * exp(-((at.x(m) / p.speed) ** 2))) * at.direction(m)),
+        (
+            size,
+            one_sign("excess", at.unit, 0.05 * at.size, "E, by which it is larger near standstill"),
+            shape(
+                "speed",
+                at.state_unit,
+                0.03 * at.span,
+                "v, where a third of E is left",
+                within=name,
+                shares=(0.02, 0.1),
+            ),
+        ),
+        "As dry friction, with a jerk at the start and at every reversal.",
+        confused=("coulomb", "hysteresis"),
+        needs="slow motion, and reversals",
+    )
+    yield at.effect(
+        "viscous",
+        f"Something drags in proportion to {name}.",
+        f"w = −k·{name}",
+        ARMSTRONG,
+        lambda m, p: at.against(p.coefficient * at.x(m)),
+        (one_sign("coefficient", per_speed, 0.05 * at.size / at.span, "k"),),
+        f"{name} settles sooner, and lower in proportion.",
+        confused=("quadratic_drag",),
+    )
+    yield at.effect(
+        "quadratic_drag",
+        f"Air or a liquid drags with the square of {name}.",
+        f"w = −k·{name}·|{name}|",
+        _FLOW,
+        lambda m, p: at.against(
+            p.coefficient * at.x(m) * absolute(at.x(m), constant_like(at.place.state.scale, at.x(m)))
+        ),
+        (
+            one_sign(
+                "coefficient",
+                quotient(at.unit, at.state_unit, at.state_unit),
+                0.05 * at.size / at.span**2,
+                "k",
+            ),
+        ),
+        "High speeds stay below what a drag in proportion to speed explains; low ones do not.",
+        confused=("viscous", "coulomb"),
+        needs="several speeds",
+    )
+    yield _hysteresis(at)
+    if at.place.position is not None:
+        yield from _of_position(at, at.place.position)
+
+
+def _hysteresis(at: _At) -> Effect:
+    name = at.place.state.name
+    distance = quotient(at.state_unit, "1/s")
+
+    def rate(m: Scope, p: Own) -> Scalar:
+        return (at.x(m) - at.x(m) * at.direction(m) * p.bending) / p.distance
+
+    return at.effect(
+        "hysteresis",
+        f"A spring that slips holds {name} back: hysteresis as of Bouc and Wen.",
+        f"w = −F·z, dz/dt = ({name} − |{name}|·z)/s",
+        _BOUC,
+        lambda m, p: at.against(p.size * p.bending),
+        (
+            one_sign("size", at.unit, 0.05 * at.size, "F, when it slips"),
+            shape(
+                "distance",
+                distance,
+                0.1 * at.span * at.time,
+                "s, over which it is bent before it slips",
+                grid=(0.01 * at.span * at.time,),
+            ),
+        ),
+        "After a reversal the force builds up over a distance; a move and its way back differ.",
+        states=(EffectState("bending", "1", 0.1, rate, "z, of the spring, −1 to 1"),),
+        confused=("coulomb", "stribeck"),
+        needs="reversals",
+    )
+
+
+def _of_position(at: _At, position: str) -> Iterator[Effect]:
+    unit = quotient(at.state_unit, "1/s")
+    reach = at.span * at.time
+    stiffness = quotient(at.unit, unit)
+    yield at.effect(
+        "stiffness",
+        f"A spring pulls {position} back to 0.",
+        f"w = −k·{position}",
+        "Hooke's law",
+        lambda m, p: at.against(p.coefficient * m[position]),
+        (either_sign("coefficient", stiffness, 0.05 * at.size / reach, "k"),),
+        f"What drives it must grow with {position}; oscillations are faster.",
+        confused=("cubic_stiffness",),
+    )
+    yield at.effect(
+        "cubic_stiffness",
+        f"A spring gets stiffer, or softer, with {position}.",
+        f"w = −k·{position}³",
+        "Duffing's equation: Nayfeh & Mook, Nonlinear Oscillations",
+        lambda m, p: at.against(p.coefficient * m[position] ** 3),
+        (either_sign("coefficient", quotient(at.unit, unit, unit, unit), 0.05 * at.size / reach**3, "k"),),
+        "Large swings have another period than small ones.",
+        confused=("stiffness",),
+        needs="swings of several sizes",
+    )
+
+
+def _of_store(at: _At) -> Iterator[Effect]:
+    name = at.place.state.name
+    around = at.place.surroundings or ("where it starts" if at.place.reference else "0")
+    base = (
+        f"({name} − {at.place.surroundings})"
+        if at.place.surroundings
+        else (f"({name} − {at.place.reference:g})" if at.place.reference else name)
+    )
+    yield at.effect(
+        "leak",
+        f"Some of {name} is lost in proportion to how far it is above {around}.",
+        f"w = −k·{base}",
+        _INCROPERA + ": linear loss",
+        lambda m, p: at.against(p.coefficient * at.above(m)),
+        (one_sign("coefficient", quotient(at.unit, at.state_unit), 0.05 * at.size / at.span, "k"),),
+        f"{name} does not rise as far as it should, in proportion.",
+        confused=("power_law", "offset", "threshold"),
+    )
+
+    def power_law(m: Scope, p: Own) -> Scalar:
+        x = at.above(m)
+        relative = absolute(x, constant_like(at.place.state.scale, x)) / constant_like(at.span, x)
+        return at.against(p.coefficient * x * power(relative, p.exponent - 1.0))
+
+    yield at.effect(
+        "power_law",
+        f"Some of {name} is lost with a power of how far it is above {around}.",
+        f"w = −k·x·|x/{at.span:.3g} {at.state_unit}|^(n − 1), x = {base}",
+        _INCROPERA + ": free convection has n = 5/4; orifices have n = 1/2, " + _FLOW,
+        power_law,
+        (
+            either_sign("coefficient", quotient(at.unit, at.state_unit), 0.05 * at.size / at.span, "k"),
+            shape("exponent", "1", 2.0, "n", grid=(0.5, 1.3, 3.0), low=0.25, high=6.0),
+        ),
+        f"High values of {name} differ from what a loss in proportion explains, and low ones the other way.",
+        confused=("leak", "threshold"),
+        needs="several levels",
+    )
+
+    def threshold(m: Scope, p: Own) -> Scalar:
+        x = at.x(m)
+        return at.against(p.coefficient * beyond(x, p.limit, constant_like(CORNER * at.span, x)))
+
+    yield at.effect(
+        "threshold",
+        f"Above a limit {name} runs over, or a valve opens.",
+        f"w = −k·max(0, {name} − limit)",
+        "piecewise linear characteristic of an overflow or a relief valve",
+        threshold,
+        (
+            one_sign("coefficient", quotient(at.unit, at.state_unit), 0.5 * at.size / at.span, "k"),
+            _limit(at),
+        ),
+        f"{name} follows the model up to a limit, and stays there.",
+        confused=("power_law", "leak"),
+        needs="values above the limit",
+    )
+    yield _storage(at)
+
+
+def _limit(at: _At) -> EffectParameter:
+    typical = at.place.state.start + 0.5 * at.span
+    far = 100.0 * at.span + abs(typical)
+    return shape(
+        "limit",
+        at.state_unit,
+        typical,
+        "where it begins",
+        within=at.place.state.name,
+        shares=(0.2, 0.4, 0.6, 0.75, 0.9),
+        low=-far,
+        high=far,
+        difference=at.place.state.difference,
+    )
+
+
+def _storage(at: _At) -> Effect:
+    name = at.place.state.name
+
+    def rate(m: Scope, p: Own) -> Scalar:
+        return m.rate(name) - p.difference / p.time
+
+    return at.effect(
+        "storage",
+        f"A second store takes some of {name} and gives it back late.",
+        f"w = −C·y/τ, dy/dt = d{name}/dt − y/τ",
+        _INCROPERA + ": two lumps in series",
+        lambda m, p: at.against(p.capacity * p.difference / p.time),
+        (
+            one_sign(
+                "capacity",
+                quotient(at.unit, quotient(at.state_unit, "s")),
+                0.1 / at.place.gain,
+                "C; where the slot is the rate itself, as a share of the first store",
+            ),
+            shape(
+                "time",
+                "s",
+                at.time,
+                "τ, until the second store follows",
+                grid=(0.1 * at.time,),
+                within="time",
+                shares=(0.02, 0.1, 0.3),
+            ),
+        ),
+        f"{name} changes fast at first and slowly afterwards, as with two time constants.",
+        states=(
+            EffectState(
+                "difference", at.state_unit, at.place.state.scale, rate, f"y, {name} less the second store"
+            ),
+        ),
+        confused=("leak",),
+        needs="changes that are followed for long",
+    )
+
+
+def _offset(at: _At) -> Effect:
+    return at.effect(
+        "offset",
+        f"Something adds to {at.place.state.name} at a constant rate.",
+        "w = c",
+        "constant disturbance",
+        lambda m, p: p.size,
+        (either_sign("size", at.unit, 0.05 * at.size, "c"),),
+        "Everything is shifted the same way, whatever is commanded.",
+        confused=("drift", "coulomb" if at.place.moves else "leak"),
+    )
+
+
+def _drift(at: _At) -> Effect:
+    return at.effect(
+        "drift",
+        f"What acts on {at.place.state.name} changes with time.",
+        "w = k·t",
+        "first term of a slow change",
+        lambda m, p: p.rate * p.elapsed,
+        (either_sign("rate", quotient(at.unit, "s"), 0.01 * at.size / at.time, "k"),),
+        "The error grows in the course of a record.",
+        states=(EffectState("elapsed", "s", 1.0, lambda m, p: 1.0, "time since the record began"),),
+        confused=("offset",),
+        needs="long records",
+    )

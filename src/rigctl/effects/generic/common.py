@@ -1,0 +1,78 @@
+"""What the generic effects share: their bounds, and their smooth corners."""
+
+from __future__ import annotations
+
+from rigctl.effects.declaration import EffectParameter
+from rigctl.engine.symbols import Scalar, positive_part, smooth_sign
+from rigctl.physics.units import unit_of
+from rigctl.units import parse_unit
+
+#: bounds in units of a typical size: wide, as the typical size is a guess
+WIDE = 1e4
+#: where the corner of a threshold is rounded, as a share of a range
+CORNER = 0.003
+ARMSTRONG = "Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083"
+SENSORS = "Doebelin, Measurement Systems: Application and Design"
+
+
+def quotient(above: str, *below: str) -> str:
+    """The SI unit of ``above/(below*...)``."""
+    dimension = parse_unit(above).dimension
+    for unit in below:
+        dimension = dimension / parse_unit(unit).dimension
+    return unit_of(dimension)
+
+
+def one_sign(name: str, unit: str, typical: float, meaning: str, difference: bool = True) -> EffectParameter:
+    """A size that physics allows in one direction."""
+    return EffectParameter(name, unit, 0.0, typical, 0.0, WIDE * typical, meaning, difference)
+
+
+def either_sign(name: str, unit: str, typical: float, meaning: str) -> EffectParameter:
+    """A size of either sign."""
+    return EffectParameter(name, unit, 0.0, typical, -WIDE * typical, WIDE * typical, meaning, True)
+
+
+def share(name: str, meaning: str, low: float = 0.0) -> EffectParameter:
+    """How much of a limit is there: 1 is a hard one."""
+    return EffectParameter(name, "1", 0.0, 0.5, low, 1.5, meaning)
+
+
+def shape(
+    name: str,
+    unit: str,
+    typical: float,
+    meaning: str,
+    grid: tuple[float, ...] = (),
+    *,
+    within: str = "",
+    shares: tuple[float, ...] = (),
+    low: float | None = None,
+    high: float | None = None,
+    difference: bool = True,
+) -> EffectParameter:
+    """A value that only forms what a size switches on; a fit refines it once the effect is in."""
+    return EffectParameter(
+        name,
+        unit,
+        None,
+        typical,
+        typical / WIDE if low is None else low,
+        typical * WIDE if high is None else high,
+        meaning,
+        difference,
+        grid,
+        within=within,
+        shares=shares,
+        refined=True,
+    )
+
+
+def sign(x: Scalar, width: Scalar) -> Scalar:
+    """The direction of x."""
+    return smooth_sign(x, width)
+
+
+def beyond(x: Scalar, limit: Scalar, width: Scalar) -> Scalar:
+    """By how much x is above `limit`; 0 below it."""
+    return positive_part(x - limit, width)

@@ -1,0 +1,220 @@
+"""Effects of an actuator: what acts instead of what is commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
+from rigctl.effects.generic.common import CORNER, beyond, either_sign, one_sign, quotient, shape, share
+from rigctl.effects.generic.magnitudes import Magnitudes
+from rigctl.effects.generic.places import Given, Late
+from rigctl.effects.lag import reading_error
+from rigctl.engine.symbols import Scalar, absolute, constant_like, positive_part
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.scope import Scope
+
+_RESOLUTION = 1e-3
+_TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
+
+
+def at_input(family: ModelFamily, place: Given, sizes: Magnitudes) -> Iterator[Effect]:
+    """The effects that may act at an input: all of a command, an offset alone of the surroundings."""
+    made = _Made(family, place, sizes)
+    yield made.offset()
+    if place.surroundings:
+        return
+    yield made.gain()
+    yield made.quadratic()
+    yield made.saturation()
+    yield made.dead_band()
+    yield made.backlash()
+    yield made.lag()
+
+
+def at_switches(family: ModelFamily, place: Late, sizes: Magnitudes) -> Iterator[Effect]:
+    """A dead time."""
+    name = place.input.name
+    yield Effect(
+        name=f"dead_time_of_{name}",
+        family=family.name,
+        summary=f"What {name} commands acts after a dead time.",
+        equation="w = τ, switches act at t + τ",
+        source="Åström & Hägglund, Advanced PID Control: dead time",
+        looks_like="After every switch nothing happens for a while.",
+        terms=((place.slot.name, lambda m, p: p.time),),
+        parameters=(one_sign("time", "s", 0.05 * sizes.shortest, "τ"),),
+        confused_with=(f"lag_of_{name}",),
+        needs="switches within records",
+        own_family=family,
+    )
+
+
+class _Made:
+    def __init__(self, family: ModelFamily, place: Given, sizes: Magnitudes) -> None:
+        self.family, self.place, self.sizes = family, place, sizes
+        self.name = place.input.name
+        self.unit = place.slot.unit
+        self.span = sizes.input(self.name)
+        outputs = {output.name for output in family.outputs}
+        self.label = f"{self.name}_input" if self.name in outputs else self.name
+
+    def effect(
+        self,
+        kind: str,
+        summary: str,
+        equation: str,
+        term: Term,
+        parameters: tuple[EffectParameter, ...],
+        looks_like: str,
+        *,
+        states: tuple[EffectState, ...] = (),
+        confused: tuple[str, ...] = (),
+        needs: str | None = None,
+    ) -> Effect:
+        return Effect(
+            name=f"{kind}_of_{self.label}",
+            family=self.family.name,
+            summary=summary,
+            equation=equation,
+            source=_TAO,
+            looks_like=looks_like,
+            terms=((self.place.slot.name, term),),
+            parameters=parameters,
+            states=states,
+            confused_with=tuple(f"{one}_of_{self.label}" for one in confused),
+            needs=needs,
+            own_family=self.family,
+        )
+
+    def u(self, m: Scope) -> Scalar:
+        return m[self.name]
+
+    def corner(self, x: Scalar) -> Scalar:
+        return constant_like(CORNER * self.span, x)
+
+    def limit(self, meaning: str, shares: tuple[float, ...]) -> EffectParameter:
+        return shape("limit", self.unit, 0.5 * self.span, meaning, within=f"|{self.name}|", shares=shares)
+
+    def offset(self) -> Effect:
+        return self.effect(
+            "offset",
+            f"What acts is {self.name} and a constant.",
+            "w = c",
+            lambda m, p: p.size,
+            (either_sign("size", self.unit, 0.01 * self.span, "c"),),
+            "As if something else were commanded, by the same amount always.",
+            confused=("gain", "dead_band"),
+        )
+
+    def gain(self) -> Effect:
+        return self.effect(
+            "gain",
+            f"What acts is off from {self.name} by a share.",
+            f"w = k·{self.name}",
+            lambda m, p: p.share * self.u(m),
+            (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k"),),
+            "All that is commanded does more, or less, in proportion.",
+            confused=("quadratic", "saturation"),
+        )
+
+    def quadratic(self) -> Effect:
+        return self.effect(
+            "quadratic",
+            f"What acts is not in proportion to {self.name}.",
+            f"w = k·{self.name}·|{self.name}|",
+            lambda m, p: p.bend * self.u(m) * absolute(self.u(m), self.corner(self.u(m))),
+            (either_sign("bend", quotient("1", self.unit), 0.05 / self.span, "k"),),
+            "Twice the command has not twice the effect.",
+            confused=("gain", "saturation", "dead_band"),
+            needs="several commands",
+        )
+
+    def saturation(self) -> Effect:
+        def term(m: Scope, p: Own) -> Scalar:
+            return -(p.share * self._beyond(m, p.limit))
+
+        return self.effect(
+            "saturation",
+            f"What acts does not go beyond a limit of {self.name}.",
+            f"w = −k·sign({self.name})·max(0, |{self.name}| − limit)",
+            term,
+            (share("share", "k; 1 is a hard limit"), self.limit("where it begins", (0.4, 0.6, 0.8, 0.95))),
+            "Large commands have the effect of smaller ones.",
+            confused=("quadratic", "gain"),
+            needs="commands beyond the limit",
+        )
+
+    def dead_band(self) -> Effect:
+        def term(m: Scope, p: Own) -> Scalar:
+            return -(p.share * (self.u(m) - self._beyond(m, p.limit)))
+
+        return self.effect(
+            "dead_band",
+            f"Small values of {self.name} do nothing.",
+            f"w = −k·({self.name} − sign({self.name})·max(0, |{self.name}| − limit))",
+            term,
+            (share("share", "k; 1 is a full dead band"), self.limit("where it ends", (0.05, 0.15, 0.3))),
+            "Small commands have no effect, and large ones less than they should.",
+            confused=("offset", "quadratic"),
+            needs="several commands",
+        )
+
+    def _beyond(self, m: Scope, limit: Scalar) -> Scalar:
+        """What of the input is beyond a limit on either side; exactly odd, so that nothing is added at 0."""
+        u = self.u(m)
+        return beyond(u, limit, self.corner(u)) - beyond(-u, limit, self.corner(u))
+
+    def backlash(self) -> Effect:
+        pace = _RESOLUTION * self.sizes.shortest
+
+        def rate(m: Scope, p: Own) -> Scalar:
+            u, corner = self.u(m), self.corner(self.u(m))
+            pushed = positive_part(u - p.follower - p.limit, corner)
+            pulled = positive_part(p.follower - u - p.limit, corner)
+            return (pushed - pulled) / m.constant(10.0 * pace, "s")
+
+        return self.effect(
+            "backlash",
+            f"Between {self.name} and what acts there is play.",
+            f"w = k·(z − {self.name}), z follows {self.name} when it is farther than the limit",
+            lambda m, p: p.share * (p.follower - self.u(m)),
+            (share("share", "k; 1 is play and nothing else"), self.limit("half of the play", (0.02, 0.1))),
+            "After a reversal nothing happens for a part of the way.",
+            states=(
+                EffectState(
+                    "follower", self.unit, CORNER * self.span, rate, "z", start=self.place.input.value
+                ),
+            ),
+            confused=("dead_band", "lag"),
+            needs="reversals of the command",
+        )
+
+    def lag(self) -> Effect:
+        resolution = max(_RESOLUTION * self.sizes.shortest, 1e-9)
+
+        def rate(m: Scope, p: Own) -> Scalar:
+            return (self.u(m) - p.follower) / (p.lag + constant_like(resolution, p.lag))
+
+        def term(m: Scope, p: Own) -> Scalar:
+            return reading_error(p.follower - self.u(m), p.lag, constant_like(resolution, p.lag))
+
+        return self.effect(
+            "lag",
+            f"What acts follows {self.name} late.",
+            f"τ·dz/dt = {self.name} − z, w = z − {self.name}",
+            term,
+            (one_sign("lag", "s", 0.1 * self.sizes.shortest, "τ"),),
+            "After a switch the response sets in gradually, and goes on after it ends.",
+            states=(
+                EffectState(
+                    "follower",
+                    self.unit,
+                    CORNER * self.span,
+                    rate,
+                    "what acts, unweighted",
+                    start=self.place.input.value,
+                ),
+            ),
+            confused=("dead_time", "backlash"),
+            needs="switches within records",
+        )

@@ -1,0 +1,89 @@
+"""How large the quantities of a family typically are, from its own numbers: where fits begin.
+
+No data are asked, so that an effect has the same bounds wherever it is read. A bound is therefore wide, and a
+typical size is right to a factor of some ten: a fit finds the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from rigctl.errors import RigctlError
+from rigctl.physics.family import ModelFamily, StateVariable
+from rigctl.physics.scope import Scope
+
+#: a state ranges over so many of the changes that matter
+_CHANGES = 300.0
+
+
+class Magnitudes:
+    """Ranges of states, inputs and readings (SI), and how fast states change."""
+
+    def __init__(self, family: ModelFamily) -> None:
+        self._family = family
+        record = family.standard_record
+        initial = record.initial if record is not None else {}
+        self._states = {state.name: _range(state, initial) for state in family.states}
+        self._inputs = {item.name: [item.value] for item in family.inputs}
+        for _, changed in record.switches if record is not None else ():
+            for name, value in changed.items():
+                self._inputs[name].append(value)
+        self._rates = self._found_rates()
+        self.duration = record.times[-1] - record.times[0] if record is not None else None
+
+    def state(self, name: str) -> float:
+        """The range over which a state moves."""
+        return self._states[name]
+
+    def input(self, name: str) -> float:
+        """The range over which an input is commanded; 1 where nothing says it."""
+        values = self._inputs[name]
+        return max(values) - min(values) or max(map(abs, values)) or 1.0
+
+    def rate(self, state: str) -> float:
+        """How fast a state changes when it is driven."""
+        return self._rates[state]
+
+    def time(self, state: str) -> float:
+        """In which a state goes through its range, or a tenth of the standard record if that is shorter."""
+        own = self.state(state) / self.rate(state)
+        return min(own, 0.1 * self.duration) if self.duration else own
+
+    @property
+    def shortest(self) -> float:
+        """The shortest of all states' times."""
+        return min(self.time(state.name) for state in self._family.states)
+
+    def _found_rates(self) -> dict[str, float]:
+        found = dict.fromkeys(self._states, 0.0)
+        for point in self._points():
+            for name in found:
+                found[name] = max(found[name], self._rate(name, point))
+        return {name: rate or self._states[name] for name, rate in found.items()}
+
+    def _rate(self, name: str, point: Mapping[str, float]) -> float:
+        try:
+            value = abs(float(Scope(self._family, point).rate(name)))
+        except (RigctlError, ArithmeticError, ValueError):
+            return 0.0
+        return value if math.isfinite(value) else 0.0
+
+    def _points(self) -> Iterator[dict[str, float]]:
+        """The start, each state moved through its range, and each input at its values."""
+        family = self._family
+        at: dict[str, float] = {state.name: state.start for state in family.states}
+        at |= {item.name: item.value for item in family.inputs}
+        at |= {parameter.name: parameter.value for parameter in family.parameters}
+        yield dict(at)
+        for name, size in self._states.items():
+            yield {**at, name: at[name] + size}
+            yield {**at, name: at[name] - size}
+        for name, values in self._inputs.items():
+            for value in values:
+                yield {**at, name: value}
+
+
+def _range(state: StateVariable, initial: Mapping[str, float]) -> float:
+    moved = abs(initial.get(state.name, state.start) - state.start)
+    return max(_CHANGES * state.scale, moved)

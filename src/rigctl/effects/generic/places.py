@@ -1,0 +1,222 @@
+"""Where effects that know nothing of a family may act in it, read off its equations.
+
+Each slot is followed through the equations to what it changes: the rate of one state, a reading, an input, or
+the time of its switches.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from rigctl.engine.symbols import Expr, Graph, Scalar, derivative, evaluate, variables_of
+from rigctl.engine.system import after, before
+from rigctl.physics.derived_slots import input_slot, kinematics, rate_slot
+from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
+from rigctl.physics.scope import Addition, Scope
+from rigctl.physics.units import si_unit
+from rigctl.units import parse_unit
+
+#: words of a name that make a variable the surroundings of others
+_SURROUNDINGS = frozenset(
+    ("ambient", "room", "environment", "surroundings", "outside", "atmosphere", "atmospheric", "reference")
+)
+#: dimensions of what moves: a speed, a rate of rotation
+_SPEEDS = frozenset(parse_unit(unit).dimension for unit in ("m/s", "rad/s"))
+#: quantities whose zero is far from where a bench works: they are counted from their surroundings or start
+_FAR_FROM_ZERO = frozenset(parse_unit(unit).dimension for unit in ("K", "Pa"))
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A slot that adds to the rate of one state.
+
+    Attributes
+    ----------
+    label: how effects there are named: the state for a derived slot, else the slot.
+    direction: 1 where a term raises the rate, -1 where it lowers it (a drag, an outflow).
+    gain: how much a unit of the term changes the rate, SI, always positive.
+    moves: the state is a speed.
+    position: the state that is its integral, when there is one.
+    surroundings: the variable that the state is counted from; None for `reference`.
+    reference: the value it is counted from, SI.
+    """
+
+    slot: Slot
+    label: str
+    state: StateVariable
+    direction: float
+    gain: float
+    moves: bool
+    position: str | None
+    surroundings: str | None
+    reference: float
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A slot that adds to a reading; `state` is the one that is read, None where it is none alone."""
+
+    slot: Slot
+    output: OutputVariable
+    state: str | None
+    reference: float
+
+
+@dataclass(frozen=True)
+class Given:
+    """A derived slot that adds to an input; `surroundings` where it is of the room rather than a command."""
+
+    slot: Slot
+    input: InputVariable
+    surroundings: bool
+
+
+@dataclass(frozen=True)
+class Late:
+    """A slot that delays the switches of an input."""
+
+    slot: Slot
+    input: InputVariable
+
+
+@dataclass(frozen=True)
+class Nowhere:
+    """A slot where no generic effect can act, and why."""
+
+    slot: Slot
+    why: str
+
+
+Place: TypeAlias = Balance | Reading | Given | Late | Nowhere
+
+
+def places(family: ModelFamily) -> tuple[Place, ...]:
+    """What each slot of `family` changes, in the family's order.
+
+    Raises
+    ------
+    RigctlError
+        an equation has the wrong dimension.
+    """
+    probed = _Probed(family)
+    return tuple(probed.place(slot) for slot in family.slots)
+
+
+class _Probed:
+    """The equations of a family with a variable at every slot."""
+
+    def __init__(self, family: ModelFamily) -> None:
+        self.family = family
+        self.graph = Graph()
+        known = self._variables()
+        self.surroundings = {name: known[name] for name in known if _SURROUNDINGS & set(name.split("_"))}
+        scope = Scope(family, known, additions=[self._probe(slot) for slot in family.slots])
+        self.rates = {state.name: self.graph.expression(scope.rate(state.name)) for state in family.states}
+        self.readings = {
+            output.name: self.graph.expression(output.formula(scope)) for output in family.outputs
+        }
+        self.delays = {
+            item.name: self.graph.expression(item.delay(scope, *self._switch(item)))
+            for item in family.inputs
+            if item.delay is not None
+        }
+        self.positions = {speed: position for position, speed in kinematics(family).items()}
+        self.at = self._point()
+
+    def _variables(self) -> dict[str, Scalar]:
+        family = self.family
+        units = {state.name: state.unit for state in family.states}
+        units |= {item.name: item.unit for item in family.inputs}
+        units |= {parameter.name: si_unit(parameter.unit) for parameter in family.parameters}
+        return {name: self.graph.variable(name, parse_unit(unit).dimension) for name, unit in units.items()}
+
+    def _switch(self, item: InputVariable) -> tuple[Expr, Expr]:
+        dimension = parse_unit(item.unit).dimension
+        return (
+            self.graph.variable(before(item.name), dimension),
+            self.graph.variable(after(item.name), dimension),
+        )
+
+    def _probe(self, slot: Slot) -> Addition:
+        return Addition(slot.name, "a probe", lambda m: self._of(slot))
+
+    def _of(self, slot: Slot) -> Expr:
+        return self.graph.variable(f"what is added at {slot.name}", parse_unit(slot.unit).dimension)
+
+    def _point(self) -> dict[str, float]:
+        """Where the equations are looked at: a little beside the start."""
+        family = self.family
+        at = {state.name: state.start + 0.5 * state.scale for state in family.states}
+        at |= {item.name: item.value for item in family.inputs}
+        at |= {parameter.name: parameter.value for parameter in family.parameters}
+        for item in family.inputs:
+            at |= {before(item.name): 0.0, after(item.name): 1.0}
+        for slot in family.slots:
+            at[f"what is added at {slot.name}"] = 0.0 if slot.combine == "sum" else 1.0
+        return at
+
+    def place(self, slot: Slot) -> Place:
+        probe = self._of(slot)
+        states = [name for name, rate in self.rates.items() if probe in variables_of(rate)]
+        if slot.combine == "product":
+            return Nowhere(slot, "a factor has no dimension that would say what it may depend on")
+        if slot.kind == "command":
+            late = [
+                item
+                for item in self.family.inputs
+                if probe in variables_of(self.delays.get(item.name, probe))
+            ]
+            found = [item for item in late if item.name in self.delays]
+            return Late(slot, found[0]) if found else Nowhere(slot, "it delays no input")
+        given = next((item for item in self.family.inputs if input_slot(item.name) == slot.name), None)
+        if given is not None:
+            return Given(slot, given, given.name in self.surroundings)
+        read = [output for output in self.family.outputs if probe in variables_of(self.readings[output.name])]
+        if slot.kind == "sensor" and read:
+            return self._reading(slot, read[0])
+        if len(states) != 1:
+            return Nowhere(slot, "it acts on several states" if states else "no equation uses it")
+        return self._balance(slot, states[0])
+
+    def _balance(self, slot: Slot, name: str) -> Place:
+        slope = evaluate(derivative(self.rates[name], self._of(slot)), self.at)
+        if not slope or not math.isfinite(slope):
+            return Nowhere(slot, "it does nothing where the family starts")
+        state = next(state for state in self.family.states if state.name == name)
+        moves = name in self.positions or parse_unit(state.unit).dimension in _SPEEDS
+        around, reference = self._counted_from(state)
+        return Balance(
+            slot,
+            name if slot.name == rate_slot(name) else slot.name,
+            state,
+            1.0 if slope > 0.0 else -1.0,
+            abs(slope),
+            moves,
+            self.positions.get(name),
+            None if moves else around,
+            0.0 if moves else reference,
+        )
+
+    def _reading(self, slot: Slot, output: OutputVariable) -> Place:
+        expr = self.readings[output.name]
+        slope = derivative(expr, self._of(slot))
+        if not (slope.constant and float(slope.value) == 1.0):
+            return Nowhere(slot, f"it is not simply added to the reading {output.name}")
+        others = [v.name for v in variables_of(expr) if v is not self._of(slot)]
+        state = next((s for s in self.family.states if others == [s.name]), None)
+        alone = state is not None and _is_one(derivative(expr, self.graph.variables[state.name]))
+        reference = self._counted_from(state)[1] if state is not None else 0.0
+        return Reading(slot, output, state.name if alone and state is not None else None, reference)
+
+    def _counted_from(self, state: StateVariable) -> tuple[str | None, float]:
+        dimension = parse_unit(state.unit).dimension
+        for name, variable in self.surroundings.items():
+            if isinstance(variable, Expr) and variable.declared == dimension:
+                return name, self.at[name]
+        return None, state.start if dimension in _FAR_FROM_ZERO and not state.difference else 0.0
+
+
+def _is_one(slope: Expr) -> bool:
+    return slope.constant and float(slope.value) == 1.0

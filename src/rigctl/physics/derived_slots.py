@@ -1,0 +1,180 @@
+"""Slots for a family that declares none: at every balance, at every reading and at every input.
+
+An effect can then act wherever physics may be missing, although the family's author thought of no effects.
+With w the sum of what effects add at a slot:
+
+    ``ds/dt = f(...) + w``        at a state's own balance, in its unit per second
+    ``z = g(...) + w``            at a reading
+    ``u_acting = u + w``          at an input: what the equations see of it; effects themselves see u
+    ``t_acting = t + w``          at an input's switches, in seconds
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import cast
+
+from rigctl.engine.symbols import Expr, Graph, Scalar, variables_of
+from rigctl.errors import RigctlError
+from rigctl.physics.family import Formula, InputVariable, ModelFamily, Slot
+from rigctl.physics.scope import Scope
+from rigctl.physics.units import si_unit
+from rigctl.units import parse_unit
+
+
+def rate_slot(state: str) -> str:
+    """The slot at the balance of `state`."""
+    return f"{state}_rate"
+
+
+def reading_slot(output: str) -> str:
+    """The slot at the reading `output`."""
+    return f"{output}_reading"
+
+
+def input_slot(name: str) -> str:
+    """The slot at the value of the input `name`."""
+    return f"{name}_input"
+
+
+def delay_slot(name: str) -> str:
+    """The slot at the switches of the input `name`."""
+    return f"{name}_delay"
+
+
+def with_derived_slots(family: ModelFamily) -> ModelFamily:
+    """`family` with slots, when it declares none; else `family` itself.
+
+    A state that is no more than the integral of another one (a position) has no balance of its own and gets
+    no slot: what moves a position is its speed.
+    """
+    if family.slots or not family.generic:
+        return family
+    written = rates_in_symbols(family)
+    follows = kinematics(family)
+    used = {variable.name for expr in written.values() for variable in variables_of(expr)}
+    inputs = tuple(item for item in family.inputs if item.name in used)
+    balances = tuple(state for state in family.states if state.name not in follows)
+    slots = (
+        *(
+            Slot(rate_slot(state.name), per_second(state.unit), f"at the balance of {state.name}")
+            for state in balances
+        ),
+        *(Slot(input_slot(item.name), item.unit, f"beside what {item.name} is") for item in inputs),
+        *(
+            Slot(delay_slot(item.name), "s", f"until {item.name} acts", kind="command")
+            for item in inputs
+            if item.delay is None
+        ),
+        *(
+            Slot(reading_slot(output.name), output.unit, f"beside what {output.name} is", kind="sensor")
+            for output in family.outputs
+        ),
+    )
+    acting = frozenset(item.name for item in inputs)
+    with_slot = {state.name for state in balances}
+    return replace(
+        family,
+        slots=slots,
+        states=tuple(
+            replace(
+                state,
+                rate=_Plus(state.rate, rate_slot(state.name) if state.name in with_slot else None, acting),
+            )
+            for state in family.states
+        ),
+        definitions=tuple(
+            replace(item, formula=_Plus(item.formula, None, acting)) for item in family.definitions
+        ),
+        outputs=tuple(
+            replace(item, formula=_Plus(item.formula, reading_slot(item.name), acting))
+            for item in family.outputs
+        ),
+        inputs=tuple(_delayed(item) if item.name in acting else item for item in family.inputs),
+    )
+
+
+def per_second(unit: str) -> str:
+    """The SI unit of a rate of what has the SI unit `unit`."""
+    if unit == "1":
+        return "1/s"
+    if unit.endswith("/s"):
+        return f"{unit}^2"
+    return f"{unit}/s" if "/" not in unit else f"({unit})/s"
+
+
+def rates_in_symbols(family: ModelFamily) -> Mapping[str, Expr]:
+    """The rate of every state, and what every output reads (``reading of NAME``), without effects."""
+    graph = Graph()
+    units = {state.name: state.unit for state in family.states}
+    units |= {item.name: item.unit for item in family.inputs}
+    units |= {parameter.name: si_unit(parameter.unit) for parameter in family.parameters}
+    known: dict[str, Scalar] = {
+        name: graph.variable(name, parse_unit(unit).dimension) for name, unit in units.items()
+    }
+    scope = Scope(family, known)
+    found = {state.name: graph.expression(scope.rate(state.name)) for state in family.states}
+    return found | {
+        f"reading of {output.name}": graph.expression(output.formula(scope)) for output in family.outputs
+    }
+
+
+def kinematics(family: ModelFamily) -> dict[str, str]:
+    """Of each state that is no more than the integral of another one, the other: a position's speed."""
+    try:
+        written = rates_in_symbols(family)
+    except RigctlError:  # an equation of another variant of the family
+        return {}
+    names = {state.name for state in family.states}
+    found = {}
+    for state in family.states:
+        rate = written[state.name]
+        alone = variables_of(rate)
+        if rate.op == "variable" and rate.name in names and rate.name != state.name and len(alone) == 1:
+            found[state.name] = rate.name
+    return found
+
+
+@dataclass(frozen=True)
+class _Plus:
+    """A formula of the family that sees the inputs as they act, and what effects add to it at `slot`."""
+
+    formula: Formula
+    slot: str | None
+    acting: frozenset[str]
+
+    def __call__(self, m: Scope) -> Scalar:
+        value = self.formula(cast("Scope", _Acting(m, self.acting)))
+        return value if self.slot is None else value + m.total(self.slot)
+
+
+class _Acting:
+    """A scope in which inputs have the value that acts."""
+
+    def __init__(self, scope: Scope, acting: frozenset[str]) -> None:
+        self._scope = scope
+        self._acting = acting
+
+    def __getitem__(self, name: str) -> Scalar:
+        value = self._scope[name]
+        return value + self._scope.total(input_slot(name)) if name in self._acting else value
+
+    def __getattr__(self, name: str) -> object:
+        if name in self._acting:
+            return self[name]
+        return getattr(self._scope, name)
+
+
+def _delayed(item: InputVariable) -> InputVariable:
+    if item.delay is not None:
+        return item
+    return replace(item, delay=_Late(delay_slot(item.name)))
+
+
+@dataclass(frozen=True)
+class _Late:
+    slot: str
+
+    def __call__(self, m: Scope, before: Scalar, after: Scalar) -> Scalar:
+        return m.total(self.slot)

@@ -1,0 +1,143 @@
+"""Effects for any family: what applies where, and that each of them is sound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigctl.effects.generic import generic_effects, offers
+from rigctl.effects.registry import check_effect, library
+from rigctl.engine.compile import compile_system
+from rigctl.engine.excitation import Excitation
+from rigctl.engine.simulate import simulate
+from rigctl.model.build import build_system, superset
+from rigctl.physics.families import FAMILIES
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.user import parse_family
+
+MOTOR = """
+family: motor
+states:
+  current: {start: 0 A, scale: 1 mA, rate: (voltage - resistance*current - kt*speed)/inductance}
+  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: kt*current/inertia}
+  angle: {start: 0 rad, scale: 0.1 rad, rate: speed}
+inputs:
+  voltage: {value: 0 V}
+parameters:
+  resistance: {value: 2 ohm, bounds: [0.1 ohm, 100 ohm]}
+  kt: {value: 0.05 N*m/A, bounds: [0.001 N*m/A, 1 N*m/A]}
+constants: {inertia: 2e-4 kg*m^2, inductance: 5e-3 H}
+outputs:
+  current: {unit: A, formula: current}
+  rpm: {unit: rad/s, formula: speed}
+"""
+
+OVEN = """
+family: oven
+states:
+  air: {start: 20 degC, scale: 0.1 K, rate: (power - loss*(air - room_temperature) - to_load)/capacity}
+  load: {start: 20 degC, scale: 0.1 K, rate: to_load/load_capacity}
+inputs:
+  power: {value: 0 W}
+  room_temperature: {value: 20 degC}
+parameters:
+  loss: {value: 2 W/K, bounds: [0 W/K, 100 W/K]}
+  contact: {value: 1 W/K, bounds: [0 W/K, 100 W/K]}
+constants: {capacity: 500 J/K, load_capacity: 800 J/K}
+definitions:
+  to_load: {unit: W, formula: contact*(air - load)}
+outputs:
+  air: {unit: degC, formula: air}
+  mean: {unit: degC, formula: air + 0.5*(load - air)}
+"""
+
+DECLARED = """
+family: brake
+states:
+  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (drive - drag)/inertia}
+inputs: {drive: {value: 0 N*m}}
+parameters: {inertia: {value: 1 kg*m^2, bounds: [0.1 kg*m^2, 10 kg*m^2]}}
+slots: {drag: {unit: N*m}}
+outputs: {speed: {unit: rad/s, formula: speed}}
+"""
+
+
+def family(text: str) -> ModelFamily:
+    return parse_family(text)
+
+
+@pytest.mark.parametrize("text", [MOTOR, OVEN, DECLARED])
+def test_every_generic_effect_is_sound_and_there_are_not_too_many(text: str) -> None:
+    chosen = family(text)
+    effects = generic_effects(chosen)
+    assert effects == tuple(library(chosen).values())
+    assert 5 < len(effects) <= 60
+    for effect in effects:
+        check_effect(effect)
+        assert set(effect.confused_with) <= {other.name for other in effects}
+        assert effect.looks_like
+        assert effect.source
+
+
+def test_friction_acts_on_a_speed_and_leaks_on_what_is_stored() -> None:
+    motor = set(library(family(MOTOR)))
+    assert {"coulomb_on_speed", "stribeck_on_speed", "quadratic_drag_on_speed"} <= motor
+    assert {"leak_on_current", "power_law_on_current", "saturation_of_voltage", "lag_of_rpm"} <= motor
+    assert not {name for name in motor if name.endswith("_on_angle")}  # a position has no balance of its own
+    assert "coulomb_on_current" not in motor
+    assert "leak_on_speed" not in motor
+
+
+def test_heat_leaks_to_the_room_and_a_mean_of_two_states_has_no_lag() -> None:
+    oven = family(OVEN)
+    known = library(oven)
+    assert known["leak_on_air"].equation == "w = −k·(air − room_temperature)"
+    assert "gain_of_power" in known
+    assert "offset_of_room_temperature" in known
+    assert "gain_of_room_temperature" not in known
+    assert "lag_of_air" in known
+    assert "lag_of_mean" not in known
+    (mean,) = [offer for offer in offers(oven) if offer.place.slot.name == "mean_reading"]
+    assert mean.why_not == "no gain, lag, saturation or hysteresis: what is read is not one state alone"
+
+
+def test_a_drag_slot_is_against_the_motion_whatever_its_sign() -> None:
+    """A slot that slows down and a derived one that speeds up: friction brakes at both."""
+    for text, effect, size in ((DECLARED, "coulomb_on_drag", 0.5), (MOTOR, "coulomb_on_speed", 50.0)):
+        chosen = family(text)
+        compiled = compile_system(build_system(chosen, {effect: {"size": size}}))
+        system = compiled.system
+        start = np.zeros(len(system.states))
+        start[system.state_names.index("speed")] = 10.0
+        times = np.linspace(0.0, 0.1, 11)
+        given = np.zeros((1, len(system.inputs)))
+        record = Excitation(times, np.zeros(1), given, start, np.array(system.nominal), "coast")
+        found = simulate(compiled, [record]).require().outputs[0]
+        at = next(name for name in system.output_names if name in ("speed", "rpm"))
+        course = found[:, system.output_names.index(at)]
+        assert course[-1] < 10.0 - 0.9 * 0.1 * size
+
+
+def test_shipped_families_and_those_that_do_not_want_them_have_none() -> None:
+    for name, shipped in FAMILIES.items():
+        assert generic_effects(shipped) == (), name
+    silent = family(MOTOR.replace("family: motor", "family: motor\ngeneric_effects: false"))
+    assert silent.slots == ()
+    assert library(silent) == {}
+
+
+def test_effects_that_are_off_change_nothing() -> None:
+    chosen = family(MOTOR)
+    times = np.linspace(0.0, 0.5, 26)
+    outputs = []
+    for effects in ({}, superset(chosen)):
+        compiled = compile_system(build_system(chosen, effects))
+        system = compiled.system
+        starts = {f"{e.name}.{s.name}": s.start for e in library(chosen).values() for s in e.states}
+        starts |= {state.name: state.start for state in chosen.states}
+        start = np.array([starts[name] for name in system.state_names])
+        record = Excitation(
+            times, np.array([0.0, 0.2]), np.array([[5.0], [-3.0]]), start, np.array(system.nominal), "off"
+        )
+        outputs.append(simulate(compiled, [record]).require().outputs[0])
+    assert outputs[0] == pytest.approx(outputs[1], rel=1e-4, abs=1e-3)
