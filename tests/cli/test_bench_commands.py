@@ -206,3 +206,20 @@ def test_monitor_for_people_and_for_programs(rigctl: Rigctl) -> None:
     plain = rigctl("monitor", "--for", "1 s", "--speed", "max")
     assert len(plain.stdout.splitlines()) == 11
     assert "oil_temperature 20" in plain.stdout
+
+
+@pytest.mark.parametrize("command", [["run", "still.yaml"], ["off", "--rig", "rig.yaml"]])
+def test_a_rig_without_a_backend_is_not_simulated_unasked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig = "name: motor\nchannels: {speed: {unit: rpm, quantity: other}}\nactuators: {}\nsafe_state: {}\n"
+    (tmp_path / "rig.yaml").write_text(rig, encoding="utf-8")
+    steps = "procedure: still\nrig: rig.yaml\nsteps:\n  - wait: 1 s\n"
+    (tmp_path / "still.yaml").write_text(steps, encoding="utf-8")
+    with pytest.raises(RigctlError, match="does not say how its bench is reached") as refused:
+        CliRunner().invoke(app, command, catch_exceptions=False)
+    assert refused.value.exit_code == 2
+    assert not (tmp_path / "runs").exists()
+    asked = CliRunner().invoke(app, [*command, "--backend", "simulated"])
+    assert asked.exit_code == 0, asked.output

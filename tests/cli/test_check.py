@@ -100,3 +100,33 @@ def test_a_schema_goes_to_a_file(
     assert json.loads(target.read_text(encoding="utf-8"))["title"] == "rigctl rig"
     assert call(monkeypatch, "schema", "procedur") == 2
     assert "did you mean 'procedure'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("rigs/heater-board.yaml", "is a rig: heater board\n  channels: temperature_1 [degC], temperature_2"),
+        ("models/hl32-textbook.yaml", "is a model: hl32-textbook\n  family: hydraulic_cylinder"),
+        ("models/families/water-tank.yaml", "is a family: water_tank"),
+        ("models/effects/piston-leakage-eccentric.yaml", "is an effect: piston_leakage_eccentric"),
+    ],
+)
+def test_check_says_what_a_file_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], file: str, said: str
+) -> None:
+    assert call(monkeypatch, "check", str(ROOT / file)) == 0
+    assert said in capsys.readouterr().out
+    assert call(monkeypatch, "check", str(ROOT / file), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["kind"] in said
+
+
+def test_check_refuses_what_is_none_of_ours_and_what_is_wrong(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "data.csv").write_text("time [s],a\n0,1\n", encoding="utf-8")
+    assert call(monkeypatch, "check", str(tmp_path / "data.csv")) == 2
+    assert "this is no file of rigctl's" in capsys.readouterr().err
+    (tmp_path / "rig.yaml").write_text("name: b\nchannels:\n  a: {unit: rpmm, quantity: other}\n")
+    assert call(monkeypatch, "check", str(tmp_path / "rig.yaml")) == 2
+    assert "rig.yaml:3:13: unit: unknown unit, got 'rpmm'; expected a unit such as" in capsys.readouterr().err
+    assert call(monkeypatch, "check", str(ROOT / "rigs/heater-board.yaml"), "--arg", "a=1") == 2

@@ -116,3 +116,13 @@ def test_doctor_looks_through_the_rig_files(monkeypatch: pytest.MonkeyPatch, tmp
     assert findings["a.yaml"]["fix"].startswith("rigctl calibrate p --rig ")
     assert findings["b.yaml"]["state"] == "broken"
     assert "did you mean 'channels'" in findings["b.yaml"]["detail"]
+
+
+def test_init_minimal_makes_a_project_without_the_shipped_benches(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["init", "--minimal"])
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["README.md", "rigctl.toml"]
+    assert "rigctl family new" in done.output

@@ -28,7 +28,7 @@ TOOLS = "Tools"
 ENTRIES = (
     Entry("demo", "rigctl.cli.demo:demo", START, "The main job on the simulated bench, ending in a page."),
     Entry("init", "rigctl.cli.init:init", START, "Make a working project folder."),
-    Entry("check", "rigctl.cli.check:check", START, "Validate a procedure and print its plan."),
+    Entry("check", "rigctl.cli.check:check", START, "Validate a file; print a procedure's plan."),
     Entry("simulate", "rigctl.cli.simulate:simulate", START, "Carry out a procedure on the simulated bench."),
     Entry("run", "rigctl.cli.run:run", BENCH, "Carry out a procedure on the bench."),
     Entry("resume", "rigctl.cli.resume:resume", BENCH, "Go on with a run at its first incomplete record."),

@@ -1,20 +1,27 @@
-"""`rigctl check`: validate a procedure and print what it would do."""
+"""`rigctl check`: validate a file; of a procedure, print what it would do."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rigctl.cli.family import FamilyOption, check_family_of
+from rigctl.errors import RigctlError
 
 _PIPED_WIDTH = 200
 
 
 def check(
-    procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A procedure, or a rig, model, family or effect file.", show_default=False
+        ),
+    ],
     arg: Annotated[
         list[str] | None,
         typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
@@ -25,12 +32,37 @@ def check(
     everything: Annotated[bool, typer.Option("--all", help="Show every point of every sweep.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Validate a procedure and print its plan: steps, records, sweep sizes, expected duration, limits.
+    """Validate a file, and say what it is. Of a procedure, print its plan: steps, records, duration, limits.
 
     Nothing moves and no bench is needed. Sweeps show their first point; --all shows them whole.
 
     Example: rigctl check procedures/campaign.yaml --arg shuffle=7
+
+    Example: rigctl check rigs/my-bench.yaml
     """
+    from rigctl.cli.check_files import kind_of
+    from rigctl.cli.plans import find_file
+
+    path = find_file(file)
+    kind = kind_of(path)
+    if kind == "procedure":
+        _check_procedure(path, rig, arg or (), everything=everything, as_json=as_json)
+    else:
+        _check_other(kind, path, rig, arg or (), as_json=as_json)
+
+
+def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *, as_json: bool) -> None:
+    from rigctl.cli.check_files import describe, lines
+
+    if rig is not None or arg:
+        raise RigctlError(f"--rig and --arg are for procedures, and this is a {kind} file", value=str(path))
+    document = describe(kind, path)
+    typer.echo(json.dumps(document, indent=1, ensure_ascii=False) if as_json else "\n".join(lines(document)))
+
+
+def _check_procedure(
+    procedure: Path, rig: Path | None, arg: Sequence[str], *, everything: bool, as_json: bool
+) -> None:
     from datetime import UTC, datetime
 
     from rigctl.cli.plans import open_plan
@@ -38,12 +70,13 @@ def check(
     from rigctl.planning.document import as_document
     from rigctl.planning.outline import outline
 
-    plan = open_plan(procedure, rig, arg or ())
+    plan = open_plan(procedure, rig, arg)
     check_family_of(plan.rig)
     seen = preview(plan)
     warnings = seen.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:
-        typer.echo(json.dumps(as_document(seen, warnings), indent=1, ensure_ascii=False))
+        document = {"kind": "procedure", **as_document(seen, warnings)}
+        typer.echo(json.dumps(document, indent=1, ensure_ascii=False))
         return
     from rich.console import Console
 

@@ -42,8 +42,31 @@ _README = """\
 _SHIPPED = {"rigs": "*.yaml", "procedures": "*.yaml", "models": "*.yaml", "data": "*"}
 
 
-def create_project(directory: Path) -> list[Path]:
+_MINIMAL_MARKER = """\
+# Marks the root of a rigctl project: relative paths in its files resolve from this folder.
+
+# where runs are kept
+runs = "runs"
+
+# the rig that 'rigctl off', 'jog' and 'monitor' mean when no --rig is given
+# rig = "rigs/my-bench.yaml"
+"""
+
+_MINIMAL_README = """\
+# A rigctl project
+
+    rigctl family new my-bench --csv log.csv       # a first family, rig and model file from your own data
+    rigctl family new my-bench --template motor    # or from a template
+    rigctl check rigs/my-bench.yaml                # what a file is, and whether anything is wrong with it
+    rigctl import log.csv --rig rigs/my-bench.yaml
+    rigctl compare latest --model models/my-bench.yaml
+"""
+
+
+def create_project(directory: Path, *, minimal: bool = False) -> list[Path]:
     """Write the shipped rigs, procedures, models and data into `directory`; returns the files written.
+
+    A `minimal` project has none of those, only what marks it as one.
 
     Raises
     ------
@@ -53,8 +76,11 @@ def create_project(directory: Path) -> list[Path]:
     from rigctl.files.shipped import shipped
     from rigctl.files.write import write_text
 
-    contents = {directory / "rigctl.toml": _MARKER, directory / "README.md": _README}
-    for kind, files in _SHIPPED.items():
+    contents = {
+        directory / "rigctl.toml": _MINIMAL_MARKER if minimal else _MARKER,
+        directory / "README.md": _MINIMAL_README if minimal else _README,
+    }
+    for kind, files in () if minimal else _SHIPPED.items():
         for source in sorted(shipped(kind).glob(files)):
             contents[directory / kind / source.name] = source.read_text(encoding="utf-8")
     taken = [path for path in contents if path.exists()]
@@ -79,17 +105,24 @@ def init(
     directory: Annotated[
         Path, typer.Argument(help="The folder to make; the current one if none is named.")
     ] = Path(),
+    *,
+    minimal: Annotated[
+        bool, typer.Option("--minimal", help="Without the shipped benches: for your own data and bench.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Make a working project folder: rigs, procedures, models, data, and a README that says what to type.
 
     Example: rigctl init my-bench
+
+    Example: rigctl init --minimal
     """
-    written = create_project(directory)
+    written = create_project(directory, minimal=minimal)
     if as_json:
         typer.echo(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
         return
     for path in written:
         typer.echo(f"  {path}")
     inside = "" if directory == Path() else f"cd {directory} && "
-    typer.echo(f"\nNext: {inside}rigctl check procedures/quick-check.yaml")
+    command = "family new my-bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
+    typer.echo(f"\nNext: {inside}rigctl {command}")

@@ -166,7 +166,7 @@ def launch_of(
     from rigctl.runner.launch import Launch, bench_options, clock_for
     from rigctl.runner.operator import AutomaticOperator
 
-    kind = backend or rig.backend.kind
+    kind = backend or rig.backend_named()
     return Launch(
         runs=find_project().runs,
         operator=AutomaticOperator(),

@@ -58,7 +58,7 @@ def run(
 
     plan = open_plan(procedure, rig, arg or ())
     runs = find_project().runs
-    kind = backend or plan.rig.backend.kind
+    kind = backend or plan.rig.backend_named()
     say_warnings(plan.rig.warnings(datetime.now(UTC).date()))
     how = Launch(
         runs=runs,

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr
 
+from rigctl.errors import Location, RigctlError
 from rigctl.files.amount import AnyAmount
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
@@ -48,7 +49,10 @@ class Rig(Part):
 
     name: str = Field(min_length=1, description="what the bench is called")
     description: str = Field(default="", description="for reports")
-    backend: Backend = Field(default=Backend(), description="how the bench is reached by default")
+    backend: Backend = Field(
+        default=Backend(),
+        description="how the bench is reached when a command does not say it",
+    )
     model: str | None = Field(
         default=None, description="model family, e.g. hydraulic_cylinder, or a family file"
     )
@@ -89,6 +93,24 @@ class Rig(Part):
     def path(self) -> Path | None:
         """The file it was read from."""
         return self._path
+
+    def backend_named(self) -> str:
+        """The kind of backend that the file names: what a command means that is given none.
+
+        Raises
+        ------
+        RigctlError
+            it names none; nothing is simulated, or moved, that nobody asked for.
+        """
+        if "kind" not in self.backend.model_fields_set:
+            raise RigctlError(
+                f"the rig '{self.name}' does not say how its bench is reached",
+                expected="'--backend serial' (emulated, simulated, replay), or 'backend: {kind: serial}' in "
+                "the rig file",
+                where=Location(self.path),
+                hint="Nothing is simulated unasked; 'rigctl simulate' does it",
+            )
+        return self.backend.kind
 
     @property
     def text(self) -> str:
