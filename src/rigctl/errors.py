@@ -8,6 +8,8 @@ from difflib import get_close_matches
 from enum import IntEnum
 from pathlib import Path
 
+from rigctl.printable import printable
+
 
 class ExitCode(IntEnum):
     """What the process tells its caller."""
@@ -100,7 +102,7 @@ class RigctlError(Exception):
             text += f"; did you mean {self.nearest!r}?"
         if self.hint:
             text += f" {self.hint}" if text.endswith("?") else f". {self.hint}"
-        return text
+        return printable(text, keep="\n")
 
 
 class SeveralErrors(RigctlError):

@@ -12,6 +12,7 @@ import typer
 from rigctl.cli.family import FamilyOption, check_family_of
 from rigctl.errors import RigctlError
 
+#: a plan's tree is wide
 _PIPED_WIDTH = 200
 
 
@@ -78,10 +79,8 @@ def _check_procedure(
         document = {"kind": "procedure", **as_document(seen, warnings)}
         typer.echo(json.dumps(document, indent=1, ensure_ascii=False))
         return
-    from rich.console import Console
+    from rigctl.cli.tables import console
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _PIPED_WIDTH
+    out = console(piped_width=_PIPED_WIDTH)
     for part in outline(seen, warnings, everything=everything):
-        console.print(part)
+        out.print(part)

@@ -140,15 +140,14 @@ def doctor(
 
 def _show(findings: list[Finding]) -> None:
     """A line for each finding, and below it what to do where that is not nothing: whole, to be copied."""
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(highlight=False, soft_wrap=True)
+    from rigctl.cli.tables import console
+
+    out = console(soft_wrap=True)
     marks = {"ok": "[green]✓[/]", "optional": "[dim]–[/]", "broken": "[red]✗[/]"}
     width = max(len(finding.subject) for finding in findings)
     for finding in findings:
-        console.print(
-            f"{marks[finding.state]} {escape(finding.subject.ljust(width))}  {escape(finding.detail)}"
-        )
+        out.print(f"{marks[finding.state]} {escape(finding.subject.ljust(width))}  {escape(finding.detail)}")
         if finding.fix:
-            console.print(f"{' ' * (width + 4)}[bold]{escape(finding.fix)}[/]")
+            out.print(f"{' ' * (width + 4)}[bold]{escape(finding.fix)}[/]")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime, timedelta
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.errors import ExitCode
+from rigctl.printable import printable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -278,17 +278,17 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     for place, column in enumerate(columns):
-        table.add_column(Text(column), overflow="fold", no_wrap=place == 0)
+        table.add_column(Text(printable(column)), overflow="fold", no_wrap=place == 0)
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(printable(cell, keep="\n")) for cell in row))
     return table
 
 
 def _print_table(table: Table) -> None:
-    from rich.console import Console
+    from rigctl.cli.tables import console
 
     # a pipe has no width: nothing is folded there
-    Console(width=None if sys.stdout.isatty() else 4096).print(table)
+    console(piped_width=4096).print(table)
 
 
 def _print_json(document: Mapping[str, Any]) -> None:

@@ -9,8 +9,10 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from rigctl.files.write import to_json
+from rigctl.printable import printable
 
 _PIPED_WIDTH = 160
 
@@ -20,11 +22,19 @@ def print_json(document: Mapping[str, Any]) -> None:
     typer.echo(to_json(document))
 
 
-def console() -> Console:
-    """A console that does not wrap tables when it is piped."""
-    made = Console(highlight=False)
+class PrintableConsole(Console):
+    """A console to which texts of files and devices can do nothing but be read."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """A text, which may have markup, without what controls a terminal."""
+        return super().render_str(printable(text, keep="\n\t"), **options)
+
+
+def console(*, piped_width: int = _PIPED_WIDTH, **options: Any) -> Console:
+    """A console that does not wrap tables when it is piped; `options` as of `rich.console.Console`."""
+    made = PrintableConsole(highlight=False, **options)
     if not made.is_terminal:
-        made.width = _PIPED_WIDTH
+        made.width = piped_width
     return made
 
 

@@ -23,15 +23,16 @@ def telling(stopped: str = "") -> Iterator[Callable[[str], None]]:
     RigctlError
         Ctrl-C.
     """
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(stderr=True, highlight=False)
+    from rigctl.cli.tables import console
+
+    out = console(stderr=True)
     try:
-        if not console.is_terminal:
-            yield lambda text: console.print(escape(text), soft_wrap=True)
+        if not out.is_terminal:
+            yield lambda text: out.print(escape(text), soft_wrap=True)
             return
-        with console.status("Beginning") as status:
+        with out.status("Beginning") as status:
             yield lambda text: status.update(escape(text))
     except KeyboardInterrupt:
         said = f"Stopped; {stopped}" if stopped else "Stopped"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self, TextIO
 from rigctl.backends.protocol import Sample
 from rigctl.live.plain import stamp
 from rigctl.live.readings import Readings, readings_table
-from rigctl.planning.outline import printable
+from rigctl.printable import printable
 from rigctl.rig import Rig
 from rigctl.runner.interlocks import Alarm
 

@@ -7,7 +7,8 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from rigctl.live.steps import PlanPlaces
-from rigctl.planning.outline import clock_time, printable
+from rigctl.planning.outline import clock_time
+from rigctl.printable import printable
 from rigctl.procedure.plan import Plan
 from rigctl.runner.view import Happening, View
 

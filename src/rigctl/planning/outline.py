@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rigctl.planning.forecasts import Basis
 from rigctl.planning.limits import LimitUse
 from rigctl.planning.preview import Preview, PreviewNode
+from rigctl.printable import printable
 from rigctl.procedure.plan import GroupKind
 from rigctl.units import show
 
@@ -77,13 +78,6 @@ def clock_time(seconds: float) -> str:
         return f"{round(seconds / 60.0)} min"
     hours, minutes = divmod(round(seconds / 60.0), 60)
     return f"{hours} h {minutes} min" if minutes else f"{hours} h"
-
-
-def printable(text: str) -> str:
-    """A user's text without anything that a terminal would obey."""
-    return "".join(
-        character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text
-    )
 
 
 def _line(start: str, style: str, rest: str = "") -> Text:

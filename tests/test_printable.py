@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import unicodedata
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.cli.tables import PrintableConsole
+from rigctl.errors import Location, RigctlError
+from rigctl.printable import printable
+
+
+@given(st.text())
+def test_nothing_is_left_that_a_terminal_obeys(text: str) -> None:
+    shown = printable(text)
+    assert len(shown) == len(text)
+    assert not any(unicodedata.category(character)[0] == "C" for character in shown)
+
+
+@pytest.mark.parametrize("text", ["p = 3 bar", "20 °C", "1\u202f000 rows", "öäü 圧力", "±"])
+def test_what_people_write_stays(text: str) -> None:
+    assert printable(text) == text
+
+
+def test_an_error_quotes_no_escape_sequence() -> None:
+    error = RigctlError("unknown \x1b]0;title\x07name", value="\x1b[2J", where=Location(), hint="\u202etxt")
+    assert "\x1b" not in str(error)
+    assert "\u202e" not in str(error)
+
+
+def test_a_table_shows_no_escape_sequence_of_a_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    from rich.table import Table
+
+    table = Table("rig\x1b[31m")
+    table.add_row("bench\x1b[2J\x9b1m")
+    PrintableConsole(width=60).print(table, "note \x1b]52;c;aGk=\x07")
+    shown = capsys.readouterr().out
+    assert "bench" in shown
+    assert not any(sign in shown for sign in ("\x1b", "\x9b", "\x07"))
