@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from rigctl.dataset.importing import Imported
+    from rigctl.dataset.importing.options import Options
 
 #: so many bad rows are told one by one
 _TOLD = 20
@@ -18,8 +20,13 @@ _RIG = re.compile(r"^rig:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
 
 
 def import_(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="CSV, Parquet, TDMS, MDF4 or MAT.", show_default=False)
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="CSV, XLSX, Parquet, TDMS, MDF4 or MAT; several are one run.",
+            show_default=False,
+        ),
     ],
     *,
     rig: Annotated[
@@ -33,6 +40,40 @@ def import_(
             help="What a column is, where its name differs; repeatable. THEIRS=- leaves it out.",
         ),
     ] = None,
+    assume: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="An input that was not recorded and stayed at a value, e.g. 'ambient=21 degC'; repeatable.",
+        ),
+    ] = None,
+    missing: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MARK", help="A further mark of missing values, e.g. -9999; repeatable."),
+    ] = None,
+    dates: Annotated[
+        str | None,
+        typer.Option(metavar="ORDER", help="day-first, month-first or iso, where 03/04/2026 leaves it open."),
+    ] = None,
+    zone: Annotated[
+        str | None,
+        typer.Option(metavar="ZONE", help="Time zone of times that name none, e.g. Europe/Berlin; else UTC."),
+    ] = None,
+    encoding: Annotated[
+        str | None, typer.Option(help="Of a text file, e.g. cp1252; found out when left out.")
+    ] = None,
+    delimiter: Annotated[
+        str | None, typer.Option(metavar="SIGN", help="Between the cells; found out when left out.")
+    ] = None,
+    decimal: Annotated[
+        str | None, typer.Option(metavar="SIGN", help="'.' or ','; found out when left out.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="How files of this logger are read, as saved before.")
+    ] = None,
+    save_mapping: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep all of the above for the next file.")
+    ] = None,
     keep_good: Annotated[
         bool, typer.Option("--keep-good", help="Leave bad rows out instead of refusing the file.")
     ] = False,
@@ -41,40 +82,77 @@ def import_(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Bring in a file of samples as a run, and print the run's id.
+    """Bring in files of samples as a run, and print the run's id.
 
     The heading names each column with its unit: time [s], record, valve [1], oil_temperature [degC],
     supply_pressure [bar], pressure_setpoint [bar], position [mm], and what else the rig has. A table without
-    time holds observations, one in each row. All of the file is imported or nothing. The end of the name says
+    time holds observations, one in each row. All of a file is imported or nothing. The end of the name says
     what the file is: .csv (also .csv.gz), .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
 
     Example: rigctl import strokes.csv --rig rigs/hl32-bench.yaml
 
     Example: rigctl import log.csv --rig rigs/hl32-bench.yaml --columns "Druck=supply_pressure [bar]"
+
+    Example: rigctl import mon.csv tue.csv --rig rigs/heater-board.yaml --mapping lab.yaml --assume heater_2=0
     """
     from rigctl.cli.plans import find_file
-    from rigctl.dataset.importing import import_file
+    from rigctl.dataset.importing import import_files
+    from rigctl.dataset.importing.mapping import save_mapping as save
     from rigctl.files.write import to_json
     from rigctl.project import find_project
     from rigctl.rig import load_rig
 
-    done = import_file(
-        find_file(file),
-        load_rig(find_file(rig)) if rig is not None else None,
-        find_project().runs,
-        columns=columns or (),
-        keep_good=keep_good,
-        name=name,
+    options = _options(
+        columns=columns,
+        assume=assume,
+        missing=missing,
+        choices={
+            "dates": dates,
+            "zone": zone,
+            "encoding": encoding,
+            "delimiter": delimiter,
+            "decimal": decimal,
+        },
+        mapping=mapping,
     )
+    paths = [find_file(file) for file in files]
+    bench = load_rig(find_file(rig)) if rig is not None else None
+    done = import_files(paths, bench, find_project().runs, options, keep_good=keep_good, name=name)
+    if save_mapping is not None:
+        save(save_mapping, options)
     if not as_json:
         typer.echo(done.run)
-    _tell(done, file)
+    _tell(done, paths[0])
     if as_json:
         counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
         document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
         typer.echo(to_json(document))
     else:
         _lead_on(rig)
+
+
+def _options(
+    *,
+    columns: list[str] | None,
+    assume: list[str] | None,
+    missing: list[str] | None,
+    choices: Mapping[str, str | None],
+    mapping: Path | None,
+) -> Options:
+    """What the command line and a saved mapping say of a file; the command line goes first."""
+    from rigctl.cli.plans import find_file
+    from rigctl.dataset.importing.assume import read_assumptions
+    from rigctl.dataset.importing.columns import read_mapping
+    from rigctl.dataset.importing.mapping import load_mapping
+    from rigctl.dataset.importing.options import Options, checked_choices
+
+    said = Options(
+        columns=read_mapping(columns or ()),
+        assume=read_assumptions(assume or ()),
+        missing=tuple(missing or ()),
+        **checked_choices(choices),
+    )
+    return said.over(load_mapping(find_file(mapping))) if mapping is not None else said
 
 
 def _lead_on(rig: Path | None) -> None:

@@ -61,11 +61,15 @@ def run_folders(runs: Path) -> list[Path]:
 
 
 def _started(folder: Path) -> str:
-    """When a run began, to the microsecond; nothing where it cannot be read."""
+    """When a run was made, to the microsecond; nothing where it cannot be read.
+
+    The data of an import may have begun years before.
+    """
     try:
-        return str(read_info(folder).get("started", ""))
+        info = read_info(folder)
     except RigctlError:
         return ""
+    return str(info.get("backend", {}).get("imported") or info.get("started", ""))
 
 
 def _is_run(folder: Path) -> bool:

@@ -54,6 +54,7 @@ class RunHeader:
     arguments: what the procedure was called with.
     calibrations: by channel, as in the rig file.
     source: ``bench`` for a run that was carried out, ``import`` for data that was brought in.
+    assumed: SI values of inputs that were not recorded and are known to have stayed there, by name.
     """
 
     id: str
@@ -70,6 +71,7 @@ class RunHeader:
     arguments: Mapping[str, str] = field(default_factory=dict)
     calibrations: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     source: str = "bench"
+    assumed: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:
@@ -97,6 +99,7 @@ class RunHeader:
             "started": self.started.isoformat(),
             "plan_digest": self.plan_digest,
             "arguments": dict(self.arguments),
+            **({"assumed": dict(self.assumed)} if self.assumed else {}),
         }
 
     @classmethod

@@ -234,7 +234,7 @@ def test_keep_good_leaves_them_out_and_says_so_in_the_run(importer: Importer) ->
 
 
 def test_many_bad_rows_are_counted(importer: Importer) -> None:
-    problem = importer.refusal("time [s],position [mm]\n" + "x,1\n" * 100)
+    problem = importer.refusal("time [s],position [mm]\n" + "1,x\n" * 100)
     assert isinstance(problem, SeveralErrors)
     assert len(problem.errors) == 21
     assert problem.errors[-1].what == "nothing was imported: 100 bad rows, 80 of them not listed"
@@ -246,7 +246,6 @@ def test_many_bad_rows_are_counted(importer: Importer) -> None:
         ("", "the file has no heading"),
         ("# nothing\n\n", "the file has no heading"),
         ("time [s],position [mm]\n", "there is nothing to import"),
-        (b"time [s],position [mm]\n0,\xff\n", "the file is not UTF-8 text"),
     ],
 )
 def test_a_file_without_numbers_is_told(importer: Importer, text: str | bytes, what: str) -> None:

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rigctl.dataset import open_run
-from rigctl.dataset.importing import csv_file, import_file, samples
+from rigctl.dataset.importing import import_file, samples, text
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 
@@ -96,7 +96,7 @@ def test_a_text_column_that_is_left_out_does_not_matter(tmp_path: Path, cylinder
 def test_the_result_does_not_depend_on_how_the_file_is_divided(
     tmp_path: Path, cylinder: Rig, monkeypatch: pytest.MonkeyPatch, piece: int, short: int
 ) -> None:
-    monkeypatch.setattr(csv_file, "_PIECE", piece)
+    monkeypatch.setattr(text, "PIECE", piece)
     monkeypatch.setattr(samples, "_SHORT", short)
     rows = ["time [s],record,valve [1],oil_temperature [degC],position [mm]"]
     for record in ("a", "-1", "b"):
@@ -130,7 +130,7 @@ def test_what_is_worth_knowing_is_said_and_kept(tmp_path: Path, board: Rig) -> N
     rows += [f"{t if t < 15 else t + 4},50,23,{'' if t == 3 else 20 + t}" for t in range(20)]
     done = import_file(write(tmp_path, "\n".join(rows)), board, tmp_path / "runs")
     assert done.notes == (
-        "not in the file: heater_2; a model that needs it cannot be compared with this run",
+        "not in the file: heater_2; if it stayed at one value, say so: --assume heater_2=VALUE",
         "temperature_1: the same value, 23 degC, in all 20 samples; is the sensor connected?",
         "temperature_2: 1 of 20 values are missing (5 %); they stay missing",
         "gaps in time in 1 of 1 records; the longest: 5 s from 14 s on in record 0",

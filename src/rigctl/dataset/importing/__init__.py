@@ -1,5 +1,7 @@
 """Data that was measured elsewhere, brought in as a run."""
 
-from rigctl.dataset.importing.bring_in import Imported, import_file
+from rigctl.dataset.importing.bring_in import Imported, import_file, import_files
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.read_table import Table, TableColumn, read_table
 
-__all__ = ["Imported", "import_file"]
+__all__ = ["Imported", "Options", "Table", "TableColumn", "import_file", "import_files", "read_table"]

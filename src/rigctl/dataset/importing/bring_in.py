@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
+from rigctl.dataset.importing.assume import assumed_values
+from rigctl.dataset.importing.campaign import Campaign, open_files
 from rigctl.dataset.importing.columns import assign, read_mapping
-from rigctl.dataset.importing.formats import open_source, stem_of
+from rigctl.dataset.importing.formats import stem_of
 from rigctl.dataset.importing.notes import notes
 from rigctl.dataset.importing.observations import Observations, take_observations
+from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import Samples, take_samples
 from rigctl.dataset.importing.staging import publish, staged
-from rigctl.dataset.importing.survey import KEPT_FAULTS, Survey
-from rigctl.dataset.importing.table import Fault, refuse
+from rigctl.dataset.importing.survey import Survey
+from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
+from rigctl.dataset.importing.times import instant
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.writer import RunWriter
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
-    from rigctl.rig import Layout, Rig
+    from rigctl.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,7 @@ def import_file(
     runs: Path,
     *,
     columns: Iterable[str] = (),
+    options: Options | None = None,
     keep_good: bool = False,
     name: str | None = None,
     operator: str = "",
@@ -62,6 +67,7 @@ def import_file(
     rig: the bench it was measured on: its channels, actuators and calibrations. Observations need none.
     runs: the folder that holds the runs.
     columns: ``theirs=ours`` for columns that are called otherwise in the file.
+    options: how the file is to be read where it does not say so itself; `columns` go before its own.
     keep_good: leave bad rows out instead of refusing the file.
     name: of the records; when left out, what the file calls them, else the file's name.
 
@@ -70,31 +76,66 @@ def import_file(
     RigctlError
         the file cannot be read, a column is unknown, or a row is bad; nothing was imported.
     """
-    before = _state(path)
-    taken = _take(path, rig, columns)
+    said = options or Options()
+    said = replace(said, columns={**said.columns, **read_mapping(columns)})
+    return import_files([path], rig, runs, said, keep_good=keep_good, name=name, operator=operator)
+
+
+def import_files(
+    paths: Sequence[Path],
+    rig: Rig | None,
+    runs: Path,
+    options: Options,
+    *,
+    keep_good: bool = False,
+    name: str | None = None,
+    operator: str = "",
+) -> Imported:
+    """Bring in files as one new run, as `import_file` does one; each is a record unless it has several.
+
+    Raises
+    ------
+    RigctlError
+        a file cannot be read, a column is unknown, or a row is bad; nothing was imported.
+    """
+    before = [_state(path) for path in paths]
+    taken = take(paths, rig, options, keep_good=keep_good)
     found = taken.found
     if found.bad_rows and not keep_good:
-        raise refuse(path, found.faults, found.bad_rows)
+        raise refuse(paths[0], found.faults, found.bad_rows)
     if not taken.rows:
-        raise RigctlError("there is nothing to import", expected="rows of values", where=Location(path))
-    said = taken.source.remarks
-    if isinstance(taken, Samples) and rig is not None:
-        said += tuple(notes(found, taken.layout, rig))
+        raise RigctlError("there is nothing to import", expected="rows of values", where=Location(paths[0]))
+    said = remarks_of(taken, rig, options)
+    header = _header(paths, rig, taken, runs, operator, options)
     with staged(runs) as hidden:
-        writer = RunWriter.create(hidden, _header(path, rig, taken.layout, runs, operator))
+        writer = RunWriter.create(hidden, header)
         try:
-            _say(writer, said, found, path)
-            records = taken.write(writer, name, stem_of(path))
+            _say(writer, said, found, paths[0])
+            records = taken.write(writer, name, stem_of(paths[0]))
             whole = writer.close("finished")
-            if _state(path) != before:
-                raise _changed(path)
+            _check_unchanged(paths, before)
             folder = publish(whole, runs)
         except BaseException as problem:
             writer.discard()
-            if isinstance(problem, Exception) and _state(path) != before:
-                raise _changed(path) from problem
+            if isinstance(problem, Exception):
+                _check_unchanged(paths, before, problem)
             raise
     return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
+
+
+def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options) -> tuple[str, ...]:
+    """What is worth knowing of the data, one sentence each."""
+    said = taken.source.remarks
+    if isinstance(taken, Samples) and rig is not None:
+        assumed = assumed_values(options.assume, rig, taken.layout.columns)
+        said += tuple(notes(taken.found, taken.layout, rig, assumed))
+    return said
+
+
+def _check_unchanged(paths: Sequence[Path], before: Sequence[object], cause: Exception | None = None) -> None:
+    for path, state in zip(paths, before, strict=True):
+        if _state(path) != state:
+            raise _changed(path) from cause
 
 
 def _state(path: Path) -> tuple[int, int] | None:
@@ -125,39 +166,71 @@ def _say(writer: RunWriter, notes: Iterable[str], found: Survey, path: Path) -> 
         writer.event(0.0, "gap", message=f"{path.name}: {more} more rows were left out")
 
 
-def _take(path: Path, rig: Rig | None, columns: Iterable[str]) -> Samples | Observations:
-    """Go through the file once: what its columns are, and what is in it."""
-    mapping = read_mapping(columns)
-    source = open_source(path, mapping)
-    named = (mapping.get(heading.name, heading.name) for heading in source.headings)
-    samples = any(name.partition("[")[0].strip() == "time" for name in named)
+def take(
+    paths: Sequence[Path], rig: Rig | None, options: Options, *, keep_good: bool
+) -> Samples | Observations:
+    """Go through the files once: what their columns are, and what is in them.
+
+    Raises
+    ------
+    RigctlError
+        a file cannot be read, or a column is unknown.
+    """
+    source = open_files(paths, options)
+    samples = any(options.ours(heading.name) == "time" for heading in source.headings)
     if samples and rig is None:
         raise RigctlError(
             "samples belong to a rig",
             expected="the rig file of the bench they were measured on: --rig FILE",
-            where=Location(path),
+            where=Location(paths[0]),
         )
-    assigned = assign(source.headings, rig, mapping)
+    merged = source.merged if isinstance(source, Campaign) else frozenset()
+    assigned = assign(source.headings, rig, replace(options, may_lack=options.may_lack | merged))
     if rig is None or not samples:
+        if options.split or options.resample:
+            raise RigctlError(
+                "a table without time has no samples to split or to resample",
+                expected="a column 'time', or one that is mapped to it: --columns 'NAME=time [s]'",
+                where=Location(paths[0]),
+            )
         return take_observations(source, assigned)
-    return take_samples(source, assigned, rig)
+    return take_samples(source, assigned, rig, options, keep_good=keep_good)
 
 
-def _header(path: Path, rig: Rig | None, layout: Layout, runs: Path, operator: str) -> RunHeader:
+def _header(
+    paths: Sequence[Path],
+    rig: Rig | None,
+    taken: Samples | Observations,
+    runs: Path,
+    operator: str,
+    options: Options,
+) -> RunHeader:
     now = datetime.now(UTC)
     calibrations = calibrations_of(rig) if rig is not None else {}
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    layout, origin = taken.layout, taken.source.origin
+    names = [path.name for path in paths]
+    title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     return RunHeader(
-        id=new_run_id(stem_of(path), now, runs),
-        procedure=Source(f"import of {path.name}"),
+        id=new_run_id(stem_of(paths[0]), now, runs),
+        procedure=Source(f"import of {title}"),
         rig=source_of_rig(rig) if rig is not None else Source(""),
         layout=layout,
-        started=now,
-        backend={"kind": "import", "file": path.name, "sha256": digest},
+        started=now if origin is None else instant(origin, options.zone),
+        backend={
+            "kind": "import",
+            "file": ", ".join(names),
+            "sha256": ", ".join(_digest(path) for path in paths),
+            "imported": now.isoformat(),
+        },
         operator=operator,
         clock="recorded",
         versions=current_versions(),
         calibrations={name: calibrations[name] for name in layout.channels if name in calibrations},
         source="import",
+        assumed=assumed_values(options.assume, rig, layout.columns),
     )
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

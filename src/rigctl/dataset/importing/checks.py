@@ -11,7 +11,7 @@ import numpy as np
 
 from rigctl.dataset.importing.columns import Assigned
 from rigctl.dataset.importing.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
-from rigctl.dataset.importing.table import Fault, Part
+from rigctl.dataset.importing.table import KEPT_FAULTS, NO_NUMBER, Fault, Part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,11 +38,15 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Checked:
-    """The rows of a part that can be taken in, SI, shape (n, ``layout.columns``), and why others cannot."""
+    """The rows of a part that can be taken in, SI, shape (n, ``layout.columns``), and why others cannot.
+
+    `faults` are the first of the `bad_rows`.
+    """
 
     block: NDArray[np.float64]
     stretches: tuple[Stretch, ...]
     faults: tuple[Fault, ...]
+    bad_rows: int = 0
 
 
 class Checker:
@@ -52,9 +56,11 @@ class Checker:
     ----------
     assigned: what the columns of the file are.
     layout: the columns of the run.
+    missing: numbers that mean that there is no value, as the file has them.
     """
 
-    def __init__(self, assigned: Sequence[Assigned], layout: Layout) -> None:
+    def __init__(self, assigned: Sequence[Assigned], layout: Layout, missing: Sequence[float] = ()) -> None:
+        self._missing = np.array([*NO_NUMBER, *missing])
         self._columns = [column for column in assigned if column.kind != "record"]
         self._layout = layout
         self.book = LabelBook()
@@ -66,7 +72,7 @@ class Checker:
 
     def take(self, part: Part) -> Checked:
         """Check the next rows of the file."""
-        values = {column.name: to_si(column, part.columns[column.place]) for column in self._columns}
+        values = {column.name: self._values(column, part) for column in self._columns}
         bad = _Bad(part)
         self._check_values(values, bad)
         ids = self._ids(part, bad)
@@ -79,7 +85,19 @@ class Checker:
             kept = np.concatenate([[0], np.cumsum(good)]).tolist()
             ordered = [(label, kept[start], kept[stop]) for label, start, stop in ordered]
         stretches = tuple(self._stretch(label, start, stop) for label, start, stop in ordered if stop > start)
-        return Checked(block, stretches, tuple(sorted((*part.faults, *bad.faults()), key=lambda f: f.line)))
+        faults = tuple(sorted((*part.faults, *bad.faults()), key=lambda fault: fault.line))
+        return Checked(block, stretches, faults, len(part.faults) + part.more_faults + bad.count)
+
+    def _values(self, column: Assigned, part: Part) -> NDArray[np.float64]:
+        """A column in SI, without the numbers by which a program says that it has none."""
+        written = part.columns[column.place]
+        if column.kind != "time" and len(written):
+            extreme = np.nanmax(np.abs(written), initial=0.0)
+            if extreme >= np.abs(self._missing).min():
+                marked = np.isin(written, self._missing)
+                if marked.any():
+                    written = np.where(marked, np.nan, written)
+        return to_si(column, written)
 
     def _stretch(self, label: int, start: int, stop: int) -> Stretch:
         """Rows that are taken in, and the record that they begin or go on with."""
@@ -142,8 +160,8 @@ class Checker:
             bad.add(
                 here[back],
                 "time: it does not go on inside a record",
-                [f"{value:.9g} s" for value in time[here[back]].tolist()],
-                [f"more than {value:.9g} s, or a new record" for value in times[back].tolist()],
+                [f"{value:.9g} s" for value in time[here[back[:KEPT_FAULTS]]].tolist()],
+                [f"more than {value:.9g} s, or a new record" for value in times[back[:KEPT_FAULTS]].tolist()],
             )
             self._latest = float(times[-1])
             found.append((label, int(here[0]), int(here[-1]) + 1))
@@ -161,6 +179,7 @@ class _Bad:
     def __init__(self, part: Part) -> None:
         self._part = part
         self._found: dict[int, Fault] = {}
+        self.count = 0  #: of rows with something wrong
         self.others = np.ones(len(part.lines), dtype=bool)  #: rows that nothing is wrong with
 
     def add(
@@ -170,11 +189,16 @@ class _Bad:
         values: Iterable[str | None] = repeat(None),
         expected: Iterable[str | None] = repeat(None),
     ) -> None:
-        """Say what is wrong with some rows; for each of them what stands there and what was expected."""
+        """Say what is wrong with some rows, each of them once; what stands there and what was expected."""
+        self.count += int(self.others[rows].sum())
         for row, value, wanted in zip(rows.tolist(), values, expected, strict=False):
+            if len(self._found) >= KEPT_FAULTS:
+                break
             if row not in self._found:
                 line = int(self._part.lines[row])
-                self._found[row] = Fault(line, what, value, wanted, group=self._part.group)
+                self._found[row] = Fault(
+                    line, what, value, wanted, group=self._part.group, path=self._part.path
+                )
         self.others[rows] = False
 
     def faults(self) -> Iterator[Fault]:

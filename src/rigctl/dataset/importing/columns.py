@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
+from rigctl.dataset.importing.headings import folded, split_heading
+from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import RigctlError, nearest_name, unknown_name
 from rigctl.rig.layout import Layout
@@ -29,6 +31,11 @@ _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
     "pressure_b": ("channel", "Pa"),
     "position": ("channel", "m"),
 }
+_UNKNOWN: Final = "unknown column"
+#: what times are called by other programs; only ever suggested
+_TIMES: Final = frozenset(
+    ("t", "timestamp", "time_stamp", "datetime", "date_time", "zeit", "uhrzeit", "zeitstempel", "datum_zeit")
+)
 #: as the name of ours: the column is left out
 LEAVE_OUT: Final = "-"
 
@@ -65,7 +72,7 @@ def read_mapping(texts: Iterable[str]) -> dict[str, str]:
         there is no equals sign, or one of theirs is named twice.
     """
     mapping: dict[str, str] = {}
-    for pair in (part for text in texts for part in text.split(",") if part.strip()):
+    for pair in (pair for text in texts for pair in _pairs(text)):
         theirs, equals, ours = (part.strip() for part in pair.partition("="))
         if not (theirs and equals and ours):
             raise RigctlError(
@@ -73,13 +80,26 @@ def read_mapping(texts: Iterable[str]) -> dict[str, str]:
                 value=pair,
                 expected="theirs=ours, e.g. 'Druck=supply_pressure [bar]'",
             )
-        if theirs in mapping:
+        name = split_heading(theirs)[0] or theirs  # 'Druck (bar)', as the file has it
+        if name in mapping:
             raise RigctlError("--columns: the column is named twice", value=theirs)
-        mapping[theirs] = ours
+        mapping[name] = ours
     return mapping
 
 
-def assign(headings: Sequence[Heading], rig: Rig | None, mapping: Mapping[str, str]) -> list[Assigned]:
+def _pairs(text: str) -> Iterator[str]:
+    """The pairs of a text; a comma may be part of a column's name."""
+    waiting: list[str] = []
+    for piece in text.split(","):
+        waiting.append(piece)
+        if "=" in piece:
+            yield ",".join(waiting)
+            waiting = []
+    if any(piece.strip() for piece in waiting):
+        yield ",".join(waiting)
+
+
+def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> list[Assigned]:
     """Say what each column is; one that is mapped to ``-`` is left out.
 
     Without a rig, only the names that mean the same on every bench are known. A table with ``time`` holds
@@ -90,15 +110,15 @@ def assign(headings: Sequence[Heading], rig: Rig | None, mapping: Mapping[str, s
     RigctlError
         a name is unknown or used twice, or a unit is missing or has another dimension.
     """
-    renamed = [_rename(heading, mapping) for heading in headings]
-    for theirs in mapping:
-        if theirs not in {heading.name for heading in headings}:
-            raise unknown_name("column", theirs, (heading.name for heading in headings))
+    renamed = [_rename(heading, rig, options) for heading in headings]
+    for theirs in options.columns:
+        if theirs not in options.may_lack and theirs not in {heading.name for heading in headings}:
+            raise unknown_name("column", theirs, (heading.name for heading in headings if heading.name))
     samples = any(heading.name == "time" for heading in renamed)
     found: dict[str, Assigned] = {}
     unknown: list[UnknownColumn] = []
     for place, heading in enumerate(renamed):
-        if heading.name == LEAVE_OUT:
+        if heading.spent or heading.name in ("", LEAVE_OUT):
             continue
         try:
             column = _assign(place, heading, rig, samples=samples)
@@ -109,6 +129,7 @@ def assign(headings: Sequence[Heading], rig: Rig | None, mapping: Mapping[str, s
             raise RigctlError("the column is there twice", value=heading.name, where=heading.where)
         found[column.name] = column
     if unknown:
+        _suggest(unknown, rig, found)
         raise unknown[0] if len(unknown) == 1 else _several_unknown(unknown, rig, samples=samples)
     return list(found.values())
 
@@ -116,29 +137,92 @@ def assign(headings: Sequence[Heading], rig: Rig | None, mapping: Mapping[str, s
 class UnknownColumn(RigctlError):
     """The name of a column says nothing, or not enough."""
 
+    unit: str | None = None  #: that the file gives it
+
+
+def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[str, Assigned]) -> None:
+    """Name for each unknown column the one that it most likely is; none where that would be a guess.
+
+    Likely is a name that is spelt alike, or the only one of the bench that the file does not have yet and
+    that has the column's dimension.
+    """
+    free = [name for name in _names(rig) if name not in found]
+    for error in errors:
+        name, unit = error.value or "", error.unit
+        if error.what != _UNKNOWN:
+            error.nearest = "time" if folded(name) in _TIMES and "time" not in found else None
+            continue
+        fitting = [known for known in free if unit is None or _fits(known, unit, rig)]
+        near = "time" if folded(name) in _TIMES and "time" in free else None
+        if near is None and rig is not None:  # without a rig, any name would be a guess
+            near = nearest_name(name, fitting)
+        if near is None and unit is not None and rig is not None:
+            rivals = [other for other in errors if other.unit and _alike(other.unit, unit)]
+            near = fitting[0] if len(fitting) == len(rivals) == 1 else None
+        if near in free:
+            free.remove(near)
+        error.nearest = near
+        error.expected = None if near or not free else f"one of {', '.join(sorted(free))}"
+        means = (
+            f"Map it, --columns '{name}={_with_unit(near, unit, rig)}'"
+            if near
+            else f"Say what it is, --columns '{name}=OURS'"
+        )
+        error.hint = f"{means}, or leave it out, --columns '{name}={LEAVE_OUT}'"
+
+
+def _with_unit(name: str, unit: str | None, rig: Rig | None) -> str:
+    """A name as it has to be given to a column whose file says no unit."""
+    usual = {"time": "s"}.get(name)
+    if rig is not None and name in (*rig.channels, *rig.actuators):
+        usual = rig.channels[name].unit if name in rig.channels else rig.actuators[name].display_unit
+    return name if unit or usual in (None, "1") else f"{name} [{usual}]"
+
+
+def _fits(name: str, unit: str, rig: Rig | None) -> bool:
+    """Whether a column of a unit can be what is called like this on the bench."""
+    if rig is not None and name in rig.channels:
+        return _alike(rig.channels[name].unit, unit)
+    if rig is not None and name in rig.actuators:
+        return _alike(rig.actuators[name].display_unit, unit)
+    if name == "time":
+        return _alike("s", unit)
+    return name in _COMMON and _alike(_COMMON[name][1], unit)
+
+
+def _alike(one: str, other: str) -> bool:
+    try:
+        dimension = parse_unit(one).dimension
+        return not dimension.dimensionless and dimension == parse_unit(other).dimension
+    except RigctlError:
+        return False
+
 
 def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, samples: bool) -> RigctlError:
     """A file of another program: what its columns are called, and how to say what they are."""
-    first, second = errors[0].value, errors[1].value
     said = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors]
-    example = errors[0].nearest or "position [mm]" if samples else "time [s]"
+    near = [_with_unit(one.nearest, one.unit, rig) if one.nearest else LEAVE_OUT for one in errors[:4]]
+    if not samples and not any(name.startswith("time") for name in near):
+        near[0] = "time [s]"
+    pairs = [f"{one.value}={ours}" for one, ours in zip(errors, near, strict=False)]
+    listed = ",".join(pairs) + (",…" if len(errors) > 4 else "")
     return RigctlError(
         f"{len(errors)} columns are unknown: {', '.join(said)}",
         expected=f"some of {', '.join(sorted(_names(rig)))}",
-        hint=f"Say what each of them is: --columns '{first}={example},{second}={LEAVE_OUT}', "
-        f"where '{LEAVE_OUT}' leaves one out",
+        hint=f"Say what each of them is: --columns '{listed}', where '{LEAVE_OUT}' leaves one out",
         where=errors[0].where,
     )
 
 
-def _rename(heading: Heading, mapping: Mapping[str, str]) -> Heading:
+def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
     """The heading under our name, with our unit where one is given."""
-    ours = mapping.get(heading.name)
-    if ours is None:
+    if not heading.name:
         return heading
-    name, bracket, unit = ours.partition("[")
-    given = unit.partition("]")[0].strip() if bracket else heading.unit
-    return Heading(name.strip(), given, heading.where)
+    given = None if heading.seconds else options.unit_of(heading.name)
+    name = options.ours(heading.name)
+    if heading.name not in options.columns:
+        name = next((known for known in _names(rig) if folded(known) == folded(name)), name)
+    return replace(heading, name=name, unit=given or heading.unit)
 
 
 def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
@@ -153,7 +237,7 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
         return Assigned(name, "time", place, heading, _unit(heading, "s"), "s")
     if name == "record":
         return Assigned(name, "record", place, heading)
-    name = _on_rig(name, rig) if rig is not None else name
+    name = on_rig(name, rig) if rig is not None else name
     if rig is not None and name in rig.channels:
         channel = rig.channels[name]
         unit = _unit(heading, channel.unit)
@@ -170,7 +254,7 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
         positions = frozenset((-1.0, 0.0, 1.0)) if name == "valve" else None
         return Assigned(name, kind, place, heading, unit, unit.text or "1", positions)
     if samples:
-        raise _unknown(heading, rig)
+        raise _unknown(heading)
     if heading.unit is None:
         raise UnknownColumn(
             f"{name}: no unit, in a table without a column 'time'",
@@ -182,7 +266,7 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
     return Assigned(name, "other", place, heading, parse_unit(heading.unit), heading.unit or "1")
 
 
-def _on_rig(name: str, rig: Rig) -> str:
+def on_rig(name: str, rig: Rig) -> str:
     """The rig's own name for what a name means on every bench."""
     if name in rig.channels or name in rig.actuators:
         return name
@@ -203,7 +287,7 @@ def _unit(heading: Heading, expected: str) -> Unit:
     if heading.unit is None and not wanted.dimension.dimensionless:
         raise _unit_missing(heading, expected)
     try:
-        unit = parse_unit(heading.unit or "1")
+        unit = parse_unit(_meant(heading.unit or "1", wanted))
     except RigctlError as problem:
         raise problem.at(heading.where) from None
     if unit.dimension != wanted.dimension:
@@ -216,6 +300,13 @@ def _unit(heading: Heading, expected: str) -> Unit:
     return unit
 
 
+def _meant(written: str, wanted: Unit) -> str:
+    """``C`` and ``F`` beside a temperature are degrees, not coulomb and farad."""
+    if wanted.dimension == parse_unit("K").dimension and written in ("C", "F"):
+        return f"deg{written}"
+    return written
+
+
 def _unit_missing(heading: Heading, unit: str) -> RigctlError:
     return RigctlError(
         f"{heading.name}: the unit is missing",
@@ -226,23 +317,23 @@ def _unit_missing(heading: Heading, unit: str) -> RigctlError:
     )
 
 
-def _names(rig: Rig | None) -> set[str]:
-    """What a column can be called."""
-    return {"time", "record", *(_COMMON if rig is None else (*_COMMON, *rig.channels, *rig.actuators))}
-
-
-def _unknown(heading: Heading, rig: Rig | None) -> UnknownColumn:
-    names = _names(rig)
-    near = nearest_name(heading.name, names)
-    return UnknownColumn(
-        "unknown column",
-        value=heading.name,
-        expected=None if near else f"one of {', '.join(sorted(names))}",
-        nearest=near,
-        hint=f"Map it, --columns '{heading.name}={near or 'position'}', or leave it out, "
-        f"--columns '{heading.name}={LEAVE_OUT}'",
-        where=heading.where,
+def _names(rig: Rig | None) -> list[str]:
+    """What a column can be called: on a bench of another kind nothing of a hydraulic one."""
+    if rig is None:
+        return ["time", "record", *_COMMON]
+    roles = rig.roles
+    hydraulic = (
+        roles.set_pressure is not None or "position" in rig.channels or "supply_pressure" in rig.channels
     )
+    return list(
+        dict.fromkeys(["time", "record", *rig.channels, *rig.actuators, *(_COMMON if hydraulic else ())])
+    )
+
+
+def _unknown(heading: Heading) -> UnknownColumn:
+    error = UnknownColumn(_UNKNOWN, value=heading.name, where=heading.where)
+    error.unit = heading.unit
+    return error
 
 
 def layout_of(assigned: Sequence[Assigned], rig: Rig) -> Layout:

@@ -1,38 +1,32 @@
 """Comma-separated values with a heading ``name [unit]`` for each column.
 
-Comma, semicolon or tab between the cells; a decimal comma where the cells are divided by something else;
-UTF-8, compressed with gzip if the file's name ends in ``.gz``. Lines before the heading that begin with ``#``
-are comments. An empty cell, ``nan`` and ``NA`` are missing values.
+Comma, semicolon, tab, bar or spaces between the cells; a decimal point or comma; UTF-8, UTF-16 or an encoding
+of Windows; compressed with gzip if the file's name ends in ``.gz``. Lines before the heading that begin with
+``#`` are comments. An empty cell, ``nan``, ``---`` and the marks of instruments are missing values.
 """
 
 from __future__ import annotations
 
-import csv
-import gzip
 import re
-import zlib
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Final
 
-from rigctl.dataset.importing.csv_rows import Cells, cell_place, decode, read_rows
-from rigctl.dataset.importing.headings import split_heading
-from rigctl.dataset.importing.table import MISSING, Heading, Labels, Part
-from rigctl.errors import Location, RigctlError
+from rigctl.dataset.importing.csv_rows import Cells, read_rows, with_times
+from rigctl.dataset.importing.dialect import Dialect, find_dialect
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import NO_VALUE, Heading, Labels, Part
+from rigctl.dataset.importing.text import HEAD, Lines, TextForm, find_form, not_text, opened
+from rigctl.dataset.importing.times import TimeFormat, TimeReader, find_format
 
 if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
     from numpy.typing import NDArray
 
-#: bytes of the file that are in memory at a time
-_PIECE: Final = 1 << 23
-#: bytes of the first rows, which show how numbers are written
-_FIRST_ROWS: Final = 1 << 14
-#: a first line longer than this is no heading
-_LONGEST_HEADING: Final = 1 << 20
+#: more lines than this are no beginning of a file
+_MOST_LINES: Final = 20_000
 
 
 @dataclass(frozen=True)
@@ -41,27 +35,48 @@ class CsvFile:
 
     Parameters
     ----------
-    first_line: the number of the heading's line, from 1.
+    lines: up to and with the heading.
+    time: how its times are written; None for plain numbers, and where there is no time.
+    origin: see `Source`.
     """
 
     path: Path
     headings: tuple[Heading, ...]
     cells: Cells
-    first_line: int
+    form: TextForm
+    lines: int
+    time: TimeFormat | None = None
+    origin: int | None = None
     remarks: tuple[str, ...] = ()
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows in order; a row that cannot be read is a fault of its part."""
-        line = self.first_line + 1
-        with _reading(self.path) as file:
-            for _ in range(self.first_line):
-                file.readline()
-            while piece := file.read(_PIECE) + file.readline():
-                part = self._read_fast(piece, line, wanted, record)
-                yield part or read_rows(self.path, piece, line, self.headings, self.cells, wanted, record)
-                line += piece.count(b"\n")
+        clock = None if self.time is None else TimeReader(self.time, self.origin)
+        with opened(self.path) as file:
+            lines = Lines(self.path, file, self.form)
+            lines.skip(self.lines)
+            for line, piece in lines.pieces():
+                yield self._read_fast(piece, line, wanted, record, clock) or read_rows(
+                    self._decoded(piece, line), line, self.headings, self.cells, wanted, record, clock
+                )
 
-    def _read_fast(self, piece: bytes, line: int, wanted: Collection[int], record: int | None) -> Part | None:
+    def texts(self, place: int) -> Iterator[tuple[Sequence[str], NDArray[np.int64]]]:
+        """The cells of a column as they are written, part after part, with their lines."""
+        for part in self.parts((), place):
+            labels = part.labels
+            if labels is not None:
+                yield [labels.texts[code] for code in labels.codes.tolist()], part.lines
+
+    def _decoded(self, piece: bytes, line: int) -> str:
+        try:
+            return piece.decode("utf-8")
+        except UnicodeDecodeError as problem:
+            at = line + piece.count(b"\n", 0, problem.start)
+            raise not_text(self.path, "utf-8", at) from problem
+
+    def _read_fast(
+        self, piece: bytes, line: int, wanted: Collection[int], record: int | None, clock: TimeReader | None
+    ) -> Part | None:
         """All rows of a piece at once; None when one of them needs a closer look."""
         import numpy as np
         import pyarrow as pa
@@ -69,31 +84,57 @@ class CsvFile:
         body = piece.rstrip(b"\r\n")
         if not body:
             return None
+        if self.cells.delimiter == " ":
+            body = re.sub(rb"(?m)^ +| +(?=\r?$)", b"", re.sub(rb"[ \t]+", b" ", body))
+        times = self.cells.time if clock is not None else ()
+        numbers = [place for place in wanted if place not in times]
         try:
-            table = self._parse(body, wanted, record)
-        except pa.ArrowInvalid:
+            table = self._parse(body, numbers, record, times if wanted else ())
+        except (pa.ArrowInvalid, pa.ArrowKeyError):
             return None
-        columns = {place: table[str(place)].to_numpy() for place in wanted}
+        columns = {place: table[str(place)].to_numpy() for place in numbers}
         if len(table) != body.count(b"\n") + 1 or any(np.isinf(column).any() for column in columns.values()):
             return None
-        labels = None if record is None else labels_of_dictionary(table[str(record)])
-        return Part(columns, np.arange(line, line + len(table), dtype=np.int64), labels)
+        labels = None if record is None else labels_of_dictionary(table[f"record {record}"])
+        part = Part(columns, np.arange(line, line + len(table), dtype=np.int64), labels)
+        if clock is None or not wanted:
+            return part
+        return self._timed(part, table, clock)
 
-    def _parse(self, body: bytes, wanted: Collection[int], record: int | None) -> pa.Table:
+    def _timed(self, part: Part, table: pa.Table, clock: TimeReader) -> Part | None:
+        """With the times of the rows; None where one needs a closer look."""
+        import pyarrow.compute as pc
+
+        columns = [table[f"time {place}"] for place in self.cells.time]
+        written = columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " ")
+        before = clock.state
+        seconds, wrong = clock.read(pc.fill_null(written, "").combine_chunks())
+        if wrong.any():
+            clock.state = before
+            return with_times(part, written.to_pylist(), self.headings, self.cells, clock)
+        return replace(part, columns={**part.columns, self.cells.time[-1]: seconds})
+
+    def _parse(
+        self, body: bytes, numbers: Collection[int], record: int | None, times: Collection[int]
+    ) -> pa.Table:
         import pyarrow as pa
         from pyarrow import csv as arrow_csv
 
-        types = {str(place): pa.float64() for place in wanted}
+        names = [f"time {place}" if place in times else str(place) for place in range(len(self.headings))]
+        types = {names[place]: pa.float64() for place in numbers}
+        types |= {names[place]: pa.string() for place in times}
         if record is not None:
-            types[str(record)] = pa.dictionary(pa.int32(), pa.string())
+            names[record] = f"record {record}"
+            types[names[record]] = pa.dictionary(pa.int32(), pa.string())
         return arrow_csv.read_csv(
             pa.BufferReader(body),
-            read_options=arrow_csv.ReadOptions(column_names=[str(n) for n in range(len(self.headings))]),
+            read_options=arrow_csv.ReadOptions(column_names=names),
             parse_options=arrow_csv.ParseOptions(delimiter=self.cells.delimiter),
             convert_options=arrow_csv.ConvertOptions(
                 column_types=types,
                 include_columns=list(types),
-                null_values=list(MISSING),
+                null_values=list(self.cells.missing),
+                strings_can_be_null=True,
                 decimal_point=self.cells.decimal,
             ),
         )
@@ -113,64 +154,79 @@ def labels_of_dictionary(column: pa.ChunkedArray) -> Labels:
     return Labels(together.astype(np.int64), (*texts, ""))
 
 
-def open_csv(path: Path, names: Mapping[str, str]) -> CsvFile:
-    """Read the heading of a file of comma-separated values.
+def open_csv(path: Path, options: Options) -> CsvFile:
+    """Read the heading of a file of comma-separated values, and find out how the rest is written.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, is not UTF-8, or has no heading.
+        the file cannot be read, has no heading, or its times can be read in two ways.
     """
-    with _reading(path) as file:
-        number, heading = _find_heading(path, file)
-        first_rows = file.read(_FIRST_ROWS).decode("utf-8", "replace")
-    delimiter = max(",;\t", key=heading.count)
-    commas, points = (len(re.findall(rf"\d{sign}\d", first_rows)) for sign in (",", r"\."))
-    decimal = "," if delimiter != "," and commas > points else "."
-    cells = Cells(delimiter, decimal)
-    return CsvFile(path, _read_headings(path, number, heading, cells), cells, number)
+    form = find_form(path, options.encoding)
+    head, whole = _head(path, form)
+    dialect = find_dialect(path, head, options, whole=whole)
+    remarks = list(dialect.remarks)
+    if form.guessed:
+        remarks.append("the file is not UTF-8; it is read as Windows-1252 (--encoding says otherwise)")
+    headings, places, time = _find_time(path, dialect, options)
+    origin = None
+    if time is not None and time.absolute:
+        clock = TimeReader(time)
+        clock.read(_joined(dialect, places))
+        origin = clock.origin
+        if time.kind == "date" and time.naive and time.zone is None:
+            remarks.append("its times name no time zone; they are taken as UTC (--zone says otherwise)")
+    missing = frozenset((*NO_VALUE, *options.missing))
+    cells = Cells(dialect.delimiter, dialect.decimal, missing, places)
+    return CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
 
 
-def _find_heading(path: Path, file: IO[bytes]) -> tuple[int, str]:
-    """The first line that is neither blank nor a comment, and its number."""
-    number = 0
-    while line := file.readline(_LONGEST_HEADING):
-        number += 1
-        text = decode(path, line.removeprefix(b"\xef\xbb\xbf") if number == 1 else line, number)
-        if text.strip() and not text.startswith("#"):
-            return number, text.rstrip("\r\n")
-    raise RigctlError(
-        "the file has no heading",
-        expected="a first line such as 'time [s],position [mm]'",
-        where=Location(path),
-    )
+def _head(path: Path, form: TextForm) -> tuple[str, bool]:
+    """The first lines of the file, and whether they are all."""
+    found: list[bytes] = []
+    size = 0
+    with opened(path) as file:
+        lines = Lines(path, file, form)
+        while line := lines.next():
+            found.append(line)
+            size += len(line)
+            if size > HEAD or len(found) > _MOST_LINES:
+                return b"".join(found).decode("utf-8", "replace"), False
+    return b"".join(found).decode("utf-8", "replace"), True
 
 
-@contextmanager
-def _reading(path: Path) -> Iterator[IO[bytes]]:
-    """The file's bytes; what goes wrong is told in plain words, where it is noticed."""
-    compressed = path.suffix.lower() == ".gz"
-    try:
-        with path.open("rb") as file:
-            yield cast("IO[bytes]", gzip.GzipFile(fileobj=file)) if compressed else file
-    except (gzip.BadGzipFile, EOFError, zlib.error) as problem:
-        raise RigctlError("the file is damaged", expected="gzip", where=Location(path)) from problem
-    except OSError as problem:
-        reason = problem.strerror or str(problem)
-        raise RigctlError(f"cannot read the file: {reason}", where=Location(path)) from problem
+def _find_time(
+    path: Path, dialect: Dialect, options: Options
+) -> tuple[tuple[Heading, ...], tuple[int, ...], TimeFormat | None]:
+    """The headings, the places of the cells that make the time, and how it is written; None for numbers."""
+    headings = dialect.headings
+    ours = [options.ours(heading.name) for heading in headings]
+    if "time" not in ours:
+        return headings, (), None
+    place = ours.index("time")
+    heading = headings[place]
+    unit = options.unit_of(heading.name) or heading.unit
+    where = replace(heading.where, line=dialect.sample[0].line) if dialect.sample else heading.where
+    times = dialect.column(place)
+    missing = {*NO_VALUE, *options.missing}
+    known = [cell for cell in times if cell not in missing]
+    places: tuple[int, ...] = (place,)
+    if "date" in ours and any(":" in cell for cell in known):
+        places = (ours.index("date"), place)
+        known = [f"{day} {hour}" for day, hour in zip(dialect.column(places[0]), times, strict=True)]
+    form = find_format(known, unit, options, path, where)
+    if form.kind == "number":
+        return headings, (), None
+    changed = list(headings)
+    changed[place] = replace(heading, unit="s", seconds=True)
+    if len(places) > 1:
+        changed[places[0]] = replace(headings[places[0]], spent=True)
+    return tuple(changed), places, form
 
 
-def _read_headings(path: Path, line: int, heading: str, cells: Cells) -> tuple[Heading, ...]:
-    headings = []
-    for number, cell in enumerate(next(csv.reader([heading], delimiter=cells.delimiter)), start=1):
-        where = Location(path, line, cell_place(heading, cells.delimiter, number))
-        name, unit = split_heading(cell)
-        if not name:
-            raise RigctlError(
-                f"column {number} has no name",
-                value=cell,
-                expected="a name and its unit: name [unit]",
-                where=where,
-            )
-        headings.append(Heading(name, unit, where))
-    return tuple(headings)
+def _joined(dialect: Dialect, places: Sequence[int]) -> pa.Array:
+    """The times of the first rows."""
+    import pyarrow as pa
+
+    columns = [dialect.column(place) for place in places]
+    return pa.array([" ".join(cells) for cells in zip(*columns, strict=True)], pa.string())

@@ -4,92 +4,112 @@ from __future__ import annotations
 
 import csv
 import io
-import math
-import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from rigctl.dataset.importing.table import MISSING, Fault, Heading, Part, labels_of_texts
-from rigctl.errors import Location, RigctlError
+from rigctl.dataset.importing.dialect import cell_place, split_row
+from rigctl.dataset.importing.numbers import read_number
+from rigctl.dataset.importing.table import KEPT_FAULTS, NO_VALUE, Fault, Heading, Part, labels_of_texts
 
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+if TYPE_CHECKING:
+    from rigctl.dataset.importing.times import TimeReader
+
+#: cells of one row: more are no table
+_MOST_CELLS: Final = 100_000
 
 
 @dataclass(frozen=True)
 class Cells:
-    """How the cells of a row are divided, and how a number is written in one."""
+    """How the cells of a row are divided, and what stands in one.
+
+    Parameters
+    ----------
+    missing: marks of missing values.
+    time: places of the cells that make the time, joined with a space, where it is no plain number; the last
+        of them is the place of the column of time.
+    """
 
     delimiter: str
     decimal: str
+    missing: frozenset[str] = frozenset(NO_VALUE)
+    time: tuple[int, ...] = ()
 
 
 def read_rows(
-    path: Path,
-    piece: bytes,
+    text: str,
     line: int,
     headings: Sequence[Heading],
     cells: Cells,
     wanted: Collection[int],
     record: int | None,
+    clock: TimeReader | None,
 ) -> Part:
-    """Read the rows of `piece`, whose first one stands on `line`; what cannot be read becomes a fault.
-
-    Raises
-    ------
-    RigctlError
-        the piece is not UTF-8 text.
-    """
+    """Read the rows of a text whose first one stands on `line`; what cannot be read becomes a fault."""
     import numpy as np
 
+    numbers = [place for place in wanted if clock is None or place not in cells.time]
     rows: list[list[float]] = []
     lines: list[int] = []
     texts: list[str] = []
+    times: list[str] = []
     faults: list[Fault] = []
-    for at, found in _rows(decode(path, piece, line), line, cells.delimiter):
-        row = _read_row(at, found, headings, cells, wanted)
+    bad = 0
+    for at, found in _rows(text, line, cells.delimiter):
+        row = _read_row(at, found, headings, cells, numbers)
         if isinstance(row, Fault):
-            faults.append(row)
-        else:
-            rows.append(row)
-            lines.append(at)
-            texts.append("" if record is None else found[record].strip())
-    table = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
-    columns = {place: np.ascontiguousarray(table[:, index]) for index, place in enumerate(wanted)}
+            bad += 1
+            if len(faults) < KEPT_FAULTS:
+                faults.append(row)
+            continue
+        rows.append(row)
+        lines.append(at)
+        texts.append("" if record is None else found[record].strip())
+        times.append(" ".join(found[place].strip() for place in cells.time))
+    table = np.array(rows, dtype=np.float64).reshape(len(rows), len(numbers))
+    columns = {place: np.ascontiguousarray(table[:, index]) for index, place in enumerate(numbers)}
     labels = None if record is None else labels_of_texts(texts)
-    return Part(columns, np.array(lines, dtype=np.int64), labels, tuple(faults))
+    part = Part(
+        columns, np.array(lines, dtype=np.int64), labels, tuple(faults), more_faults=bad - len(faults)
+    )
+    return part if clock is None else with_times(part, times, headings, cells, clock)
 
 
-def cell_place(line: str, delimiter: str, number: int) -> int | None:
-    """Where the cell `number` (from 1) of a line begins, from 1; None where quotes hide it."""
-    if '"' in line:
-        return None
-    return sum(len(cell) + 1 for cell in line.split(delimiter)[: number - 1]) + 1
+def with_times(
+    part: Part, times: Sequence[str], headings: Sequence[Heading], cells: Cells, clock: TimeReader
+) -> Part:
+    """A part with the times that are written in its rows; rows whose time is none become faults."""
+    import numpy as np
+    import pyarrow as pa
 
-
-def decode(path: Path, piece: bytes, line: int) -> str:
-    """The text of a piece of the file that begins on line `line`.
-
-    Raises
-    ------
-    RigctlError
-        it is not UTF-8.
-    """
-    try:
-        return piece.decode("utf-8")
-    except UnicodeDecodeError as problem:
-        at = line + piece.count(b"\n", 0, problem.start)
-        raise RigctlError(
-            "the file is not UTF-8 text",
-            expected="UTF-8",
-            hint="Save it again with that encoding (a spreadsheet calls it 'CSV UTF-8')",
-            where=Location(path, at),
-        ) from problem
+    plain = ["" if text in cells.missing else text for text in times]
+    seconds, wrong = clock.read(pa.array(plain, pa.string()))
+    columns = {**part.columns, cells.time[-1]: seconds}
+    if not wrong.any():
+        return Part(columns, part.lines, part.labels, part.faults, more_faults=part.more_faults)
+    good, places = ~wrong, np.flatnonzero(wrong).tolist()
+    name = headings[cells.time[-1]].name
+    faults = [
+        Fault(int(part.lines[place]), f"{name}: not a time", times[place], clock.form.expected)
+        for place in places[:KEPT_FAULTS]
+    ]
+    labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
+    return Part(
+        {place: values[good] for place, values in columns.items()},
+        part.lines[good],
+        labels,
+        tuple(sorted((*part.faults, *faults), key=lambda fault: fault.line)),
+        more_faults=part.more_faults + len(places) - len(faults),
+    )
 
 
 def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of every row that is not blank."""
+    if delimiter == " ":
+        for number, written in enumerate(text.splitlines(), start=first):
+            if divided := split_row(written, " "):
+                yield number, divided
+        return
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     while True:
         line = first + reader.line_num
@@ -98,7 +118,10 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
         except StopIteration:
             return
         except csv.Error as problem:
-            cells = [str(problem)]
+            broken = "new-line" in str(problem)
+            cells = ["a carriage return inside the row" if broken else str(problem)]
+        if len(cells) > _MOST_CELLS:
+            cells = [f"{len(cells)} cells"]
         if any(cell.strip() for cell in cells):
             yield line, cells
 
@@ -106,32 +129,29 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
 def _read_row(
     line: int, found: list[str], headings: Sequence[Heading], cells: Cells, wanted: Collection[int]
 ) -> list[float] | Fault:
+    while len(found) > len(headings) and not found[-1].strip():
+        found.pop()  # a row that ends with a delimiter
     if len(found) != len(headings):
         return Fault(
             line,
             "wrong number of cells",
-            value=f"{len(found)} cells",
+            value=f"{len(found)} cells" if len(found) > 1 else found[0],
             expected=f"{len(headings)} as in the heading",
         )
     row = []
     for place in wanted:
         cell = found[place].strip()
-        value = _read_number(cell, cells.decimal)
+        value = read_number(cell, cells.decimal, cells.missing)
         if value is None:
             column = cell_place(cells.delimiter.join(found), cells.delimiter, place + 1)
-            number = "a number of s, ms, min or h" if ":" in cell else "a finite number"
-            return Fault(line, f"{headings[place].name}: not a number", cell, number, column)
+            return Fault(line, f"{headings[place].name}: not a number", cell, _expected(cell, cells), column)
         row.append(value)
     return row
 
 
-def _read_number(cell: str, decimal: str) -> float | None:
-    """The number in a cell, NaN when it is missing, None when there is something else."""
-    if cell in MISSING:
-        return math.nan
-    if decimal == ",":
-        cell = cell.replace(",", ".", 1)
-    if not _NUMBER.fullmatch(cell):
-        return None
-    value = float(cell)
-    return value if math.isfinite(value) else None
+def _expected(cell: str, cells: Cells) -> str:
+    other = "," if cells.decimal == "." else "."
+    if read_number(cell, other) is not None:
+        sign = "comma" if cells.decimal == "," else "point"
+        return f"a number with a decimal {sign}, as in the first rows (--decimal says which)"
+    return "a finite number"

@@ -7,11 +7,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, cast
 
+from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
 from rigctl.errors import RigctlError
 
-#: what opens a file: its path, and the names that its columns are given
-Opener = Callable[[Path, Mapping[str, str]], Source]
+#: what opens a file: its path, and what the caller says of it
+Opener = Callable[[Path, Options], Source]
 
 _HERE: Final = "rigctl.dataset.importing"
 #: module and function, imported when a file asks for them
@@ -28,12 +29,8 @@ OPENERS: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def open_source(path: Path, names: Mapping[str, str]) -> Source:
+def open_source(path: Path, options: Options) -> Source:
     """Open a file of measurements.
-
-    Parameters
-    ----------
-    names: ours by theirs, as ``--columns`` gives them.
 
     Raises
     ------
@@ -42,7 +39,7 @@ def open_source(path: Path, names: Mapping[str, str]) -> Source:
     """
     module, function = OPENERS[ending_of(path)]
     opener = cast("Opener", getattr(import_module(f"{_HERE}.{module}"), function))
-    return opener(path, names)
+    return opener(path, options)
 
 
 def ending_of(path: Path) -> str:

@@ -12,10 +12,11 @@ import sys
 import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import (
     PART_ROWS,
     Fault,
@@ -25,6 +26,7 @@ from rigctl.dataset.importing.table import (
     labels_of_numbers,
     labels_of_texts,
 )
+from rigctl.dataset.importing.times import ArrayClock, array_clock
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -84,6 +86,13 @@ class GroupedFile:
     noun: str = "group"
     remarks: tuple[str, ...] = ()
     damage: tuple[str, ...] = ()  #: what its library finds wrong with the file, though it can read it
+    clock: ArrayClock | None = None  #: of times that say when it was
+    began: int | None = None  #: time zero, where the file says it apart from its times
+
+    @property
+    def origin(self) -> int | None:
+        """Nanoseconds from 1970 UTC to time zero; None where the times say nothing of the calendar."""
+        return self.began if self.clock is None else self.clock.origin
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows of group after group; what a group lacks is missing."""
@@ -104,18 +113,21 @@ class GroupedFile:
     def _part(self, group: Group, start: int, stop: int, wanted: Collection[int], record: int | None) -> Part:
         import numpy as np
 
-        columns = {place: self._numbers(group, self.headings[place].name, start, stop) for place in wanted}
+        columns = {place: self._numbers(group, self.headings[place], start, stop) for place in wanted}
         lines = np.arange(start + 1, stop + 1, dtype=np.int64)
         place = f"{self.noun} '{group.name}'" if group.name else ""
         return Part(columns, lines, self._labels(group, start, stop, record), group=place)
 
-    def _numbers(self, group: Group, name: str, start: int, stop: int) -> NDArray[np.float64]:
+    def _numbers(self, group: Group, heading: Heading, start: int, stop: int) -> NDArray[np.float64]:
         import numpy as np
 
-        column = group.column(name)
+        column = group.column(heading.name)
         if column is None:
             return np.full(stop - start, np.nan)
-        return as_numbers(self.path, name, column.read(start, stop))
+        values = column.read(start, stop)
+        if heading.seconds and self.clock is not None:
+            return self.clock.seconds(values)
+        return as_numbers(self.path, heading.name, values)
 
     def _labels(self, group: Group, start: int, stop: int, record: int | None) -> Labels | None:
         """A column of records goes before the name of the group."""
@@ -134,7 +146,7 @@ class GroupedFile:
 def open_groups(
     path: Path,
     reading: Reading,
-    names: Mapping[str, str],
+    options: Options,
     noun: str = "group",
     damage: Collection[str] = (),
 ) -> GroupedFile:
@@ -151,13 +163,32 @@ def open_groups(
         there is nothing in the file, a column has two units, or the groups are no records.
     """
     with reading() as found:
-        groups, remarks = _with_time(found, names, noun)
+        groups, remarks = _with_time(found, options, noun)
         if not groups:
             raise RigctlError("the file has no data", where=Location(path))
-        _check_alike(path, groups, names, noun)
+        _check_alike(path, groups, options, noun)
         headings = _headings(path, groups, noun)
+        headings, clock = _find_clock(groups, headings, options)
     chosen = _chosen(reading, {group.name for group in groups})
-    return GroupedFile(path, headings, chosen, noun, remarks, tuple(dict.fromkeys(damage)))
+    return GroupedFile(path, headings, chosen, noun, remarks, tuple(dict.fromkeys(damage)), clock)
+
+
+def _find_clock(
+    groups: Sequence[Group], headings: tuple[Heading, ...], options: Options
+) -> tuple[tuple[Heading, ...], ArrayClock | None]:
+    """How the times are read, where they say when it was; the heading of time is in seconds then."""
+    place = next((at for at, heading in enumerate(headings) if options.ours(heading.name) == "time"), None)
+    if place is None:
+        return headings, None
+    heading = headings[place]
+    columns = [(group.rows, column) for group in groups if (column := group.column(heading.name))]
+    ends = [column.read(at, at + 1) for rows, column in columns for at in (0, rows - 1)]
+    clock = array_clock(ends, options.unit_of(heading.name) or heading.unit)
+    if clock is None:
+        return headings, None
+    changed = list(headings)
+    changed[place] = replace(heading, unit="s", seconds=True)
+    return tuple(changed), clock
 
 
 def _chosen(reading: Reading, chosen: Collection[str]) -> Reading:
@@ -171,26 +202,20 @@ def _chosen(reading: Reading, chosen: Collection[str]) -> Reading:
     return opened
 
 
-def _ours(name: str, names: Mapping[str, str]) -> str:
-    return names.get(name, name).partition("[")[0].strip()
-
-
-def _with_time(
-    groups: Sequence[Group], names: Mapping[str, str], noun: str
-) -> tuple[list[Group], tuple[str, ...]]:
+def _with_time(groups: Sequence[Group], options: Options, noun: str) -> tuple[list[Group], tuple[str, ...]]:
     """Groups with rows; where some have time, those without it hold something else than samples."""
     filled = [group for group in groups if group.rows and group.columns]
-    timed = [group for group in filled if any(_ours(c.name, names) == "time" for c in group.columns)]
+    timed = [group for group in filled if any(options.ours(c.name) == "time" for c in group.columns)]
     if not timed:
         return filled, ()
     others = [group.name for group in filled if group not in timed]
     return timed, tuple(f"{noun} '{name}' has no time and is left out" for name in others)
 
 
-def _check_alike(path: Path, groups: Sequence[Group], names: Mapping[str, str], noun: str) -> None:
+def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: str) -> None:
     """Records have channels in common; groups that have none are parts of one measurement."""
     own = [
-        {_ours(column.name, names) for column in group.columns} - {"time", "record", "-"} for group in groups
+        {options.ours(column.name) for column in group.columns} - {"time", "record", "-"} for group in groups
     ]
     if len(groups) > 1 and not set.intersection(*own):
         listed = ", ".join(f"'{group.name}'" for group in groups[:5]) + (", …" if len(groups) > 5 else "")
@@ -219,7 +244,7 @@ def _headings(path: Path, groups: Sequence[Group], noun: str) -> tuple[Heading, 
     return tuple(Heading(name, unit, Location(path)) for name, (unit, _) in units.items())
 
 
-def common_length(path: Path, where: str, lengths: Mapping[str, int], names: Mapping[str, str]) -> int:
+def common_length(path: Path, where: str, lengths: Mapping[str, int], options: Options) -> int:
     """The number of rows of all columns that are not left out; `where` says of what, e.g. ``group 'A'``.
 
     Raises
@@ -227,8 +252,8 @@ def common_length(path: Path, where: str, lengths: Mapping[str, int], names: Map
     RigctlError
         they have not the same number; names two of them.
     """
-    used = {name: rows for name, rows in lengths.items() if _ours(name, names) != "-"}
-    first = next((name for name in used if _ours(name, names) == "time"), next(iter(used), ""))
+    used = {name: rows for name, rows in lengths.items() if options.ours(name) != "-"}
+    first = next((name for name in used if options.ours(name) == "time"), next(iter(used), ""))
     for name, rows in used.items():
         if rows != used[first]:
             raise RigctlError(

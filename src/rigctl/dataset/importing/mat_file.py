@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,6 +23,7 @@ from rigctl.dataset.importing.groups import (
     telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
+from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class _Found:
     remarks: list[str] = field(default_factory=list)
 
 
-def open_mat(path: Path, names: Mapping[str, str]) -> GroupedFile:
+def open_mat(path: Path, options: Options) -> GroupedFile:
     """Read what a MAT file holds.
 
     Raises
@@ -56,11 +57,11 @@ def open_mat(path: Path, names: Mapping[str, str]) -> GroupedFile:
     vectors: dict[str, Any] = {}
     for name, value in variables.items():
         if _is_structure(value):
-            _take_structures(path, name, value, units, names, found)
+            _take_structures(path, name, value, units, options, found)
         else:
             vectors[name] = value
     if not found.groups:
-        found.groups += _group(path, "", vectors, units, names, found.remarks)
+        found.groups += _group(path, "", vectors, units, options, found.remarks)
     else:
         found.remarks += [f"variable '{name}' is no structure and is left out" for name in vectors]
     if not found.groups:
@@ -69,9 +70,8 @@ def open_mat(path: Path, names: Mapping[str, str]) -> GroupedFile:
             expected="vectors of equal length, or structures of them",
             where=Location(path),
         )
-    read = open_groups(path, lambda: nullcontext(found.groups), names, noun="structure")
-    remarks = (*read.remarks, *found.remarks)
-    return GroupedFile(path, read.headings, read.reading, read.noun, remarks)
+    read = open_groups(path, lambda: nullcontext(found.groups), options, noun="structure")
+    return replace(read, remarks=(*read.remarks, *found.remarks))
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -118,7 +118,7 @@ def _units(value: Any) -> dict[str, str]:
 
 
 def _take_structures(
-    path: Path, name: str, value: Any, units: Mapping[str, str], names: Mapping[str, str], found: _Found
+    path: Path, name: str, value: Any, units: Mapping[str, str], options: Options, found: _Found
 ) -> None:
     """Each structure of a variable as a group."""
     several = _structures(value)
@@ -131,7 +131,7 @@ def _take_structures(
             label = f"{label} ({number})"
         if "signals" in fields and "time" in fields:
             fields = {"time": fields["time"], **_signals(fields["signals"])}
-        found.groups += _group(path, label, fields, own, names, found.remarks)
+        found.groups += _group(path, label, fields, own, options, found.remarks)
 
 
 def _signals(value: Any) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def _group(
     label: str,
     fields: Mapping[str, Any],
     units: Mapping[str, str],
-    names: Mapping[str, str],
+    options: Options,
     remarks: list[str],
 ) -> Iterator[Group]:
     """The vectors among some fields as a group; says of the others why they are left out."""
@@ -175,7 +175,7 @@ def _group(
         del vectors[name]
     if not vectors:
         return
-    rows = common_length(path, where, {name: len(array) for name, array in vectors.items()}, names)
+    rows = common_length(path, where, {name: len(array) for name, array in vectors.items()}, options)
     columns = []
     for name, array in vectors.items():
         plain, unit = split_heading(name)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +21,13 @@ from rigctl.dataset.importing.groups import (
     telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
+from rigctl.dataset.importing.options import Options
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def open_mdf(path: Path, names: Mapping[str, str]) -> GroupedFile:
+def open_mdf(path: Path, options: Options) -> GroupedFile:
     """Read what an MDF file holds.
 
     Raises
@@ -38,11 +41,13 @@ def open_mdf(path: Path, names: Mapping[str, str]) -> GroupedFile:
         raise missing_extra("mdf", "asammdf", path) from problem
 
     said: list[str] = []
+    origins: list[int | None] = []
 
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
         # opened here: the library takes a name that is not there for a new file, and leaves damaged ones open
         with telling(path, "MDF"), overheard("asammdf", said), path.open("rb") as raw, MDF(raw) as file:
+            origins.append(_started(file))
             yield _groups(file)
 
     with telling(path, "MDF"):
@@ -50,8 +55,10 @@ def open_mdf(path: Path, names: Mapping[str, str]) -> GroupedFile:
     if small:
         with reading() as groups:
             kept = [held(group) for group in groups]
-        return open_groups(path, lambda: nullcontext(kept), names, "channel group", said)
-    return open_groups(path, reading, names, "channel group", said)
+        found = open_groups(path, lambda: nullcontext(kept), options, "channel group", said)
+    else:
+        found = open_groups(path, reading, options, "channel group", said)
+    return replace(found, began=origins[0])
 
 
 def _groups(file: Any) -> list[Group]:
@@ -110,3 +117,11 @@ def _master(file: Any, group: int) -> Callable[[int, int], NDArray[Any]]:
     return lambda start, stop: np.asarray(
         file.get_master(group, record_offset=start, record_count=stop - start), dtype=np.float64
     )
+
+
+def _started(file: Any) -> int | None:
+    """Nanoseconds from 1970 UTC to time zero of the file."""
+    began = getattr(file.header, "start_time", None)
+    if not isinstance(began, datetime):
+        return None
+    return round(began.astimezone(UTC).timestamp() * 1e6) * 1000

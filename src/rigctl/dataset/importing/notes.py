@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.labels import describe_label
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 _MANY: Final = 10
 
 
-def notes(found: Survey, layout: Layout, rig: Rig) -> Iterator[str]:
+def notes(found: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
     """Channels that the file lacks, that never change or miss values, and gaps in time."""
-    yield from _absent(layout, rig)
+    yield from _absent(layout, rig, assumed)
     for name, span in found.spans.items():
         yield from _channel_notes(name, span, found.rows, layout)
     broken = [record for record in found.records if record.gap is not None]
@@ -33,20 +33,30 @@ def notes(found: Survey, layout: Layout, rig: Rig) -> Iterator[str]:
         )
 
 
-def _absent(layout: Layout, rig: Rig) -> Iterator[str]:
-    channels = [name for name in rig.channels if name not in layout.columns]
+def _absent(layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
+    channels = [name for name in rig.channels if name not in layout.columns and name not in assumed]
     if channels:
         them = "it" if len(channels) == 1 else "them"
         yield f"not in the file: {', '.join(channels)}; no model is judged by {them}"
-    heater = rig.roles.heat.actuator if rig.roles.heat is not None else ""
-    if heater and heater not in layout.columns:
-        yield f"not in the file: {heater}; a model takes it as off"
-    commands = [name for name in rig.actuators if name not in (*layout.columns, heater)]
+    commands = [name for name in rig.actuators if name not in layout.columns and name not in assumed]
     if commands:
+        rest = "=off" if rig.actuators[commands[0]].kind == "switch" else "=VALUE"
         yield (
-            f"not in the file: {', '.join(commands)}; a model that needs "
-            f"{'it' if len(commands) == 1 else 'one of them'} cannot be compared with this run"
+            f"not in the file: {', '.join(commands)}; if {'it' if len(commands) == 1 else 'one of them'} "
+            f"stayed at one value, say so: --assume {commands[0]}{rest}"
         )
+    for name, value in assumed.items():
+        unit = _unit_on(name, rig)
+        yield f"assumed: {name} {show(value, unit) if unit else f'{value:.6g} (SI)'}, throughout"
+
+
+def _unit_on(name: str, rig: Rig) -> str:
+    """The unit that a name has on the bench, "" where it has none there."""
+    if name in rig.actuators:
+        return rig.actuators[name].display_unit
+    if name in rig.channels:
+        return rig.channels[name].unit
+    return rig.constants[name].unit.text if name in rig.constants else ""
 
 
 def _channel_notes(name: str, span: Span, rows: int, layout: Layout) -> Iterator[str]:

@@ -77,6 +77,7 @@ def take_observations(source: Source, assigned: Sequence[Assigned]) -> Observati
     """Turn a table without ``time`` into observations."""
     found = Survey()
     parts = []
+    more = 0
     for part in source.parts(*places_of(assigned)):
         bad = {row for column in part.columns.values() for row in np.flatnonzero(np.isinf(column)).tolist()}
         faults = [Fault(int(part.lines[row]), "not a finite number", group=part.group) for row in sorted(bad)]
@@ -86,8 +87,9 @@ def take_observations(source: Source, assigned: Sequence[Assigned]) -> Observati
         parts.append(Part(columns, part.lines[good], labels, group=part.group))
         found.rows += int(good.sum())
         found.faults += [*part.faults, *faults]
+        more += part.more_faults
     found.faults.sort(key=lambda fault: fault.line)
-    found.bad_rows = len(found.faults)
+    found.bad_rows = len(found.faults) + more
     return Observations(source, assigned, parts, found)
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rigctl.dataset.importing.csv_file import labels_of_dictionary
 from rigctl.dataset.importing.headings import split_heading, unit_of
+from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
+from rigctl.dataset.importing.times import ArrayClock, array_clock
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -27,7 +29,13 @@ class ParquetFile:
     path: Path
     headings: tuple[Heading, ...]
     names: tuple[str, ...]  #: of the columns, as they stand in the file
+    clock: ArrayClock | None = None  #: of times that say when it was
     remarks: tuple[str, ...] = ()
+
+    @property
+    def origin(self) -> int | None:
+        """Nanoseconds from 1970 UTC to time zero; None where the times say nothing of the calendar."""
+        return None if self.clock is None else self.clock.origin
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows in order."""
@@ -45,6 +53,8 @@ class ParquetFile:
     def _numbers(self, column: pa.Array, place: int) -> NDArray[np.float64]:
         import pyarrow as pa
 
+        if self.clock is not None and self.headings[place].seconds:
+            return self.clock.seconds(_times(column))
         try:
             numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
         except pa.ArrowException as problem:
@@ -61,7 +71,7 @@ class ParquetFile:
         return labels_of_numbers(self._numbers(column, place))
 
 
-def open_parquet_file(path: Path, names: Mapping[str, str]) -> ParquetFile:
+def open_parquet_file(path: Path, options: Options) -> ParquetFile:
     """Read the headings of a Parquet file.
 
     Raises
@@ -69,16 +79,45 @@ def open_parquet_file(path: Path, names: Mapping[str, str]) -> ParquetFile:
     RigctlError
         the file is missing or damaged.
     """
+    headings: list[Heading] = []
+    clock = None
     with _reading(path) as file:
         schema = file.schema_arrow
-    headings = []
     for field in schema:
         name, unit = split_heading(field.name)
         stored = (field.metadata or {}).get(b"unit")
         if unit is None and stored is not None:
             unit = unit_of(stored.decode("utf-8", "replace"))
         headings.append(Heading(name or field.name, unit, Location(path)))
-    return ParquetFile(path, tuple(headings), tuple(schema.names))
+    ours = [options.ours(heading.name) for heading in headings]
+    if "time" in ours:
+        place = ours.index("time")
+        clock = _find_clock(
+            path, schema.names[place], options.unit_of(headings[place].name) or headings[place].unit
+        )
+        if clock is not None:
+            headings[place] = replace(headings[place], unit="s", seconds=True)
+    return ParquetFile(path, tuple(headings), tuple(schema.names), clock)
+
+
+def _find_clock(path: Path, name: str, unit: str | None) -> ArrayClock | None:
+    """How the times are read, by the first of them; None where they are elapsed times."""
+    with _reading(path) as file:
+        batch = next(file.iter_batches(PART_ROWS, columns=[name]), None)
+    return None if batch is None else array_clock([_times(batch[name])], unit)
+
+
+def _times(column: pa.Array) -> NDArray[Any]:
+    """Time stamps and numbers as NumPy has them."""
+    import numpy as np
+    import pyarrow as pa
+
+    if pa.types.is_date(column.type):
+        column = column.cast(pa.timestamp("ns"))
+    if pa.types.is_timestamp(column.type):
+        # the instants, UTC where they have a zone
+        return np.asarray(column.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False))
+    return np.asarray(column.to_numpy(zero_copy_only=False))
 
 
 def no_numbers(path: Path, name: str, kind: str) -> RigctlError:

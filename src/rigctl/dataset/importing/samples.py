@@ -12,6 +12,8 @@ from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.columns import Assigned, layout_of, places_of
 from rigctl.dataset.importing.conditions import conditions_of
 from rigctl.dataset.importing.labels import describe_label
+from rigctl.dataset.importing.numbers import read_number
+from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.survey import RecordFacts, Survey, survey
 from rigctl.dataset.importing.table import Source
 from rigctl.rig.layout import Layout
@@ -38,6 +40,7 @@ class Samples:
     assigned: Sequence[Assigned]
     layout: Layout
     found: Survey
+    options: Options
     kept: Sequence[Checked] = ()
 
     @property
@@ -53,15 +56,25 @@ class Samples:
         name: of every record; when left out, what the file calls it, or `stem` where that is a number.
         """
         recorder = _Recorder(writer, self.layout, self.found.records, name, stem)
-        again = checked(self.source, self.assigned, Checker(self.assigned, self.layout))
-        for part in self.kept or again:
+        for part in self.kept or checked(self.source, self.assigned, self.checker()):
             for stretch in part.stretches:
                 recorder.take(part.block[stretch.start : stretch.stop], stretch)
         recorder.close()
         return len(self.found.records)
 
+    def checker(self) -> Checker:
+        """What checks the rows, from the first on."""
+        return _checker(self.assigned, self.layout, self.options)
 
-def take_samples(source: Source, assigned: Sequence[Assigned], rig: Rig) -> Samples:
+
+def _checker(assigned: Sequence[Assigned], layout: Layout, options: Options) -> Checker:
+    marks = [value for text in options.missing if (value := read_number(text, ".", ())) is not None]
+    return Checker(assigned, layout, marks)
+
+
+def take_samples(
+    source: Source, assigned: Sequence[Assigned], rig: Rig, options: Options, *, keep_good: bool
+) -> Samples:
     """Go through a file of samples; rows that cannot be taken in are listed as faults.
 
     Raises
@@ -70,11 +83,11 @@ def take_samples(source: Source, assigned: Sequence[Assigned], rig: Rig) -> Samp
         the file cannot be read.
     """
     layout = layout_of(assigned, rig)
-    checker = Checker(assigned, layout)
+    checker = _checker(assigned, layout, options)
     kept: list[Checked] = []
     parts = _keeping(checked(source, assigned, checker), kept)
-    found = survey(parts, checker, layout, conditions_of(layout, rig))
-    return Samples(source, assigned, layout, found, kept)
+    found = survey(parts, checker, layout, conditions_of(layout, rig), keep_good=keep_good)
+    return Samples(source, assigned, layout, found, options, kept)
 
 
 def checked(source: Source, assigned: Sequence[Assigned], checker: Checker) -> Iterator[Checked]:

@@ -13,15 +13,15 @@ from rigctl.dataset.gaps import Gap, find_gap
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.conditions import Conditions
 from rigctl.dataset.importing.labels import Label
-from rigctl.dataset.importing.table import Fault
+from rigctl.dataset.importing.table import KEPT_FAULTS, Fault
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rigctl.rig.layout import Layout
 
-#: so many bad rows are kept one by one
-KEPT_FAULTS: Final = 1000
+#: a file with more bad rows than this is none of measurements; the rest of it is not looked at
+MOST_BAD: Final = 100_000
 #: samples from which the value at a record's start is taken: one of them may be a spike
 _FIRST: Final = 5
 
@@ -72,14 +72,23 @@ class Survey:
     spans: dict[str, Span] = field(default_factory=dict)
 
 
-def survey(parts: Iterable[Checked], checker: Checker, layout: Layout, conditions: Conditions) -> Survey:
-    """Go through a file."""
+def survey(
+    parts: Iterable[Checked],
+    checker: Checker,
+    layout: Layout,
+    conditions: Conditions,
+    *,
+    keep_good: bool = True,
+) -> Survey:
+    """Go through a file; without `keep_good` only until too many of its rows are bad."""
     found = Survey(spans={name: Span() for name in layout.channels})
     open_record: _Gathered | None = None
     for part in parts:
         found.rows += len(part.block)
-        found.bad_rows += len(part.faults)
+        found.bad_rows += part.bad_rows
         found.faults += part.faults[: KEPT_FAULTS - len(found.faults)]
+        if found.bad_rows > MOST_BAD and not keep_good:
+            break
         for name, span in found.spans.items():
             span.add(part.block[:, layout.columns.index(name)])
         for stretch in part.stretches:

@@ -13,19 +13,74 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+#: so many bad rows are kept one by one
+KEPT_FAULTS: Final = 1000
 #: so many bad rows are listed one by one
 _LISTED: Final = 20
 #: rows of a part: enough to be fast, few enough that a file of any length fits into memory
 PART_ROWS: Final = 1 << 17
-#: how a cell says that its value is missing
-MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "N/A", "null", "-")
+#: how a cell says that its value is missing, and how a row says that it belongs to no record
+MISSING: Final = (
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "NA",
+    "N/A",
+    "n/a",
+    "#N/A",
+    "#NV",
+    "null",
+    "NULL",
+    "-",
+    "--",
+    "---",
+)
+#: how loggers and instruments say that there is no value: nothing connected, too large, an error
+NO_VALUE: Final = (
+    *MISSING,
+    *("----", "-----", "None", "none", "?", "*", "***", "bad", "Bad", "BAD", "invalid", "Invalid", "INVALID"),
+    *(
+        "err",
+        "Err",
+        "ERR",
+        "error",
+        "Error",
+        "ERROR",
+        "#ERROR",
+        "#VALUE!",
+        "#DIV/0!",
+        "#REF!",
+        "open",
+        "OPEN",
+    ),
+    *(
+        "OL",
+        "O.L",
+        "O.L.",
+        "+OL",
+        "-OL",
+        "OVL",
+        "OVLD",
+        "OVER",
+        "Over",
+        "+OVER",
+        "-OVER",
+        "OVERLOAD",
+        "Overload",
+    ),
+    *("overload", "OVERFLOW", "Overflow", "overflow", "OVERRANGE", "Overrange", "OVER RANGE", "Over Range"),
+)
+#: numbers by which SCPI instruments say overload and no value
+NO_NUMBER: Final = (9.9e37, -9.9e37, 9.91e37)
 
 
 @dataclass(frozen=True)
 class Fault:
     """What is wrong with one row; `line` and `column` count from 1, as an editor shows them.
 
-    `group` names the part of the file that the line is counted in, where a file has parts.
+    `group` names the part of the file that the line is counted in, where a file has parts; `path` the file,
+    where there are several.
     """
 
     line: int
@@ -34,21 +89,28 @@ class Fault:
     expected: str | None = None
     column: int | None = None
     group: str = ""
+    path: Path | None = None
 
     def error(self, path: Path) -> RigctlError:
         """The fault as a user sees it."""
-        where = Location(path, self.line, self.column)
+        where = Location(self.path or path, self.line or None, self.column)
         what = f"in {self.group}: {self.what}" if self.group else self.what
         return RigctlError(what, value=self.value, expected=self.expected, where=where)
 
 
 @dataclass(frozen=True)
 class Heading:
-    """The name of a column as it stands in the file: ``position [mm]`` is `position` and `mm`."""
+    """The name of a column as it stands in the file: ``position [mm]`` is `position` and `mm`.
+
+    `seconds` is true for times that are read as seconds, whatever the heading says: dates, clocks, epochs;
+    `spent` for a column that is read as a part of another one: the date beside a time of day.
+    """
 
     name: str
     unit: str | None
     where: Location
+    seconds: bool = False
+    spent: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,6 +139,8 @@ class Part:
     labels: of the rows' records; None where the file does not tell records apart.
     faults: rows that could not be read; they are not in `columns`.
     group: what the lines are counted in, where the file has parts.
+    more_faults: how many more rows could not be read than `faults` tells.
+    path: of the file, where there are several.
     """
 
     columns: Mapping[int, NDArray[np.float64]]
@@ -84,6 +148,8 @@ class Part:
     labels: Labels | None = None
     faults: tuple[Fault, ...] = ()
     group: str = ""
+    more_faults: int = 0
+    path: Path | None = None
 
 
 class Source(Protocol):
@@ -99,7 +165,11 @@ class Source(Protocol):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What of the file is not used, one sentence each."""
+        """What of the file is not used, or was taken for granted, one sentence each."""
+
+    @property
+    def origin(self) -> int | None:
+        """Nanoseconds from 1970-01-01 UTC to time zero; None where the times say nothing of the calendar."""
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows in order, read anew.

@@ -6,7 +6,7 @@ channels say (``wf_increment``, ``wf_start_offset``).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -23,17 +23,17 @@ from rigctl.dataset.importing.groups import (
     telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
+from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 #: properties in which programs keep the unit of a channel
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
-def open_tdms(path: Path, names: Mapping[str, str]) -> GroupedFile:
+def open_tdms(path: Path, options: Options) -> GroupedFile:
     """Read what a TDMS file holds.
 
     Raises
@@ -56,25 +56,25 @@ def open_tdms(path: Path, names: Mapping[str, str]) -> GroupedFile:
             path.open("rb") as raw,
             TdmsFile.open(raw) as file,
         ):
-            yield [_group(path, group, names, said) for group in file.groups()]
+            yield [_group(path, group, options, said) for group in file.groups()]
 
     with telling(path, "TDMS"), overheard("nptdms", said):
         if path.stat().st_size > LARGE:
-            return open_groups(path, reading, names, damage=said)
+            return open_groups(path, reading, options, damage=said)
         # whole: for each piece of a file the library looks through all that come before it
         with path.open("rb") as raw:
-            groups = [_group(path, group, names, said) for group in TdmsFile.read(raw).groups()]
-    return open_groups(path, lambda: nullcontext(groups), names, damage=said)
+            groups = [_group(path, group, options, said) for group in TdmsFile.read(raw).groups()]
+    return open_groups(path, lambda: nullcontext(groups), options, damage=said)
 
 
-def _group(path: Path, group: Any, names: Mapping[str, str], damage: Sequence[str]) -> Group:
+def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> Group:
     """One group; of a file that was cut off as many rows as every channel still has."""
     channels = group.channels()
     where = f"group '{group.name}'"
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
-    rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, names)
+    rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, options)
     columns = [Column(*_heading(channel), _reader(channel)) for channel in channels]
-    timed = any(names.get(name, name).partition("[")[0].strip() == "time" for name in lengths)
+    timed = any(options.ours(name) == "time" for name in lengths)
     if not timed and (clock := _waveform_time(path, where, channels)) is not None:
         columns.insert(0, Column("time", "s", clock))
     return Group(group.name, rows, tuple(columns))
@@ -90,18 +90,12 @@ def _heading(channel: Any) -> tuple[str, str | None]:
 def _reader(channel: Any) -> Callable[[int, int], NDArray[Any]]:
     import numpy as np
 
-    def read(start: int, stop: int) -> NDArray[Any]:
-        values = np.asarray(channel[start:stop])
-        if values.dtype.kind == "M":  # time stamps: seconds since the first of the group
-            return np.asarray((values - np.asarray(channel[:1])) / np.timedelta64(1, "s"), dtype=np.float64)
-        return values
-
-    return read
+    return lambda start, stop: np.asarray(channel[start:stop])
 
 
 def _waveform_time(
     path: Path, where: str, channels: Sequence[Any]
-) -> Callable[[int, int], NDArray[np.float64]] | None:
+) -> Callable[[int, int], NDArray[Any]] | None:
     """Times of equal steps, which every channel of a waveform keeps for itself; None where they keep none.
 
     Raises
@@ -126,4 +120,12 @@ def _waveform_time(
             where=Location(path),
         )
     ((step, offset),) = steps
-    return lambda start, stop: np.asarray(offset + step * np.arange(start, stop), dtype=np.float64)
+    began = next((c.properties["wf_start_time"] for c in channels if c.properties.get("wf_start_time")), None)
+
+    def times(start: int, stop: int) -> NDArray[Any]:
+        seconds = offset + step * np.arange(start, stop)
+        if began is None:
+            return np.asarray(seconds, dtype=np.float64)
+        return np.datetime64(began, "ns") + np.round(seconds * 1e9).astype("timedelta64[ns]")
+
+    return times

@@ -1,0 +1,140 @@
+"""Several files as one campaign: each is a record, unless it says that it holds several."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rigctl.dataset.importing.formats import open_source, stem_of
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import Heading, Labels, Part, Source
+from rigctl.errors import Location, RigctlError
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Files that are read one after the other; a column that one of them lacks is missing there.
+
+    Parameters
+    ----------
+    sources: in the order in which they were named.
+    names: of their records.
+    origin: of the earliest; see `Source`.
+    """
+
+    sources: Sequence[Source]
+    names: Sequence[str]
+    options: Options
+    headings: tuple[Heading, ...]
+    origin: int | None
+    remarks: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        """The first of the files."""
+        return self.sources[0].path
+
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+        """The rows of file after file."""
+        for source, name in zip(self.sources, self.names, strict=True):
+            there = {self._ours(heading): place for place, heading in enumerate(source.headings)}
+            places = {place: there.get(self._ours(self.headings[place])) for place in wanted}
+            own = None if record is None else there.get(self._ours(self.headings[record]))
+            here = [place for place in places.values() if place is not None]
+            shift = self._shift(source)
+            for part in source.parts(here, own):
+                yield self._part(part, source, places, name, shift)
+
+    @property
+    def merged(self) -> frozenset[str]:
+        """Names of columns that another file calls otherwise."""
+        names = {heading.name for source in self.sources for heading in source.headings}
+        return frozenset(names - {heading.name for heading in self.headings})
+
+    def _ours(self, heading: Heading) -> str:
+        """What files that call one thing by different names have in common."""
+        return self.options.ours(heading.name)
+
+    def _shift(self, source: Source) -> float:
+        """Seconds from the campaign's time zero to the file's."""
+        if self.origin is None or source.origin is None:
+            return 0.0
+        return (source.origin - self.origin) / 1e9
+
+    def _part(
+        self, part: Part, source: Source, places: dict[int, int | None], name: str, shift: float
+    ) -> Part:
+        import numpy as np
+
+        columns = {}
+        for place, own in places.items():
+            if own is None:
+                columns[place] = np.full(len(part.lines), np.nan)
+            elif self.headings[place].seconds and shift:
+                columns[place] = part.columns[own] + shift
+            else:
+                columns[place] = part.columns[own]
+        faults = tuple(replace(fault, path=source.path) for fault in part.faults)
+        return replace(part, columns=columns, labels=_labels(part, name), faults=faults, path=source.path)
+
+
+def open_files(paths: Sequence[Path], options: Options) -> Source:
+    """Open the files of a campaign.
+
+    Raises
+    ------
+    RigctlError
+        one cannot be read, is there twice, or has a column in another unit than the others.
+    """
+    if len(paths) == 1:
+        return open_source(paths[0], options)
+    doubled = next((path for number, path in enumerate(paths) if path in paths[:number]), None)
+    if doubled is not None:
+        raise RigctlError("the file is named twice", where=Location(doubled))
+    sources = [open_source(path, options) for path in paths]
+    headings = _headings(sources, options)
+    origins = [source.origin for source in sources]
+    known = [origin for origin in origins if origin is not None]
+    remarks = [f"{source.path.name}: {remark}" for source in sources for remark in source.remarks]
+    if known and len(known) < len(origins):
+        remarks.append("only some of the files say when they were measured; the others begin at time zero")
+    return Campaign(sources, _names(paths), options, headings, min(known, default=None), tuple(remarks))
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Names of files without their endings, made unlike one another."""
+    stems = [stem_of(path) for path in paths]
+    return [
+        f"{path.parent.name}/{stem}" if stems.count(stem) > 1 else stem
+        for path, stem in zip(paths, stems, strict=True)
+    ]
+
+
+def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...]:
+    found: dict[str, Heading] = {}
+    for source in sources:
+        for heading in source.headings:
+            if not heading.name:
+                continue
+            first = found.setdefault(options.ours(heading.name), heading)
+            given = options.unit_of(heading.name) or heading.unit
+            wanted = options.unit_of(first.name) or first.unit
+            if (wanted, first.seconds) != (given, heading.seconds):
+                raise RigctlError(
+                    f"{heading.name}: its unit is not the same in every file",
+                    value=given or "no unit",
+                    expected=f"{wanted or 'no unit'} as in {first.where.file}",
+                    where=heading.where,
+                )
+    return tuple(found.values())
+
+
+def _labels(part: Part, name: str) -> Labels:
+    """The file is the record; records that it tells apart are called by its name and theirs."""
+    import numpy as np
+
+    if part.labels is None:
+        return Labels(np.zeros(len(part.lines), dtype=np.int64), (name,), named=True)
+    texts = tuple(text if text.strip() in ("", "-1") else f"{name} {text}" for text in part.labels.texts)
+    return Labels(part.labels.codes, texts)

@@ -1,0 +1,256 @@
+"""The form of a table in a text file: what divides its cells, where its heading is, its decimal sign."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
+from rigctl.dataset.importing.numbers import find_decimal, looks_numeric
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import Heading
+from rigctl.errors import Location, RigctlError
+
+#: what may divide cells, the least likely to stand in one first
+DELIMITERS: Final = ("\t", ";", "|", ",", " ")
+#: rows by which the form is found out
+_ROWS: Final = 400
+#: how delimiters are written on the command line
+_WORDS: Final = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";", "pipe": "|"}
+_MOMENT: Final = re.compile(r".*\d[:/.-]\d.*")
+_BARE_RETURN: Final = re.compile(r"\r(?!\n)")
+_UNIT_ROW: Final = re.compile(r"[\[(]?\s*(?P<unit>[^\[\]()]*?)\s*[\])]?")
+
+
+@dataclass(frozen=True)
+class Row:
+    """Cells of one row of the file; `line` and `last` are its first and its last line."""
+
+    line: int
+    last: int
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How the rows of a file are divided and its numbers written.
+
+    Parameters
+    ----------
+    headings: of the columns.
+    lines: up to and with the heading.
+    sample: the first rows behind it.
+    """
+
+    delimiter: str
+    decimal: str
+    headings: tuple[Heading, ...]
+    lines: int
+    sample: tuple[Row, ...]
+    remarks: tuple[str, ...]
+
+    def column(self, place: int) -> list[str]:
+        """The cells of a column in the first rows."""
+        return [row.cells[place].strip() for row in self.sample if len(row.cells) == len(self.headings)]
+
+
+def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dialect:
+    """Find out the form of a table by the first part of its text.
+
+    Parameters
+    ----------
+    whole: `head` is all there is; else its last line may be cut off.
+
+    Raises
+    ------
+    RigctlError
+        there is no heading, or a column has no name.
+    """
+    text = _BARE_RETURN.sub(" ", head)
+    best = _divide(text, options, whole=whole)
+    if best is None:
+        raise RigctlError(
+            "the file has no heading",
+            expected="a first line such as 'time [s],position [mm]'",
+            where=Location(path),
+        )
+    delimiter, rows, place = best
+    remarks: list[str] = []
+    cells, first, line = _heading(text, delimiter, rows, place)
+    if line == 0:
+        remarks.append(f"the file has no heading; its columns are called 1 to {len(cells)}")
+    elif place and rows[0].line < line and first:
+        remarks.append(f"{len(_before(rows, line))} lines before the heading, on line {line}, are left out")
+    sample = rows[first:]
+    units, sample = _unit_row(cells, sample)
+    lines = sample[0].line - 1 if sample else rows[-1].last
+    if first and not units:
+        lines = rows[first - 1].last
+    elif units:
+        lines = rows[first].last
+    headings = _headings(path, text, delimiter, line, cells, units, sample)
+    numbers = [cell.strip() for row in sample for cell in row.cells]
+    decimal, doubtful = (options.decimal, False) if options.decimal else find_decimal(numbers)
+    if doubtful:
+        shown = next(cell for cell in numbers if "," in cell)
+        remarks.append(f"numbers such as {shown} are read with a decimal comma; --decimal . reads thousands")
+    return Dialect(delimiter, decimal, headings, lines, tuple(sample), tuple(remarks))
+
+
+def checked_delimiter(written: str | None) -> str | None:
+    """The sign that a delimiter's name means.
+
+    Raises
+    ------
+    RigctlError
+        it is more than one sign.
+    """
+    if written is None:
+        return None
+    sign = _WORDS.get(written.casefold(), written)
+    if len(sign) != 1 or sign.isalnum() or sign in "\"'\r\n.":
+        raise RigctlError(
+            "not a delimiter", value=written, expected=f"one sign, or one of {', '.join(_WORDS)}"
+        )
+    return sign
+
+
+def split_row(line: str, delimiter: str) -> list[str]:
+    """The cells of a line; of a table laid out with spaces, what stands between any number of them."""
+    if delimiter == " ":
+        return re.findall(r"[^\s\[\"]+(?:\s*\[[^\]]*\])?|\"[^\"]*\"|\[[^\]]*\]", line)
+    return next(csv.reader([line], delimiter=delimiter), [])
+
+
+def _rows(text: str, delimiter: str, *, whole: bool) -> list[Row]:
+    """Rows that are neither blank nor a comment."""
+    if delimiter == " ":
+        lines = text.splitlines()[: _ROWS + 1]
+        found = [
+            Row(number, number, tuple(cell.strip('"') for cell in split_row(line, " ")))
+            for number, line in enumerate(lines, start=1)
+            if line.strip() and not line.startswith("#")
+        ]
+    else:
+        found = []
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+        try:
+            before = 0
+            for cells in reader:
+                line, before = before + 1, reader.line_num
+                if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
+                    found.append(Row(line, before, tuple(cells)))
+                if len(found) > _ROWS:
+                    break
+        except csv.Error:
+            pass
+    cut = not whole and len(found) > 1 and len(found) <= _ROWS
+    return found[:-1] if cut else found
+
+
+def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row], int] | None:
+    """The delimiter with which most rows have the same number of cells, the rows, and the first of those."""
+    said = checked_delimiter(options.delimiter)
+    best: tuple[float, str, list[Row], int] | None = None
+    for delimiter in (said,) if said else DELIMITERS:
+        rows = _rows(text, delimiter, whole=whole)
+        if not rows:
+            continue
+        counts = Counter(len(row.cells) for row in rows)
+        usual = max(counts, key=lambda size: (counts[size] * (size > 1), size))
+        share = counts[usual] / len(rows) if usual > 1 or said else 0.0
+        if delimiter == " " and best is not None and best[0] > 0.0:
+            break  # spaces divide cells only where nothing else does
+        if best is None or share > best[0] + 0.25:
+            first = next(index for index, row in enumerate(rows) if len(row.cells) == usual)
+            best = (share, delimiter, rows, first if share else 0)
+    if best is None:
+        return None
+    _, delimiter, rows, first = best
+    return ("," if best[0] == 0.0 and not said else delimiter), rows, first
+
+
+def _is_data(row: Row) -> bool:
+    """Whether a row holds numbers, or a time and numbers, and no names."""
+    filled = [cell.strip() for cell in row.cells if cell.strip()]
+    return any(looks_numeric(cell) for cell in filled) and all(
+        looks_numeric(cell) or _MOMENT.fullmatch(cell) for cell in filled
+    )
+
+
+def _heading(text: str, delimiter: str, rows: list[Row], place: int) -> tuple[list[str], int, int]:
+    """The cells of the heading, the place of the first row behind it, and its line; 0 for no heading."""
+    row = rows[place]
+    if not _is_data(row):
+        return list(row.cells), place + 1, row.line
+    if place and not _is_data(rows[place - 1]) and abs(len(rows[place - 1].cells) - len(row.cells)) <= 1:
+        return list(rows[place - 1].cells), place, rows[place - 1].line
+    before = text.splitlines()[: row.line - 1]
+    for line in range(len(before), 0, -1):
+        written = before[line - 1]
+        if written.startswith("#"):
+            cells = split_row(written.lstrip("# \t"), delimiter)
+            if len(cells) == len(row.cells) and not _is_data(Row(line, line, tuple(cells))):
+                return cells, place, line
+    return [str(number) for number in range(1, len(row.cells) + 1)], place, 0
+
+
+def _before(rows: Sequence[Row], line: int) -> list[Row]:
+    return [row for row in rows if row.line < line]
+
+
+def _unit_row(cells: Sequence[str], sample: list[Row]) -> tuple[list[str | None], list[Row]]:
+    """The units that stand in a row of their own below the heading, and the rows behind it."""
+    if not sample or len(sample[0].cells) != len(cells) or any("[" in cell for cell in cells):
+        return [], sample
+    found = [_UNIT_ROW.fullmatch(cell.strip()) for cell in sample[0].cells]
+    units = [match["unit"] if match else "?" for match in found]
+    filled = [unit for unit in units if unit]
+    if not filled or not all(is_unit(unit) or ":" in unit for unit in filled) or _is_data(sample[0]):
+        return [], sample
+    return [unit_of(unit) for unit in units], sample[1:]
+
+
+def _headings(
+    path: Path,
+    text: str,
+    delimiter: str,
+    line: int,
+    cells: Sequence[str],
+    units: Sequence[str | None],
+    sample: Sequence[Row],
+) -> tuple[Heading, ...]:
+    written = text.splitlines()[line - 1] if line else ""
+    found = []
+    for number, cell in enumerate(cells, start=1):
+        where = Location(path, line or None, cell_place(written, delimiter, number) if line else None)
+        name, unit = split_heading(cell)
+        if not name:
+            if (
+                number == len(cells)
+                and sample
+                and not any("".join(row.cells[number - 1 :]) for row in sample)
+            ):
+                found.append(Heading("", None, where))  # rows end with a delimiter
+                continue
+            raise RigctlError(
+                f"column {number} has no name",
+                value=cell,
+                expected="a name and its unit: name [unit]",
+                where=where,
+            )
+        found.append(Heading(name, (units[number - 1] if units else None) or unit, where))
+    return tuple(found)
+
+
+def cell_place(line: str, delimiter: str, number: int) -> int | None:
+    """Where the cell `number` (from 1) of a line begins, from 1; None where quotes or spaces hide it."""
+    if '"' in line or delimiter == " ":
+        return None
+    return sum(len(cell) + 1 for cell in line.split(delimiter)[: number - 1]) + 1

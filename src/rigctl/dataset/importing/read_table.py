@@ -1,0 +1,125 @@
+"""A file as a table of numbers, before anything is known of the bench it was measured on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigctl.dataset.importing.formats import open_source
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import Source, refuse
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column of numbers, as they stand in the file.
+
+    Parameters
+    ----------
+    name: in the file, without its unit.
+    unit: that the file gives it; None where it gives none. Times that are dates or clocks are in s.
+    values: shape (n,), NaN where one is missing.
+    """
+
+    name: str
+    unit: str | None
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of a file that hold numbers.
+
+    Parameters
+    ----------
+    columns: in the order of the file.
+    time: place among `columns` of the time; None where there is none.
+    origin: nanoseconds from 1970-01-01 UTC to time zero; None where the times do not say when it was.
+    texts: names of the columns that hold no numbers.
+    records: by the row, what a column ``record`` says; None without one.
+    remarks: what is worth knowing of the file, one sentence each.
+    """
+
+    path: Path
+    columns: tuple[TableColumn, ...]
+    time: int | None
+    origin: int | None
+    texts: tuple[str, ...]
+    records: tuple[str, ...] | None
+    remarks: tuple[str, ...]
+
+    def column(self, name: str) -> TableColumn | None:
+        """The column of that name in the file; None where there is none of numbers."""
+        return next((column for column in self.columns if column.name == name), None)
+
+
+def read_table(path: Path, options: Options | None = None, *, keep_good: bool = False) -> Table:
+    """Read all columns of a file that hold numbers, with their units and the time.
+
+    Parameters
+    ----------
+    options: how the file is to be read where it does not say so itself; ``columns`` may say which one is the
+        time (``{"Uhrzeit": "time"}``) and which are left out.
+    keep_good: pass over rows that cannot be read.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, a row is bad, or there is nothing in it.
+    """
+    import numpy as np
+
+    said = options or Options()
+    source = open_source(path, said)
+    ours = [said.ours(heading.name) for heading in source.headings]
+    record = ours.index("record") if "record" in ours else None
+    places = [
+        place
+        for place, heading in enumerate(source.headings)
+        if place != record and heading.name and not heading.spent and ours[place] != "-"
+    ]
+    wanted = [place for place in places if _holds_numbers(source, place)]
+    parts = list(source.parts(wanted, record))
+    faults = [fault for part in parts for fault in part.faults]
+    if faults and not keep_good:
+        raise refuse(path, faults, len(faults) + sum(part.more_faults for part in parts))
+    if not wanted or not sum(len(part.lines) for part in parts):
+        raise RigctlError("there is nothing in it", expected="rows of values", where=Location(path))
+    columns = tuple(
+        TableColumn(
+            source.headings[place].name,
+            source.headings[place].unit,
+            np.concatenate([part.columns[place] for part in parts]),
+        )
+        for place in wanted
+    )
+    labels = [part.labels for part in parts if part.labels is not None]
+    return Table(
+        path,
+        columns,
+        next((at for at, place in enumerate(wanted) if ours[place] == "time"), None),
+        source.origin,
+        tuple(source.headings[place].name for place in places if place not in wanted),
+        tuple(label.texts[code] for label in labels for code in label.codes.tolist()) or None,
+        source.remarks,
+    )
+
+
+def _holds_numbers(source: Source, place: int) -> bool:
+    """Whether a column is one of numbers, by its first rows."""
+    import numpy as np
+
+    try:
+        first = next(iter(source.parts([place], None)), None)
+    except RigctlError:
+        return False
+    if first is None:
+        return False
+    bad = len(first.faults) + first.more_faults
+    return not bad or int(np.isfinite(first.columns[place]).sum()) > bad

@@ -1,0 +1,234 @@
+"""The lines of a text file as UTF-8, whatever its encoding and its line ends, a part of it at a time."""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Final, cast
+
+from rigctl.errors import Location, RigctlError, nearest_name
+
+#: bytes of the file that are in memory at a time
+PIECE: Final = 1 << 23
+#: a longer line is none of a table, bytes
+LONGEST_LINE: Final = 1 << 20
+#: bytes by which the encoding and the form of a file are found out
+HEAD: Final = 1 << 18
+#: more lines without a cell than this are no table
+_MOST_BLANK: Final = 1_000_000
+
+_MARKS: Final = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """How the text of a file is stored.
+
+    Parameters
+    ----------
+    encoding: its name as Python has it.
+    mark: bytes of the byte-order mark before it.
+    returns: lines end in a carriage return alone, as they did on old Macintoshes.
+    guessed: nothing in the file says the encoding, and it is not UTF-8.
+    """
+
+    encoding: str
+    mark: int = 0
+    returns: bool = False
+    guessed: bool = False
+
+
+def find_form(path: Path, encoding: str | None) -> TextForm:
+    """Find out how a file's text is stored, by its first bytes, unless the caller says it.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, or there is no such encoding.
+    """
+    with opened(path) as file:
+        head = file.read(HEAD)
+    mark, found = next(((len(mark), name) for mark, name in _MARKS if head.startswith(mark)), (0, None))
+    said = _checked(encoding, path) if encoding else None
+    # a mark says more than 'utf-16', which leaves the order of the bytes open
+    name = found if found and (said or found).startswith(found[:6]) else said or _without_mark(head)
+    text = head[mark:].decode(name, "replace")
+    returns = "\r" in text and "\n" not in text
+    return TextForm(name, mark, returns, guessed=name == "cp1252" and not encoding)
+
+
+def _checked(encoding: str, path: Path) -> str:
+    try:
+        name = codecs.lookup(encoding).name
+        "".encode(name)
+    except (LookupError, TypeError) as problem:
+        known = (
+            "utf-8",
+            "utf-16",
+            "cp1252",
+            "latin-1",
+            "cp437",
+            "cp850",
+            "mac-roman",
+            "shift-jis",
+            "gb18030",
+        )
+        raise RigctlError(
+            "unknown encoding",
+            value=encoding,
+            expected=f"one of {', '.join(known)} …",
+            nearest=nearest_name(encoding, known),
+            where=Location(path),
+        ) from problem
+    return name
+
+
+def _without_mark(head: bytes) -> str:
+    """UTF-8 where the bytes can be that; UTF-16 where every other one is zero; else the one of Windows."""
+    even, odd = head[0::2].count(0), head[1::2].count(0)
+    if 4 * (even + odd) > len(head) > 1:
+        return "utf-16-le" if odd > even else "utf-16-be"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[IO[bytes]]:
+    """The file's bytes, decompressed; what goes wrong is told in plain words, where it is noticed."""
+    compressed = path.suffix.lower() == ".gz"
+    try:
+        with path.open("rb") as file:
+            yield cast("IO[bytes]", gzip.GzipFile(fileobj=file)) if compressed else file
+    except (gzip.BadGzipFile, EOFError, zlib.error) as problem:
+        raise RigctlError("the file is damaged", expected="gzip", where=Location(path)) from problem
+    except OSError as problem:
+        reason = problem.strerror or str(problem)
+        raise RigctlError(f"cannot read the file: {reason}", where=Location(path)) from problem
+
+
+class Lines:
+    """Goes through the lines of an open file, which are counted from 1.
+
+    Parameters
+    ----------
+    line: the number of the next line.
+    """
+
+    def __init__(self, path: Path, file: IO[bytes], form: TextForm) -> None:
+        self._path = path
+        self.line = 1
+        file.read(form.mark)
+        plain = form.encoding == "utf-8" and not form.returns
+        self._file: IO[bytes] | io.BufferedReader = (
+            file if plain else io.BufferedReader(_Utf8(file, form, path), 1 << 20)
+        )
+
+    def next(self) -> bytes:
+        """The next line with its end; nothing at the end of the file.
+
+        Raises
+        ------
+        RigctlError
+            the line is longer than any of a table.
+        """
+        line = self._file.readline(LONGEST_LINE)
+        if len(line) == LONGEST_LINE and not line.endswith(b"\n"):
+            raise self._too_long()
+        self.line += 1
+        return line
+
+    def skip(self, count: int) -> None:
+        """Go past some lines."""
+        for _ in range(count):
+            self.next()
+
+    def pieces(self) -> Iterator[tuple[int, bytes]]:
+        """Whole lines, some MiB at a time, with the number of the first; stretches of blank ones left out.
+
+        Raises
+        ------
+        RigctlError
+            a line is longer than any of a table, or there is nothing in a million of them.
+        """
+        blank = 0
+        while piece := self._file.read(PIECE):
+            rest = self._file.readline(LONGEST_LINE)
+            if len(rest) == LONGEST_LINE and not rest.endswith(b"\n"):
+                self.line += piece.count(b"\n")
+                raise self._too_long()
+            piece += rest
+            first, lines = self.line, piece.count(b"\n")
+            self.line += lines
+            if piece.strip():
+                blank = 0
+                yield first, piece
+            elif (blank := blank + lines) > _MOST_BLANK:
+                raise RigctlError(
+                    f"more than {_MOST_BLANK} blank lines", where=Location(self._path, first), expected="rows"
+                )
+
+    def _too_long(self) -> RigctlError:
+        return RigctlError(
+            f"the line is longer than {LONGEST_LINE >> 20} MiB",
+            expected="rows of a table, each on a line",
+            where=Location(self._path, self.line),
+        )
+
+
+class _Utf8(io.RawIOBase):
+    """Text of another encoding as UTF-8 with line feeds, read as it is asked for."""
+
+    def __init__(self, file: IO[bytes], form: TextForm, path: Path) -> None:
+        self._file = file
+        self._form = form
+        self._path = path
+        self._decoder = codecs.getincrementaldecoder(form.encoding)("replace" if form.guessed else "strict")
+        self._left = b""
+        self._ended = False
+
+    def readable(self) -> bool:
+        """It can be read."""
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        """Fill some of `buffer`; 0 at the end."""
+        while not self._left and not self._ended:
+            self._left = self._more()
+        size = min(len(buffer), len(self._left))
+        buffer[:size] = self._left[:size]
+        self._left = self._left[size:]
+        return size
+
+    def _more(self) -> bytes:
+        raw = self._file.read(1 << 18)
+        self._ended = not raw
+        try:
+            text = self._decoder.decode(raw, final=self._ended)
+        except UnicodeDecodeError as problem:
+            raise not_text(self._path, self._form.encoding, None) from problem
+        return (text.replace("\r", "\n") if self._form.returns else text).encode("utf-8")
+
+
+def not_text(path: Path, encoding: str, line: int | None) -> RigctlError:
+    """The error for bytes that are no text of the encoding."""
+    return RigctlError(
+        f"the file is not {encoding.upper()} text",
+        expected=encoding.upper(),
+        hint="Say which encoding it is: --encoding cp1252, say",
+        where=Location(path, line),
+    )
