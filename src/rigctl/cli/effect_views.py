@@ -13,8 +13,10 @@ from rigctl.cli.tables import console, table
 from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.document import effect_document
 from rigctl.effects.equations import terms_in_symbols, text_of
+from rigctl.effects.generic import offers
 from rigctl.model.signature import Signature
 from rigctl.model.trial import SAME, Trial
+from rigctl.physics.family import ModelFamily
 from rigctl.report.braille import draw_curve
 from rigctl.report.effect_figure import shown_unit
 from rigctl.rig.rig import Rig
@@ -37,6 +39,31 @@ def show_list(effects: Sequence[Effect]) -> None:
                 listed.add_row(effect.name, effect.kind, where, names, escape(effect.summary))
         console().print(f"[bold]{family}[/]")
         console().print(listed)
+
+
+def offer_documents(family: ModelFamily) -> list[dict[str, Any]]:
+    """The slots of a family with the generic effects that act there, and why others do not."""
+    return [
+        {
+            "family": family.name,
+            "slot": offer.place.slot.name,
+            "unit": offer.place.slot.unit,
+            "effects": [effect.name for effect in offer.effects],
+            "why_not": offer.why_not,
+        }
+        for offer in offers(family)
+    ]
+
+
+def show_offers(documents: Sequence[Mapping[str, Any]]) -> None:
+    """Where generic effects act, and why others do not."""
+    for family in dict.fromkeys(document["family"] for document in documents):
+        shown = table("slot", "unit", "generic effects there", "others not, because")
+        for document in documents:
+            if document["family"] == family:
+                names = ", ".join(document["effects"]) or "none"
+                shown.add_row(document["slot"], document["unit"], names, escape(document["why_not"]))
+        console().print(shown)
 
 
 def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:

@@ -60,9 +60,14 @@ def list_(
 ) -> None:
     """List the effects of the library, or with --slots the places where an effect can act.
 
+    A family of your own gets generic effects wherever they fit; the list says which act where, and why
+    others do not.
+
     Example: rigctl effects list --family hydraulic_cylinder --slots
+
+    Example: rigctl effects list --family mine.yaml
     """
-    from rigctl.cli.effect_views import show_list, show_slots
+    from rigctl.cli.effect_views import offer_documents, show_list, show_offers, show_slots
     from rigctl.cli.tables import print_json
     from rigctl.effects import library
     from rigctl.effects.document import effect_document, family_document
@@ -74,10 +79,12 @@ def list_(
         print_json({"families": documents}) if as_json else show_slots(documents)
         return
     found = [effect for each in families for effect in library(each).values()]
+    offered = [document for each in families for document in offer_documents(each)]
     if as_json:
-        print_json({"effects": [effect_document(effect) for effect in found]})
+        print_json({"effects": [effect_document(effect) for effect in found], "generic": offered})
     else:
         show_list(found)
+        show_offers(offered)
 
 
 @app.command()
@@ -110,7 +117,8 @@ def show(
     from rigctl.model.signature import signature
 
     found, bench, others = _open(effect, family, rig, alongside)
-    drawn = picture or figure is not None
+    record = found.model_family.standard_record is not None
+    drawn = figure is not None or (picture and record)
     seen = signature(found, bench, alongside=others, progress=_tell) if drawn else None
     if figure is not None and seen is not None:
         from rigctl.report.effect_figure import write_effect_figure
@@ -123,6 +131,8 @@ def show(
     show_effect(found)
     if seen is not None:
         show_signature(seen, bench)
+    elif picture:
+        typer.echo("\nThe family has no 'standard_record' on which to draw what it changes.")
     if figure is not None:
         typer.echo(f"Wrote {figure}")
 

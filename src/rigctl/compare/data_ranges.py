@@ -14,7 +14,8 @@ from rigctl.physics.family import ModelFamily
 #: shares of the readings left out at either end: spikes are no range
 _ENDS = (0.005, 0.995)
 
-#: the lowest and the highest value of a state, an input's size ("|u|") or a record's "time", SI
+#: the lowest and the highest value of a state, of "reading NAME", of its span ("length of NAME"), of an
+#: input's size ("|u|") or of a record's "time", SI
 Ranges = Mapping[str, tuple[float, float]]
 
 
@@ -23,14 +24,16 @@ def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
     if not family.generic:
         return {}
     found: dict[str, tuple[float, float]] = {}
-    for name, state in _read_states(family).items():
-        if name in measurements.outputs:
-            at = measurements.outputs.index(name)
-            values = np.concatenate([record.values[:, at] for record in measurements.records])
-            values = values[np.isfinite(values)]
-            if values.size:
-                low, high = np.quantile(values, _ENDS)
-                found[state] = (float(low), float(high))
+    states = _read_states(family)
+    for at, name in enumerate(measurements.outputs):
+        values = np.concatenate([record.values[:, at] for record in measurements.records])
+        values = values[np.isfinite(values)]
+        if not values.size:
+            continue
+        low, high = (float(end) for end in np.quantile(values, _ENDS))
+        found |= {f"reading {name}": (low, high), f"length of {name}": (0.0, high - low)}
+        if name in states:
+            found[states[name]] = (low, high)
     for k, name in enumerate(measurements.inputs):
         largest = max(
             (float(np.abs(record.inputs[:, k]).max()) for record in measurements.records), default=0.0

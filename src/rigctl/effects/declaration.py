@@ -54,8 +54,8 @@ class EffectParameter:
     difference: a temperature that is an interval.
     grid: values at which a diagnosis looks for the effect, SI: of a shape, those besides `start`; of one that
         switches the effect on at a threshold, those in place of its null, where its slope says nothing.
-    within, shares: of a shape, what it is a value of (a state, the size ``|u|`` of an input, a record's
-        "time"), and the shares of its measured range at which a diagnosis looks for it, instead of at `grid`.
+    within, shares: of a shape, what it is a value of, as `rigctl.compare.data_ranges` calls it, and the
+        shares of that range at which a diagnosis looks for it, instead of at `grid`.
     refined: a shape that a diagnosis fits as well, once the effect is in.
     """
 

@@ -65,13 +65,14 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
         *(
             Slot(delay_slot(item.name), "s", f"until {item.name} acts", kind="command")
             for item in inputs
-            if item.delay is None
+            if item.delay is None and family.states
         ),
         *(
             Slot(reading_slot(output.name), output.unit, f"beside what {output.name} is", kind="sensor")
             for output in family.outputs
         ),
     )
+    names = {slot.name for slot in slots}
     acting = frozenset(item.name for item in inputs)
     with_slot = {state.name for state in balances}
     return replace(
@@ -91,7 +92,7 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
             replace(item, formula=_Plus(item.formula, reading_slot(item.name), acting))
             for item in family.outputs
         ),
-        inputs=tuple(_delayed(item) if item.name in acting else item for item in family.inputs),
+        inputs=tuple(_delayed(item) if delay_slot(item.name) in names else item for item in family.inputs),
     )
 
 
@@ -167,8 +168,6 @@ class _Acting:
 
 
 def _delayed(item: InputVariable) -> InputVariable:
-    if item.delay is not None:
-        return item
     return replace(item, delay=_Late(delay_slot(item.name)))
 
 

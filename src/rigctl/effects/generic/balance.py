@@ -28,7 +28,7 @@ from rigctl.physics.scope import Scope
 
 _INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
 _BOUC = "Bouc (1967); Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249, with n = 1, which is Dahl's friction"
-_FLOW = "White, Fluid Mechanics: turbulent drag and flow go with the square"
+_FLOW = "White, Fluid Mechanics"
 
 
 def at_balance(family: ModelFamily, place: Balance, sizes: Magnitudes) -> Iterator[Effect]:
@@ -164,7 +164,7 @@ def _of_motion(at: _At) -> Iterator[Effect]:
         "quadratic_drag",
         f"Air or a liquid drags with the square of {name}.",
         f"w = −k·{name}·|{name}|",
-        _FLOW,
+        _FLOW + ": turbulent drag goes with the square",
         lambda m, p: at.against(
             p.coefficient * at.x(m) * absolute(at.x(m), constant_like(at.place.state.scale, at.x(m)))
         ),
@@ -270,7 +270,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
         "power_law",
         f"Some of {name} is lost with a power of how far it is above {around}.",
         f"w = −k·x·|x/{at.span:.3g} {at.state_unit}|^(n − 1), x = {base}",
-        _INCROPERA + ": free convection has n = 5/4; orifices have n = 1/2, " + _FLOW,
+        _INCROPERA + ": free convection has n = 5/4; " + _FLOW + ": an orifice has n = 1/2",
         power_law,
         (
             either_sign("coefficient", quotient(at.unit, at.state_unit), 0.05 * at.size / at.span, "k"),
@@ -283,17 +283,19 @@ def _of_store(at: _At) -> Iterator[Effect]:
 
     def threshold(m: Scope, p: Own) -> Scalar:
         x = at.x(m)
-        return at.against(p.coefficient * beyond(x, p.limit, constant_like(CORNER * at.span, x)))
+        above = beyond(x, p.limit, constant_like(CORNER * at.span, x)) / constant_like(at.span, x)
+        return at.against(p.size * power(above, p.exponent))
 
     yield at.effect(
         "threshold",
         f"Above a limit {name} runs over, or a valve opens.",
-        f"w = −k·max(0, {name} − limit)",
-        "piecewise linear characteristic of an overflow or a relief valve",
+        f"w = −k·(max(0, {name} − limit)/{at.span:.3g} {at.state_unit})^n",
+        "characteristic of a relief valve (n = 1) and of a weir (n = 3/2): " + _FLOW,
         threshold,
         (
-            one_sign("coefficient", quotient(at.unit, at.state_unit), 0.5 * at.size / at.span, "k"),
+            one_sign("size", at.unit, 0.5 * at.size, "k"),
             _limit(at),
+            shape("exponent", "1", 1.0, "n", low=1.0, high=3.0),
         ),
         f"{name} follows the model up to a limit, and stays there.",
         confused=("power_law", "leak"),

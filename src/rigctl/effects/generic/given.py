@@ -27,8 +27,9 @@ def at_input(family: ModelFamily, place: Given, sizes: Magnitudes) -> Iterator[E
     yield made.quadratic()
     yield made.saturation()
     yield made.dead_band()
-    yield made.backlash()
-    yield made.lag()
+    if family.states:  # without time nothing is late
+        yield made.backlash()
+        yield made.lag()
 
 
 def at_switches(family: ModelFamily, place: Late, sizes: Magnitudes) -> Iterator[Effect]:

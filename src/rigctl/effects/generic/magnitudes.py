@@ -52,8 +52,18 @@ class Magnitudes:
 
     @property
     def shortest(self) -> float:
-        """The shortest of all states' times."""
-        return min(self.time(state.name) for state in self._family.states)
+        """The shortest of all states' times, 1 s where there are none."""
+        return min((self.time(state.name) for state in self._family.states), default=1.0)
+
+    def reading(self, name: str) -> float:
+        """The size of a reading where the family starts, 0 where it has none."""
+        output = next(output for output in self._family.outputs if output.name == name)
+        point = next(iter(self._points()))
+        try:
+            value = abs(float(output.formula(Scope(self._family, point))))
+        except (RigctlError, ArithmeticError, ValueError):
+            return 0.0
+        return value if math.isfinite(value) else 0.0
 
     def _found_rates(self) -> dict[str, float]:
         found = dict.fromkeys(self._states, 0.0)

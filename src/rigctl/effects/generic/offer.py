@@ -99,8 +99,8 @@ def _why_not(place: Place) -> str:
             return "no leak, power law, threshold or second store: it is a speed, which nothing stores"
         case Balance():
             return "no friction: it is no speed"
-        case Reading(state=None):
-            return "no gain, lag, saturation or hysteresis: what is read is not one state alone"
+        case Reading() if not place.slopes and not place.inputs:
+            return "no gain, lag, saturation or hysteresis: it reads no state"
         case Given(surroundings=True):
             return "an offset alone: it is not commanded"
         case _:

@@ -7,11 +7,13 @@ the time of its switches.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, derivative, evaluate, variables_of
 from rigctl.engine.system import after, before
+from rigctl.errors import RigctlError
 from rigctl.physics.derived_slots import input_slot, kinematics, rate_slot
 from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
 from rigctl.physics.scope import Addition, Scope
@@ -56,12 +58,63 @@ class Balance:
 
 @dataclass(frozen=True)
 class Reading:
-    """A slot that adds to a reading; `state` is the one that is read, None where it is none alone."""
+    """A slot that adds to a reading, or is taken from it.
+
+    Attributes
+    ----------
+    label: how effects there are named: the output, or a slot that is no sensor's.
+    direction: 1 where a term raises the reading, -1 where it lowers it.
+    slopes: of the reading, by the states that it reads.
+    inputs: that it depends on, where it reads no state: of a bench without time.
+    reference: the value it is counted from, SI.
+    """
 
     slot: Slot
+    label: str
     output: OutputVariable
-    state: str | None
+    direction: float
+    slopes: Mapping[str, float]
+    inputs: tuple[str, ...]
     reference: float
+
+    def truth(self, m: Scope) -> Scalar:
+        """What would be read without effects at this slot."""
+        return self.output.formula(cast("Scope", _Without(m, self.slot.name)))
+
+    def rate(self, m: Scope) -> Scalar:
+        """The derivative of the truth: ``Σ ∂z/∂s·ds/dt``; jumps of inputs are left out.
+
+        Raises
+        ------
+        RigctlError
+            `m` holds plain numbers.
+        """
+        value = self.truth(m)
+        if not isinstance(value, Expr):
+            raise RigctlError(f"the rate of {self.output.name} needs symbols, not numbers")
+        total: Scalar = 0.0
+        for state in self.slopes:
+            variable = m[state]
+            assert isinstance(variable, Expr)  # noqa: S101 - as the value is
+            total = total + derivative(value, variable) * m.rate(state)
+        return total
+
+
+class _Without:
+    """A scope in which nothing is added at one slot."""
+
+    def __init__(self, scope: Scope, slot: str) -> None:
+        self._scope = scope
+        self._slot = slot
+
+    def total(self, slot: str, **local: Scalar) -> Scalar:
+        return 0.0 if slot == self._slot else self._scope.total(slot, **local)
+
+    def __getitem__(self, name: str) -> Scalar:
+        return self._scope[name]
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._scope, name)
 
 
 @dataclass(frozen=True)
@@ -122,6 +175,13 @@ class _Probed:
             for item in family.inputs
             if item.delay is not None
         }
+        defined = {item.name: self.graph.expression(scope[item.name]) for item in family.definitions}
+        #: slots that act within a definition
+        self.inside = {
+            slot.name
+            for slot in family.slots
+            if any(self._of(slot) in variables_of(expr) for expr in defined.values())
+        }
         self.positions = {speed: position for position, speed in kinematics(family).items()}
         self.at = self._point()
 
@@ -174,7 +234,7 @@ class _Probed:
         if given is not None:
             return Given(slot, given, given.name in self.surroundings)
         read = [output for output in self.family.outputs if probe in variables_of(self.readings[output.name])]
-        if slot.kind == "sensor" and read:
+        if read and not states:
             return self._reading(slot, read[0])
         if len(states) != 1:
             return Nowhere(slot, "it acts on several states" if states else "no equation uses it")
@@ -200,15 +260,26 @@ class _Probed:
         )
 
     def _reading(self, slot: Slot, output: OutputVariable) -> Place:
-        expr = self.readings[output.name]
-        slope = derivative(expr, self._of(slot))
-        if not (slope.constant and float(slope.value) == 1.0):
+        expr, probe = self.readings[output.name], self._of(slot)
+        slope = derivative(expr, probe)
+        if not slope.constant or abs(float(slope.value)) != 1.0 or slot.name in self.inside:
             return Nowhere(slot, f"it is not simply added to the reading {output.name}")
-        others = [v.name for v in variables_of(expr) if v is not self._of(slot)]
-        state = next((s for s in self.family.states if others == [s.name]), None)
-        alone = state is not None and _is_one(derivative(expr, self.graph.variables[state.name]))
-        reference = self._counted_from(state)[1] if state is not None else 0.0
-        return Reading(slot, output, state.name if alone and state is not None else None, reference)
+        variables = {variable.name: variable for variable in variables_of(expr)}
+        slopes = {
+            state.name: evaluate(derivative(expr, variables[state.name]), self.at)
+            for state in self.family.states
+            if state.name in variables
+        }
+        unit = parse_unit(output.unit).dimension
+        return Reading(
+            slot,
+            output.name if slot.kind == "sensor" else slot.name,
+            output,
+            float(slope.value),
+            slopes,
+            () if slopes else tuple(item.name for item in self.family.inputs if item.name in variables),
+            evaluate(expr, self.at) if unit in _FAR_FROM_ZERO else 0.0,
+        )
 
     def _counted_from(self, state: StateVariable) -> tuple[str | None, float]:
         dimension = parse_unit(state.unit).dimension
@@ -216,7 +287,3 @@ class _Probed:
             if isinstance(variable, Expr) and variable.declared == dimension:
                 return name, self.at[name]
         return None, state.start if dimension in _FAR_FROM_ZERO and not state.difference else 0.0
-
-
-def _is_one(slope: Expr) -> bool:
-    return slope.constant and float(slope.value) == 1.0

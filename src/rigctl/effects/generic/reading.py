@@ -19,7 +19,7 @@ from rigctl.effects.generic.common import (
 from rigctl.effects.generic.magnitudes import Magnitudes
 from rigctl.effects.generic.places import Reading
 from rigctl.effects.lag import deviation_rate, reading_error
-from rigctl.engine.symbols import Scalar, constant_like
+from rigctl.engine.symbols import Scalar, absolute, constant_like, power
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 
@@ -28,15 +28,18 @@ _RESOLUTION = 1e-3
 
 
 def at_reading(family: ModelFamily, place: Reading, sizes: Magnitudes) -> Iterator[Effect]:
-    """The effects that may act at a reading; most need the state that is read."""
+    """The effects that may act at a reading: of what it reads, or of the settings where there is no time."""
     made = _Made(family, place, sizes)
     yield made.offset()
-    yield made.drift()
-    if place.state is not None:
-        yield made.gain(place.state)
-        yield made.lag(place.state)
-        yield made.saturation(place.state)
-        yield made.hysteresis(place.state)
+    if family.states:
+        yield made.drift()
+    if place.slopes:
+        yield made.gain()
+        yield made.lag()
+        yield made.saturation()
+        yield made.hysteresis()
+    for name in place.inputs:
+        yield from made.with_input(name)
 
 
 class _Made:
@@ -44,8 +47,10 @@ class _Made:
         self.family, self.place, self.sizes = family, place, sizes
         self.name = place.output.name
         self.unit = place.slot.unit
-        self.span = sizes.state(place.state) if place.state is not None else 1.0
-        self.time = sizes.time(place.state) if place.state is not None else sizes.shortest
+        self.span = sum(abs(slope) * sizes.state(state) for state, slope in place.slopes.items()) or (
+            sizes.reading(self.name) or 1.0
+        )
+        self.time = min((sizes.time(state) for state in place.slopes), default=sizes.shortest)
 
     def effect(
         self,
@@ -59,22 +64,28 @@ class _Made:
         states: tuple[EffectState, ...] = (),
         confused: tuple[str, ...] = (),
         needs: str | None = None,
+        of: str = "",
     ) -> Effect:
+        label, sensor = self.place.label, self.place.slot.kind == "sensor"
+        ending = f"_{'of' if sensor else 'on'}_{label}" + (f"_with_{of}" if of else "")
         return Effect(
-            name=f"{kind}_of_{self.name}",
+            name=f"{kind}{ending}",
             family=self.family.name,
             summary=summary,
             equation=equation,
             source=SENSORS,
             looks_like=looks_like,
-            terms=((self.place.slot.name, term),),
+            terms=((self.place.slot.name, lambda m, p: self._signed(term(m, p))),),
             parameters=parameters,
             states=states,
-            kind="sensor",
-            confused_with=tuple(f"{one}_of_{self.name}" for one in confused),
+            kind="sensor" if sensor else "process",
+            confused_with=tuple(f"{one}{ending}" for one in confused),
             needs=needs,
             own_family=self.family,
         )
+
+    def _signed(self, value: Scalar) -> Scalar:
+        return value if self.place.direction > 0.0 else -value
 
     def offset(self) -> Effect:
         return self.effect(
@@ -100,94 +111,91 @@ class _Made:
             needs="long records",
         )
 
-    def gain(self, state: str) -> Effect:
-        base = f"({state} − {self.place.reference:g})" if self.place.reference else state
+    def gain(self) -> Effect:
+        base = f"({self.name} − {self.place.reference:g})" if self.place.reference else self.name
         return self.effect(
             "gain",
             f"The reading {self.name} is off by a share.",
             f"w = k·{base}",
-            lambda m, p: p.share * self._above(m, state),
+            lambda m, p: p.share * self._above(m),
             (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k"),),
             "Its error is in proportion to its value, and no other channel's is.",
             confused=("saturation", "offset"),
         )
 
-    def lag(self, state: str) -> Effect:
+    def lag(self) -> Effect:
         resolution = max(_RESOLUTION * self.sizes.shortest, 1e-9)
 
         def rate(m: Scope, p: Own) -> Scalar:
-            return deviation_rate(p.deviation, p.lag, constant_like(resolution, p.lag), m.rate(state))
+            return deviation_rate(p.deviation, p.lag, constant_like(resolution, p.lag), self.place.rate(m))
 
-        unit = self.state_unit(state)
-        scale = self.span / 300.0
         return self.effect(
             "lag",
             f"The reading {self.name} follows late.",
-            f"τ·dz/dt = {state} − z, w = z − {state}",
+            f"τ·dz/dt = {self.name} − z, w = z − {self.name}",
             lambda m, p: reading_error(p.deviation, p.lag, constant_like(resolution, p.lag)),
             (one_sign("lag", "s", 0.1 * self.time, "τ"),),
             "Its fast changes come late and rounded; at rest it is right.",
-            states=(EffectState("deviation", unit, scale, rate, "reading less truth, unweighted"),),
+            states=(
+                EffectState(
+                    "deviation", self.unit, self.span / 300.0, rate, "reading less truth, unweighted"
+                ),
+            ),
             confused=("hysteresis",),
         )
 
-    def saturation(self, state: str) -> Effect:
+    def saturation(self) -> Effect:
         def term(m: Scope, p: Own) -> Scalar:
-            x = m[state]
+            x = self.place.truth(m)
             return -(p.share * beyond(x, p.limit, constant_like(CORNER * self.span, x)))
 
-        start = next(s.start for s in self.family.states if s.name == state)
+        typical = self.place.reference + 0.7 * self.span
+        far = 100.0 * self.span + abs(typical)
         return self.effect(
             "saturation",
             f"The reading {self.name} does not go beyond a limit.",
-            f"w = −k·max(0, {state} − limit)",
+            f"w = −k·max(0, {self.name} − limit)",
             term,
             (
                 share("share", "k; 1 is a hard limit"),
-                self._limit(state, start + 0.7 * self.span),
+                shape(
+                    "limit",
+                    self.unit,
+                    typical,
+                    "where it begins",
+                    within=f"reading {self.name}",
+                    shares=(0.5, 0.7, 0.85, 0.95),
+                    low=-far,
+                    high=far,
+                    difference=False,
+                ),
             ),
             "Its high values are flattened, and no other channel's are.",
             confused=("gain",),
             needs="values beyond the limit",
         )
 
-    def _limit(self, state: str, typical: float) -> EffectParameter:
-        far = 100.0 * self.span + abs(typical)
-        difference = next(s.difference for s in self.family.states if s.name == state)
-        return shape(
-            "limit",
-            self.state_unit(state),
-            typical,
-            "where it begins",
-            within=state,
-            shares=(0.5, 0.7, 0.85, 0.95),
-            low=-far,
-            high=far,
-            difference=difference,
-        )
-
-    def hysteresis(self, state: str) -> Effect:
-        unit = self.state_unit(state)
+    def hysteresis(self) -> Effect:
         pace = self.span / self.time
 
         def rate(m: Scope, p: Own) -> Scalar:
-            speed = m.rate(state)
+            speed = self.place.rate(m)
             return (speed - speed * sign(speed, constant_like(1e-3 * pace, speed)) * p.play) / p.distance
 
         return self.effect(
             "hysteresis",
             f"The reading {self.name} hangs behind: play, or hysteresis of the sensor.",
-            f"w = −b·z, dz/dt = (d{state}/dt − |d{state}/dt|·z)/s",
+            f"w = −b·z, dz/dt = (d{self.name}/dt − |d{self.name}/dt|·z)/s",
             lambda m, p: -(p.size * p.play),
             (
                 one_sign("size", self.unit, 0.01 * self.span, "b, half of the play"),
                 shape(
                     "distance",
-                    unit,
+                    self.unit,
                     0.02 * self.span,
                     "s, over which it turns",
-                    within=state,
-                    shares=(0.01, 0.05),
+                    within=f"length of {self.name}",
+                    shares=(0.005, 0.02, 0.1),
                 ),
             ),
             "The same value is read differently on the way up and on the way down.",
@@ -196,9 +204,65 @@ class _Made:
             needs="reversals",
         )
 
-    def state_unit(self, state: str) -> str:
-        return next(s.unit for s in self.family.states if s.name == state)
+    def with_input(self, name: str) -> Iterator[Effect]:
+        """What a settled value may lack that depends on a setting."""
+        unit = next(item.unit for item in self.family.inputs if item.name == name)
+        span = self.sizes.input(name)
+        label = self.place.label
 
-    def _above(self, m: Scope, state: str) -> Scalar:
-        x = m[state]
+        def corner(u: Scalar) -> Scalar:
+            return constant_like(CORNER * span, u)
+
+        yield self.effect(
+            "gain",
+            f"Something at {label} goes in proportion to {name}.",
+            f"w = k·{name}",
+            lambda m, p: p.coefficient * m[name],
+            (either_sign("coefficient", quotient(self.unit, unit), 0.05 * self.span / span, "k"),),
+            f"The error grows in proportion to {name}.",
+            confused=("quadratic", "threshold"),
+            of=name,
+        )
+        yield self.effect(
+            "quadratic",
+            f"Something at {label} goes with the square of {name}.",
+            f"w = k·{name}·|{name}|",
+            lambda m, p: p.coefficient * m[name] * absolute(m[name], corner(m[name])),
+            (either_sign("coefficient", quotient(self.unit, unit, unit), 0.05 * self.span / span**2, "k"),),
+            f"The error grows with the square of {name}.",
+            confused=("gain", "threshold"),
+            of=name,
+        )
+
+        def threshold(m: Scope, p: Own) -> Scalar:
+            u = m[name]
+            above = beyond(u, p.limit, corner(u)) / constant_like(span, u)
+            return p.coefficient * power(above, p.exponent)
+
+        yield self.effect(
+            "threshold",
+            f"Above a limit of {name} something sets in.",
+            f"w = k·(max(0, {name} − limit)/{span:.3g} {unit})^n",
+            threshold,
+            (
+                either_sign("coefficient", self.unit, 0.1 * self.span, "k"),
+                shape(
+                    "limit",
+                    unit,
+                    0.5 * span,
+                    "where it begins",
+                    within=f"|{name}|",
+                    shares=(0.3, 0.5, 0.65, 0.8),
+                    low=-100.0 * span,
+                    high=100.0 * span,
+                ),
+                shape("exponent", "1", 1.0, "n", low=1.0, high=3.0),
+            ),
+            f"All is right up to a limit of {name}; beyond it the error grows.",
+            confused=("quadratic", "gain"),
+            of=name,
+        )
+
+    def _above(self, m: Scope) -> Scalar:
+        x = self.place.truth(m)
         return x - constant_like(self.place.reference, x) if self.place.reference else x
