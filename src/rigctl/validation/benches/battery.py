@@ -54,5 +54,5 @@ BENCH = SmallBench(
     spread=4.0,
     time_constant=45.0,
     simulate=simulate,
-    hidden=Hidden("discharge by itself", "A", 5e-3, 1.0, ("leak", "offset")),
+    hidden=Hidden("discharge by itself", "A", 5e-3, 1.0, ("leak_on_charge", "offset_on_charge")),
 )

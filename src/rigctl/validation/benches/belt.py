@@ -12,7 +12,7 @@ _LEVELS = ((5, -5, 3), (8, 0, -8), (-4, 4, -2), (6, -3, 3), (-7, 7, 0), (3, -6, 
 
 
 def simulate(draw: Draw) -> list[Trace]:
-    """``dw/dt = (w_set − w)/T``, ``dphi/dt = w``; the carriage is at ``r·phi·(1 + e·(warmth − 25 K))``.
+    """``dw/dt = (w_set − w)/T``, ``dphi/dt = w``; ``dx/dt = r·(1 + e·(warmth − 25 degC))·w``.
 
     The carriage rests by its friction until the slack of the gear has been taken up.
     """
@@ -22,23 +22,23 @@ def simulate(draw: Draw) -> list[Trace]:
     for levels in _LEVELS:
         instants = draw.switches((0.2, 0.9, 1.6))
         speed = steps(instants, levels)
-        stretch = draw.optional(0.0, 0.3, 2.0)
+        warmth = draw.optional(25.0, 5.0, 2.0)
 
-        def rates(t: float, y: Floats, u: Signal = speed) -> tuple[float, float]:
-            return float(y[1]), float((u(t) - y[1]) / lag)
+        def rates(t: float, y: Floats, u: Signal = speed, b: Signal = warmth) -> tuple[float, float, float]:
+            pitch = radius * (1.0 + 1e-3 * (b(t) - 25.0))
+            return float(y[1]), float((u(t) - y[1]) / lag), float(pitch * y[1])
 
         fine = np.linspace(0.0, float(time[-1]), 8 * (time.size - 1) + 1)
-        states = integrate(rates, (0.0, 0.0), fine, instants)
-        followed = _slack(radius * states[:, 0], draw.amplitude)
-        shift = sampled(stretch, time)
+        states = integrate(rates, (0.0, 0.0, 0.0), fine, instants)
+        followed = _slack(states[:, 2], draw.amplitude)
         records.append(
             Trace(
                 time,
                 {
                     "drive": sampled(speed, time),
-                    "stretch": shift,
+                    "warmth": sampled(warmth, time),
                     "angle": states[::8, 0],
-                    "carriage": followed[::8] + shift,
+                    "carriage": followed[::8],
                 },
             )
         )
@@ -58,11 +58,11 @@ def _slack(moved: Floats, width: float) -> Floats:
 BENCH = SmallBench(
     name="belt",
     title="carriage on a toothed belt",
-    columns={"drive": "rad/s", "stretch": "mm", "angle": "rad", "carriage": "mm"},
+    columns={"drive": "rad/s", "warmth": "degC", "angle": "rad", "carriage": "mm"},
     noise={"angle": 2e-3, "carriage": 0.05},
-    optional="stretch",
-    spread=0.3,
+    optional="warmth",
+    spread=5.0,
     time_constant=0.08,
     simulate=simulate,
-    hidden=Hidden("backlash of the gear", "mm", 0.05, 10.0, ("backlash",)),
+    hidden=Hidden("backlash of the gear", "mm", 0.05, 10.0, ("hysteresis_of_carriage",)),
 )

@@ -57,5 +57,5 @@ BENCH = SmallBench(
     spread=3.0,
     time_constant=100.0,
     simulate=simulate,
-    hidden=Hidden("a loss of the middle to the room", "W/K", 2e-3, 0.5, ("leak",)),
+    hidden=Hidden("a loss of the middle to the room", "W/K", 2e-3, 0.5, ("leak_on_heat_middle",)),
 )

@@ -64,5 +64,5 @@ BENCH = SmallBench(
     spread=0.4,
     time_constant=1.2,
     simulate=simulate,
-    hidden=Hidden("a leak to the room", "l/min at 1 bar", 0.05, 30.0, ("leak",)),
+    hidden=Hidden("a leak to the room", "l/min at 1 bar", 0.05, 30.0, ("leak_on_pressure",)),
 )

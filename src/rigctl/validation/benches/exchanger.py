@@ -58,5 +58,5 @@ BENCH = SmallBench(
     spread=3.0,
     time_constant=10.0,
     simulate=simulate,
-    hidden=Hidden("a slow thermometer in the hot side", "s", 0.3, 20.0, ("lag",)),
+    hidden=Hidden("a slow thermometer in the hot side", "s", 0.3, 20.0, ("lag_of_hot",)),
 )

@@ -50,5 +50,5 @@ BENCH = SmallBench(
     spread=0.006,
     time_constant=0.07,
     simulate=simulate,
-    hidden=Hidden("dry friction of the bearings", "N*m", 2e-3, 0.05, ("coulomb_friction",)),
+    hidden=Hidden("dry friction of the bearings", "N*m", 2e-3, 0.05, ("coulomb_on_torque",)),
 )

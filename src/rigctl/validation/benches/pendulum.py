@@ -53,5 +53,5 @@ BENCH = SmallBench(
     spread=1.5,
     time_constant=0.25,
     simulate=simulate,
-    hidden=Hidden("drag of the air", "N*m*s^2", 2e-3, 0.2, ("quadratic_drag",)),
+    hidden=Hidden("drag of the air", "N*m*s^2", 2e-3, 0.2, ("quadratic_drag_on_velocity",)),
 )

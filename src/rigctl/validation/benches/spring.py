@@ -48,5 +48,5 @@ BENCH = SmallBench(
     spread=2.0,
     time_constant=0.05,
     simulate=simulate,
-    hidden=Hidden("dry friction of the guide", "N", 0.1, 6.0, ("coulomb_friction",)),
+    hidden=Hidden("dry friction of the guide", "N", 0.1, 6.0, ("coulomb_on_velocity",)),
 )

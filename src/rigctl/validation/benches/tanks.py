@@ -62,5 +62,5 @@ BENCH = SmallBench(
     spread=0.3,
     time_constant=100.0,
     simulate=simulate,
-    hidden=Hidden("an overflow of the first tank", "l/min at 10 mm", 0.05, 5.0, ("threshold",)),
+    hidden=Hidden("an overflow of the first tank", "l/min at 10 mm", 0.05, 5.0, ("threshold_on_level_1",)),
 )
