@@ -151,6 +151,7 @@ class Served:
         began = time.monotonic()
         self.sketch = Sketch(lambda: (time.monotonic() - began) * speed)
         self.switched: list[tuple[float, tuple[float, float]]] = []
+        self.mute = False  #: the line is dead both ways, and the port is there
         self.unplugged = False  #: closes the connection, and takes no other
         self._end = threading.Event()
         self._server: socket.socket | None = None
@@ -186,6 +187,8 @@ class Served:
         self.close()
 
     def _take(self, data: bytes) -> bytes:
+        if self.mute:
+            return b""
         before = self.sketch.heaters
         answer = self.sketch.take(data)
         if self.sketch.heaters != before:

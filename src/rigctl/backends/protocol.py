@@ -85,6 +85,11 @@ class Backend(Protocol):
         """True when the bench itself times pulses, so that delays of the host do not matter."""
         ...
 
+    @property
+    def without_host(self) -> str:
+        """What becomes of the outputs when nobody can reach the bench, one sentence for whoever is there."""
+        ...
+
     def open(self) -> None:
         """Reach the bench, check that it is the right one, and bring its outputs to the safe state.
 

@@ -29,7 +29,7 @@ _EXTRAS = (
 
 def examine(ports: Sequence[PortInfo] = ()) -> Iterator[Finding]:
     """Look at everything rigctl stands on, cheapest first. Nothing is opened, nothing moves."""
-    from rigctl.cli.doctor_bench import emulator_finding, port_findings, rig_findings
+    from rigctl.cli.doctor_bench import emulator_finding, guard_findings, port_findings, rig_findings
     from rigctl.project import find_project
 
     yield _interpreter()
@@ -40,6 +40,7 @@ def examine(ports: Sequence[PortInfo] = ()) -> Iterator[Finding]:
     yield emulator_finding()
     yield from rig_findings(find_project().root / "rigs")
     yield from port_findings(ports)
+    yield from guard_findings()
 
 
 def _interpreter() -> Finding:

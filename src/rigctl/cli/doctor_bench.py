@@ -38,6 +38,15 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
             )
 
 
+def guard_findings() -> Iterator[Finding]:
+    """Guards that are still trying, or have given up, to make a device safe."""
+    from rigctl.backends.lines.pursuit import pursuits
+
+    for notice in pursuits():
+        fix = "switch the device off by hand, at its supply; then 'rigctl off' takes this guard's place"
+        yield Finding("OUTPUTS MAY BE ON", "broken", str(notice), fix)
+
+
 def ports_document(ports: Sequence[PortInfo]) -> list[dict[str, Any]]:
     """The ports for programs; field names are contract."""
     return [{**asdict(port), "usb": port.usb} for port in ports]

@@ -107,6 +107,7 @@ def monitor(
 
     bench = open_rig(rig)
     end = read_si(duration, "s") if duration is not None else None
+    say_guards()
     readings = watch(bench, launch_of(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None
     with _shown(bench, as_json=as_json) as show:
@@ -129,6 +130,14 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
         return
     line = _as_json if as_json else _as_line
     yield lambda reading: typer.echo(line(rig, reading))
+
+
+def say_guards() -> None:
+    """Say on stderr, in red, which guards are still trying to make a device safe."""
+    from rigctl.backends.lines.pursuit import pursuits
+
+    for notice in pursuits():
+        typer.secho(f"OUTPUTS MAY BE ON: {notice}", fg=typer.colors.RED, bold=True, err=True)
 
 
 def open_rig(path: Path | None) -> Rig:

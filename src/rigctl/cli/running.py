@@ -69,12 +69,17 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
             "records": result.records,
             "duration": round(result.duration, 6),
             "exit_code": int(result.exit_code),
+            "unconfirmed": result.unconfirmed,
+            "by_hand": result.by_hand,
         }
         typer.echo(to_json(told))
     else:
         typer.echo(result.summary())
         if result.folder is not None:
             typer.echo(f"  {result.folder}")
+    if result.unconfirmed is not None:
+        said = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
+        typer.secho(f"{said}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
 
 

@@ -76,6 +76,7 @@ class Session:
     ended: float | None = None
     status: str = INTERRUPTED
     reason: str | None = _KILLED
+    unconfirmed: str | None = None  #: outputs that may still be on
 
 
 @dataclass
@@ -99,6 +100,11 @@ class History:
     def reason(self) -> str | None:
         """Why it did not finish."""
         return self.sessions[-1].reason if self.sessions else _KILLED
+
+    @property
+    def unconfirmed(self) -> str | None:
+        """The outputs that may still have been on when the last session ended."""
+        return self.sessions[-1].unconfirmed if self.sessions else None
 
 
 def read_history(folder: Path) -> History:
@@ -179,6 +185,7 @@ class _Reader:
         elif kind == "end":
             session = self._history.sessions[-1]
             session.ended, session.status, session.reason = time, line["status"], line["reason"]
+            session.unconfirmed = line.get("unconfirmed")
 
     def _open_record(self, line: Mapping[str, Any], time: float) -> None:
         sweep = {name: (_number(value), unit) for name, (value, unit) in line["sweep"].items()}

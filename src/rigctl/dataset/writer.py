@@ -270,13 +270,14 @@ class RunWriter:
         if sync:
             self._synced = monotonic()
 
-    def close(self, status: str, reason: str | None = None) -> Path:
+    def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path:
         """End the session and make the run's tables; the folder is whole afterwards. Idempotent.
 
         Parameters
         ----------
         status: ``finished``, ``failed`` or ``aborted``.
         reason: why, when it did not finish.
+        unconfirmed: the outputs that may still be on, since the bench could not be reached at the end.
 
         Raises
         ------
@@ -290,7 +291,8 @@ class RunWriter:
             return self.folder
         self._closed = True
         ended = max(self._last_row[0], self._last_event)
-        self._log.append({"time": ended, "kind": "end", "status": status, "reason": reason})
+        doubt = {} if unconfirmed is None else {"unconfirmed": unconfirmed}
+        self._log.append({"time": ended, "kind": "end", "status": status, "reason": reason} | doubt)
         try:
             try:
                 self.flush(sync=True)

@@ -225,6 +225,12 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
         yield doubt
     if not any(limit.action == "stop" for limit in rig.limits.values()):
         yield "no limit stops a run: the rig file has no interlock"
+    lines, driven = rig.backend.lines, [n for n, part in rig.actuators.items() if part.by == "driven"]
+    if lines is not None and driven and lines.keep_alive is None:
+        yield (
+            f"the device has no watchdog of its own: {', '.join(driven)} would stay on if this computer "
+            "dies; its guard, a process on this computer, acts when rigctl alone does"
+        )
 
 
 def doubtful_calibrations(rig: Rig, today: date) -> Iterator[tuple[str, str]]:

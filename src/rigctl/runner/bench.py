@@ -51,6 +51,7 @@ class Bench:
         self.commanded: dict[str, float] = {}
         self.pulses: dict[str, Pulse] = {}
         self.values: dict[str, float] = {}  #: measures and operators' answers, by name
+        self.doubtful: dict[str, float] = {}  #: commands that were cut off and may have been carried out
         self.missed: list[str] = []  #: what lay outside its limits while the procedure went on
         self.question: Question | None = None
         self.reachable = True
@@ -166,7 +167,7 @@ class Bench:
             try:
                 return self.switch(actuator, value, duration)
             except OutOfReach as error:
-                self.event("note", f"{actuator} could not be commanded: {error}")
+                self._cut_off(actuator, value, error)
             yield Until(when=every_sample)
 
     def switch(self, actuator: str, value: float, duration: float | None = None) -> CommandReceipt:
@@ -196,7 +197,13 @@ class Bench:
         try:
             self.switch(actuator, self.safe_value(actuator))
         except OutOfReach as error:
-            self.event("note", f"{actuator} could not be commanded: {error}")
+            self._cut_off(actuator, self.safe_value(actuator), error)
+
+    def _cut_off(self, actuator: str, value: float, error: OutOfReach) -> None:
+        """Note a command of which nobody knows whether it was carried out."""
+        if value != self.safe_value(actuator):
+            self.doubtful[actuator] = value
+        self.event("note", f"{actuator} could not be commanded: {error}")
 
     def rested_at(self, actuator: str, value: float) -> float:
         """When an actuator that needs rest between two switches may be switched to `value`, s.
@@ -249,6 +256,7 @@ class Bench:
         if not self.reachable:
             self.event("note", "the bench can be reached again, outputs are safe")
         self.reachable = True
+        self.doubtful.clear()
         self.take_receipts()
         for actuator, value in self.rig.safe_state.items():
             changed = self.commanded.get(actuator) != float(value)
@@ -259,6 +267,24 @@ class Bench:
             self._keep_watch()
         except RigctlError as error:
             self.event("fault", f"the bench could not be asked for fewer samples: {error}")
+
+    @property
+    def unconfirmed(self) -> str | None:
+        """What may be other than safe now, e.g. ``heater_1 60 %``; None when all is confirmed to be safe.
+
+        What was safe when the bench was last heard of stays so: nothing has been commanded since.
+        """
+        if self.reachable:
+            return None
+        doubts = {
+            name: value
+            for name, value in {**self.commanded, **self.doubtful}.items()
+            if self.rig.actuators[name].by == "driven" and value != self.safe_value(name)
+        }
+        return (
+            ", ".join(f"{name} {self.rig.actuators[name].show(value)}" for name, value in doubts.items())
+            or None
+        )
 
     def restorable_at(self, commands: Mapping[str, float]) -> float:
         """When every actuator has rested long enough for `restore`, s."""

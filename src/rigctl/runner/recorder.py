@@ -57,8 +57,8 @@ class Recorder(Protocol):
         """End the open record."""
         ...
 
-    def close(self, status: str, reason: str | None = None) -> Path | None:
-        """End the run."""
+    def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path | None:
+        """End the run; `unconfirmed` names the outputs that may still be on."""
         ...
 
 
@@ -106,5 +106,5 @@ class Unrecorded:
     def close_record(self, time: float, outcome: str) -> None:
         """There are no records here."""
 
-    def close(self, status: str, reason: str | None = None) -> None:
+    def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> None:
         """Nothing to close."""

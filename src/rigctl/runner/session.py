@@ -28,6 +28,8 @@ from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.view import View
 from rigctl.runner.walk import Walker
 
+#: s of bench time that a bench which cannot be reached at the end is looked for
+LAST_TRY = 3.0
 #: samples that are looked at before anything moves
 _ARMING_SAMPLES = 3
 
@@ -46,6 +48,9 @@ class RunResult:
     folder: the run's folder; None where nothing was recorded.
     records: number of complete records, those of earlier sessions included.
     duration: s of bench time.
+    unconfirmed: which outputs may still be on, since the bench could not be reached at the end; None when it
+        has confirmed that they are safe.
+    by_hand: what is to be done then.
     """
 
     status: str
@@ -54,6 +59,8 @@ class RunResult:
     folder: Path | None
     records: int
     duration: float
+    unconfirmed: str | None = None
+    by_hand: str | None = None
 
     def summary(self) -> str:
         """One line for the terminal."""
@@ -165,17 +172,39 @@ class _Session:
         with suppress(Exception):  # closes what a second signal left open; the outputs are safe already
             steps.close()
         self._bench.make_safe("end of the run")
+        self._insist(signals)
         return ending
+
+    def _insist(self, signals: Signals) -> None:
+        """Look for a bench that could not be made safe, for a short time or until a further signal."""
+        bench, before = self._bench, signals.count
+        give_up = bench.now + LAST_TRY
+        while bench.unconfirmed is not None and bench.now < give_up and signals.count == before:
+            try:
+                self._backend.next_sample(min(RESPONSE * self._backend.clock.speed, 0.5))
+            except Exception as error:  # noqa: BLE001 - nothing may keep the run from being closed
+                bench.event("fault", f"the bench is not looked for any longer: {error}")
+                return
+            bench.make_safe("end of the run")
 
     def close(self, ending: Ending | None) -> RunResult:
         """Let the bench go, close the data, say how it was."""
         duration = self._bench.now
         status, event, reason, code = self._verdict(ending)
+        unconfirmed, by_hand = self._bench.unconfirmed, None
+        if unconfirmed is not None:
+            by_hand = f"switch it off by hand, at its supply; {self._backend.without_host}"
+            told = f"OUTPUTS NOT CONFIRMED SAFE: {unconfirmed} may still be on: {by_hand}"
+            reason = f"{reason}. {told}" if reason else told
+            code = ExitCode.FAILED
+            if status == "finished":
+                status, event = "failed", "fail"
+            self._bench.event("fault", told)
         self._backend.close()
         self._message = reason or ""
         self._lifecycle.send(event)
         try:
-            self._writer.close(status, reason)
+            self._writer.close(status, reason, unconfirmed)
         except RigctlError as error:
             told = reason or ""  # a full disk is told once
             reason = told if str(error) in told else "; ".join(filter(None, (told, str(error))))
@@ -183,7 +212,8 @@ class _Session:
         self._tick()
         for control in self._controls:
             control.close()
-        return RunResult(status, reason, code, self._writer.folder, self._progress.records_done, duration)
+        records, folder = self._progress.records_done, self._writer.folder
+        return RunResult(status, reason, code, folder, records, duration, unconfirmed, by_hand)
 
     def _arm(self, driver: Driver) -> None:
         """Read the bench and look at the interlocks before anything moves.

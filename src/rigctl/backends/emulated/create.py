@@ -71,6 +71,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
             kind="emulated",
             identity=bench.identity,
             by_hand=by_hand,
+            without_host=SerialBench.without_host,
         )
     return SerialBench(
         rig,

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from rigctl.backends.commands import check_command
 from rigctl.backends.errors import BackendLost, OutOfReach
+from rigctl.backends.lines.duty import Duty, Outputs
 from rigctl.backends.lines.greeting import Device, Greeting, greet
 from rigctl.backends.lines.guard_port import GuardActed
 from rigctl.backends.lines.poll import Poll
@@ -42,6 +43,8 @@ class LineBench:
     kind: ``serial`` or ``emulated``, for the identity.
     reconnect: s for a lost device to come back.
     by_hand: told when the operator turns something, where the operator is emulated too.
+    duty: where what is known of the outputs is kept for the guard.
+    without_host: what becomes of the outputs when nobody can reach the device.
     """
 
     timed = False
@@ -57,6 +60,8 @@ class LineBench:
         reconnect: float = 30.0,
         identity: Mapping[str, str] | None = None,
         by_hand: Callable[[str, float], None] | None = None,
+        duty: Duty | None = None,
+        without_host: str = "nothing else switches it off",
     ) -> None:
         self.clock = clock
         self.identity: Mapping[str, str] = {"kind": kind, "name": rig.name, **(identity or {})}
@@ -67,6 +72,8 @@ class LineBench:
             clock, connect, lambda port: Greeting(port, clock, lines), reconnect
         )
         self._by_hand = by_hand
+        self._duty = duty or Duty()
+        self.without_host = without_host
         self._setter = Setter(rig, lines)
         self._poll = Poll(rig, lines, clock)
         self._talk: Talk | None = None
@@ -161,6 +168,8 @@ class LineBench:
             return CommandReceipt(self.clock.now(), actuator, value)
         self._ends.pop(actuator, None)
         in_reach = self._talk is not None
+        if value != self._resting().get(actuator):
+            self._duty.outputs = Outputs.DRIVEN
         try:
             receipt = self._carried_out(lambda talk: self._setter.set(talk, actuator, value))
         except OutOfReach:
@@ -236,6 +245,7 @@ class LineBench:
                 first = first or error
         if first is None:
             self._commanded |= self._resting()
+            self._duty.outputs = Outputs.SAFE
         return first
 
     def _let_pass(self, until: float) -> None:

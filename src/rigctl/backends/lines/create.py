@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from rigctl.backends.lines.bench import LineBench
+from rigctl.backends.lines.duty import Duty
 from rigctl.backends.lines.guard import Orders
+from rigctl.backends.lines.pursuit import LASTS
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.serial.port import Port
 from rigctl.clock import Clock
@@ -16,16 +18,22 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, url: str, baud: int) -> Lin
     Where it drives anything, a guard holds the port, so that outputs become safe even when this process ends
     or hangs.
     """
-    ends = lines.send_ends.encode("utf-8")
-    safe = tuple(text.encode("utf-8") + ends for _, text in Setter(rig, lines).safe_commands())
+    setter, duty = Setter(rig, lines), Duty()
+    orders = Orders(
+        url, baud, lines.frame, setter.orders(), lines.watchdog, setter.identify_order(), lines.reply_ends
+    )
 
     def connect() -> Port:
-        if safe:
+        if orders.safe:
             from rigctl.backends.lines.guard_port import GuardedPort
 
-            return GuardedPort(Orders(url, baud, lines.frame, safe, lines.watchdog), clock)
+            return GuardedPort(orders, clock, duty)
         from rigctl.backends.serial.pyserial_port import PyserialPort
 
         return PyserialPort(url, baud, clock, lines.frame)
 
-    return LineBench(rig, lines, clock, connect, kind="serial")
+    hours = LASTS / 3600.0
+    without_host = (
+        f"its guard goes on trying for {hours:g} h while this computer runs; 'rigctl doctor' shows it"
+    )
+    return LineBench(rig, lines, clock, connect, kind="serial", duty=duty, without_host=without_host)

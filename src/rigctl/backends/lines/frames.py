@@ -18,7 +18,7 @@ class Frame(Enum):
     WRITE = b"w"  #: to the guard: bytes for the device
     ALIVE = b"a"  #: to the guard: rigctl's loop goes round
     RESUME = b"r"  #: to the guard: rigctl knows that it has acted
-    CLOSE = b"x"  #: to the guard: let the port go
+    CLOSE = b"x"  #: to the guard: let the port go; in which state the outputs are, see `Duty`
     OPENED = b"o"  #: from the guard: the port is open
     REFUSED = b"e"  #: from the guard: it cannot be opened, and why, as JSON
     DATA = b"d"  #: from the guard: bytes of the device

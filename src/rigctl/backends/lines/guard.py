@@ -1,7 +1,8 @@
 """The guard: a small process of its own that holds the port of a device which does not guard itself.
 
 It passes bytes both ways, and makes outputs safe when nothing is heard of rigctl for too long, or when rigctl
-is gone, however it ended. It knows nothing of the bench but the bytes that make it safe.
+is gone, however it ended. It knows nothing of the bench but the bytes that make it safe. Where the
+device does not confirm that it is safe, the guard goes on trying, see `rigctl.backends.lines.pursuit`.
 
 ``python -P -m rigctl.backends.lines.guard PORT`` where PORT is the TCP port at which rigctl waits for it; the
 secret that shows who it is comes on stdin.
@@ -17,8 +18,11 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
+from rigctl.backends.lines.duty import Outputs, SafeOrder
 from rigctl.backends.lines.frames import Frame, FrameReader, send_frame
+from rigctl.backends.lines.pursuit import Pursuit, take_over
 from rigctl.backends.serial.port import PortLost
 from rigctl.backends.serial.pyserial_port import PyserialPort
 from rigctl.clock import Clock, real_clock
@@ -27,6 +31,7 @@ from rigctl.errors import RigctlError
 _LOOK = 0.1  # s between two looks at how long rigctl has been silent
 _PAUSE = 0.05  # s between two commands that make safe: a device without a buffer needs it
 _READ = 0.2  # s
+_GIVES_WAY = 2.0  # s for another guard to let the port go
 
 
 @dataclass(frozen=True)
@@ -36,20 +41,36 @@ class Orders:
     url: str
     baud: int
     frame: str
-    safe: tuple[bytes, ...]
+    safe: tuple[SafeOrder, ...]
     watchdog: float
+    identify: SafeOrder | None = None
+    reply_ends: str = "\n"
 
     def to_json(self) -> bytes:
         """As bytes for the line to the guard."""
-        return json.dumps({**vars(self), "safe": [text.decode("utf-8") for text in self.safe]}).encode(
-            "utf-8"
-        )
+        plain = {
+            **vars(self),
+            "safe": [_plain(order) for order in self.safe],
+            "identify": None if self.identify is None else _plain(self.identify),
+        }
+        return json.dumps(plain).encode("utf-8")
 
     @classmethod
     def from_json(cls, content: bytes) -> Orders:
         """Read what `to_json` wrote."""
         told = json.loads(content)
-        return cls(**{**told, "safe": tuple(text.encode("utf-8") for text in told["safe"])})
+        who = told["identify"]
+        safe = tuple(_order(plain) for plain in told["safe"])
+        return cls(**{**told, "safe": safe, "identify": None if who is None else _order(who)})
+
+
+def _plain(order: SafeOrder) -> list[object]:
+    return [order.text.decode("utf-8"), list(order.reply), order.value]
+
+
+def _order(plain: list[Any]) -> SafeOrder:
+    text, reply, value = plain
+    return SafeOrder(text.encode("utf-8"), tuple(reply), value)
 
 
 class Guard:
@@ -62,27 +83,36 @@ class Guard:
         self._clock = clock
         self._reader = FrameReader()
         self._sending = threading.Lock()
-        self._ended = threading.Event()
+        self._ended = threading.Event()  # it was asked to end
+        self._over = threading.Event()  # nobody listens any more
         self._acted = False  # and rigctl does not know it yet
+        self._next_act = 0.0
+        self._left: Outputs | None = None  # in which state rigctl has let the port go; None: it is gone
 
-    def stand(self) -> None:
-        """Pass bytes until rigctl lets the port go, or is gone; outputs are safe then."""
+    @property
+    def ended(self) -> bool:
+        """Whether it was asked to end."""
+        return self._ended.is_set()
+
+    def stand(self) -> Outputs | None:
+        """Pass bytes until rigctl lets the port go, in the state that is returned; None when it is gone."""
         listener = threading.Thread(target=self._listen, daemon=True)
         listener.start()
         try:
-            in_order = self._serve()
+            self._left = self._serve()
         finally:
-            self._ended.set()
-        if not in_order:
+            self._over.set()
+        if self._left in (None, Outputs.DRIVEN):
             self._make_safe()
         listener.join(2.0 * _READ)
+        return self._left
 
     def end(self) -> None:
         """Ask it to make outputs safe and end."""
         self._ended.set()
 
-    def _serve(self) -> bool:
-        """True when rigctl let the port go in order."""
+    def _serve(self) -> Outputs | None:
+        """Until rigctl lets the port go, or is gone, or its port is lost while nothing is heard of it."""
         self._connection.settimeout(_LOOK)
         heard = time.monotonic()
         while not self._ended.is_set():
@@ -90,19 +120,19 @@ class Guard:
                 data = self._connection.recv(65536)
             except TimeoutError:
                 silence = time.monotonic() - heard
-                if silence >= self._orders.watchdog and not self._acted:
-                    self._act(silence)
+                if silence >= self._orders.watchdog and not self._act(silence):
+                    return None
                 continue
             except OSError:
-                return False
+                return None
             if not data:
-                return False
+                return None
             heard = time.monotonic()
             for frame, content in self._reader.feed(data):
                 if frame is Frame.CLOSE:
-                    return True
+                    return Outputs(content)
                 self._obey(frame, content)
-        return False
+        return None
 
     def _obey(self, frame: Frame, content: bytes) -> None:
         if frame is Frame.RESUME:
@@ -113,22 +143,31 @@ class Guard:
             except PortLost as error:
                 self._tell(Frame.LOST, str(error).encode("utf-8"))
 
-    def _act(self, silence: float) -> None:
-        self._acted = True
-        self._make_safe()
-        self._tell(Frame.ACTED, f"{silence:.3f}".encode("ascii"))
+    def _act(self, silence: float) -> bool:
+        """Make safe, again and again while nothing is heard of rigctl; False when the port is lost."""
+        now = time.monotonic()
+        if self._acted and now < self._next_act:
+            return True
+        first, self._acted = not self._acted, True
+        self._next_act = now + self._orders.watchdog
+        if not self._make_safe():
+            return False
+        if first:
+            self._tell(Frame.ACTED, f"{silence:.3f}".encode("ascii"))
+        return True
 
-    def _make_safe(self) -> None:
-        for text in self._orders.safe:
+    def _make_safe(self) -> bool:
+        for order in self._orders.safe:
             try:
-                self._port.write(text)
+                self._port.write(order.text)
             except PortLost:
-                return  # without a line there is nothing to be done from here
+                return False
             time.sleep(_PAUSE)
+        return True
 
     def _listen(self) -> None:
         """What the device says."""
-        while not self._ended.is_set():
+        while not self._over.is_set():
             try:
                 data = self._port.read(self._clock.now() + _READ)
             except PortLost as error:
@@ -155,7 +194,7 @@ def main() -> int:
         orders = Orders.from_json(_first(connection))
         clock = real_clock()
         try:
-            port = PyserialPort(orders.url, orders.baud, clock, orders.frame)
+            port, inherited = _open(orders, clock)
         except (RigctlError, PortLost) as error:
             send_frame(connection, Frame.REFUSED, _refusal(error))
             return 1
@@ -163,10 +202,39 @@ def main() -> int:
         signal.signal(signal.SIGTERM, lambda _number, _frame: guard.end())
         send_frame(connection, Frame.OPENED)
         try:
-            guard.stand()
-        finally:
+            left = guard.stand()
+        except BaseException:
             port.close()
-    return 0
+            raise
+    if left is Outputs.SAFE or (left is Outputs.UNTOUCHED and not inherited):
+        port.close()
+        return 0
+    return 0 if _pursue(guard, orders, port, clock) else 1
+
+
+def _open(orders: Orders, clock: Clock) -> tuple[PyserialPort, bool]:
+    """The port, and whether another guard was trying to make its device safe; that one gives way."""
+    give_up = time.monotonic() + _GIVES_WAY
+    inherited = False
+    while True:
+        try:
+            port = PyserialPort(orders.url, orders.baud, clock, orders.frame)
+            return port, take_over(orders.url) is not None or inherited
+        except RigctlError:
+            inherited = take_over(orders.url) is not None or inherited
+            if not inherited or time.monotonic() >= give_up:
+                raise
+            time.sleep(_PAUSE)
+
+
+def _pursue(guard: Guard, orders: Orders, port: PyserialPort, clock: Clock) -> bool:
+    """Go on until the device has confirmed that it is safe."""
+
+    def reopen() -> PyserialPort:
+        return PyserialPort(orders.url, orders.baud, clock, orders.frame)
+
+    pursuit = Pursuit(orders, clock, reopen, lambda: guard.ended)
+    return pursuit.carry_out(port)
 
 
 def _first(connection: socket.socket) -> bytes:

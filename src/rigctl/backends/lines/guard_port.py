@@ -10,6 +10,7 @@ import subprocess
 import sys
 from contextlib import suppress
 
+from rigctl.backends.lines.duty import Duty, Outputs
 from rigctl.backends.lines.frames import Frame, FrameReader, send_frame
 from rigctl.backends.lines.guard import Orders
 from rigctl.backends.serial.port import PortLost
@@ -20,6 +21,10 @@ _STARTS_WITHIN = 20.0  # s; on a busy computer Python itself takes a while
 _SIGN_OF_LIFE = 0.2  # s between two
 _LONGEST_WAIT = 0.2  # s of wall time in one read, so that signs of life go on
 _ENDS_WITHIN = 3.0  # s
+
+
+#: guards that go on by themselves; nobody waits for them
+_GOING_ON: list[subprocess.Popen[str]] = []
 
 
 class GuardActed(PortLost):
@@ -37,6 +42,7 @@ class GuardedPort:
     ----------
     orders: what the guard is told.
     clock: what waits are counted on; real.
+    duty: what is known of the outputs when the port is let go.
 
     Raises
     ------
@@ -46,9 +52,10 @@ class GuardedPort:
         it may not be opened, or the guard cannot be started.
     """
 
-    def __init__(self, orders: Orders, clock: Clock) -> None:
+    def __init__(self, orders: Orders, clock: Clock, duty: Duty) -> None:
         self.name = orders.url
         self._clock = clock
+        self._duty = duty
         self._reader = FrameReader()
         self._data = b""
         self._lost = ""
@@ -80,15 +87,22 @@ class GuardedPort:
         return data
 
     def close(self) -> None:
-        """Let it go, and the guard with it."""
+        """Let it go, and the guard with it; one that has something left to do goes on by itself."""
+        outputs = self._duty.outputs
         with suppress(OSError):
-            send_frame(self._connection, Frame.CLOSE)
+            send_frame(self._connection, Frame.CLOSE, outputs.value)
         self._connection.close()
+        if outputs is Outputs.DRIVEN:
+            _GOING_ON.append(self._process)
+            return
         try:
             self._process.wait(_ENDS_WITHIN)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            if outputs is Outputs.SAFE:
+                self._process.kill()
+                self._process.wait()
+            else:
+                _GOING_ON.append(self._process)  # it has taken over from one that was trying
 
     def _begin(self, orders: Orders) -> None:
         self._tell(Frame.CONFIGURE, orders.to_json())

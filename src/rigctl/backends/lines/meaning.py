@@ -27,6 +27,11 @@ class Meaning:
         part = self._lines.actuators[name]
         return part.template.fill(self._written(name, part, value))
 
+    def written(self, name: str, value: float) -> str:
+        """An SI value alone, as it stands in the command."""
+        part = self._lines.actuators[name]
+        return part.template.written(self._written(name, part, value))
+
     def setting(self, name: str, text: str, commanded: float) -> float | None:
         """The SI value that an answer gives for an actuator; `commanded` where that is what is written there.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rigctl.backends.lines.duty import SafeOrder
 from rigctl.backends.lines.meaning import Meaning
 from rigctl.backends.lines.talk import Refused, Talk
 from rigctl.backends.protocol import CommandReceipt
@@ -42,6 +43,27 @@ class Setter:
                 raise Refused(text, refused.answer) from None
         middle, half = 0.5 * (answer.sent + answer.received), 0.5 * (answer.received - answer.sent)
         return CommandReceipt(middle, actuator, value, half)
+
+    def orders(self) -> tuple[SafeOrder, ...]:
+        """The same for the guard, who knows nothing of the rig: bytes, and what confirms them."""
+        ends = self._lines.send_ends.encode("utf-8")
+        found = [
+            SafeOrder(exchange.send.encode("utf-8") + ends, tuple(exchange.reply))
+            for exchange in self._lines.safe
+        ]
+        for name, value in self._rig.safe_state.items():
+            if self._rig.actuators[name].by == "driven":
+                part, text = self._lines.actuators[name], self._meaning.command(name, float(value))
+                written = self._meaning.written(name, float(value))
+                found.append(SafeOrder(text.encode("utf-8") + ends, tuple(part.reply), written))
+        return tuple(found)
+
+    def identify_order(self) -> SafeOrder | None:
+        """The question who it is, for the guard."""
+        who = self._lines.identify
+        if who is None:
+            return None
+        return SafeOrder(who.send.encode("utf-8") + self._lines.send_ends.encode("utf-8"), tuple(who.reply))
 
     def safe_commands(self) -> Iterator[tuple[Exchange, str]]:
         """What is sent to make outputs safe: what the file says first, then each actuator's safe value."""

@@ -40,6 +40,7 @@ class Player:
     """
 
     timed = True
+    without_host = "a recording has no outputs"
 
     def __init__(
         self, rig: Rig, clock: Clock, load: Callable[[], Recording], identity: Mapping[str, str]

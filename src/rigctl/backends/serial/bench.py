@@ -49,6 +49,7 @@ class SerialBench:
     """
 
     timed = True
+    without_host = "the board switches off by itself 1.5 s after it last heard of rigctl, if it still works"
 
     def __init__(
         self,

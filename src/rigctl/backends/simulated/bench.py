@@ -36,6 +36,7 @@ class SimulatedBench:
     """
 
     timed = True
+    without_host = "the simulated board switches off by itself after 2 s without its host"
 
     def __init__(
         self,

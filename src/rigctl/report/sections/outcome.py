@@ -53,6 +53,8 @@ def summarise(run: RunData) -> RunSummary:
     missed = sum(not measured.passed for measured in run.all_measures())
     if missed and tone == "good":
         tone = "warn"
+    if run.info.get("unconfirmed"):  # somebody has to look at the bench
+        tone = "bad"
     kind = str(_part(run.info, "backend").get("kind", ""))
     return RunSummary(
         id=run.id,

@@ -1,0 +1,253 @@
+"""Making a device safe that could not be reached when it mattered: tried again until it confirms.
+
+A guard does this once rigctl has left it alone with outputs that may be on. While it lasts, a small file in
+the user's state folder says so, for `rigctl doctor`, `monitor` and `off`; whoever opens the port takes the
+file away, and the guard with that.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Protocol
+from uuid import uuid4
+
+from rigctl.backends.lines.duty import SafeOrder
+from rigctl.backends.serial.port import Port, PortLost
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+
+LASTS = 24 * 3600.0  #: s, after which the guard gives up
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
+_LOOK = 0.05  # s between two looks whether somebody else has taken the port over
+_ANSWER = 0.5  # s for an answer
+
+
+@dataclass(frozen=True)
+class Notice:
+    """What a guard says of itself while it tries: which port, since when, how often, and what is in the way.
+
+    `since` and `newest` are calendar times in s, `given_up` says that it does not try any longer.
+    """
+
+    token: str
+    port: str
+    pid: int
+    since: float
+    newest: float
+    attempts: int = 0
+    trouble: str = ""
+    given_up: bool = False
+
+    def __str__(self) -> str:
+        age = max(time.time() - self.since, 0.0)
+        tries = "gave up" if self.given_up else f"has tried for {age:.0f} s"
+        trouble = f": {self.trouble}" if self.trouble else ""
+        return (
+            f"a guard (process {self.pid}) {tries}, {self.attempts} times, to make outputs safe on "
+            f"{self.port}{trouble}"
+        )
+
+
+class Orders(Protocol):
+    """What a guard is told, as far as it is needed here."""
+
+    @property
+    def url(self) -> str:
+        """The port."""
+        ...
+
+    @property
+    def safe(self) -> tuple[SafeOrder, ...]:
+        """What makes safe."""
+        ...
+
+    @property
+    def identify(self) -> SafeOrder | None:
+        """Asked first on a port that was opened anew, so that no other device is sent anything."""
+        ...
+
+    @property
+    def reply_ends(self) -> str:
+        """What ends a line of an answer."""
+        ...
+
+
+class Pursuit:
+    """One guard's attempts.
+
+    Parameters
+    ----------
+    orders: what makes safe, and on which port.
+    clock: what the port's waits are counted on; real.
+    open_port: opens the port anew.
+    ended: whether the guard was asked to end; it tries once more then.
+    """
+
+    def __init__(
+        self, orders: Orders, clock: Clock, open_port: Callable[[], Port], ended: Callable[[], bool]
+    ) -> None:
+        self._orders = orders
+        self._clock = clock
+        self._reply_ends = orders.reply_ends.encode("utf-8")
+        self._open_port = open_port
+        self._ended = ended
+        self._path = _path_of(orders.url)
+        now = time.time()
+        self._notice = Notice(uuid4().hex, orders.url, os.getpid(), now, now)
+        self._rest = b""
+
+    def carry_out(self, port: Port | None) -> bool:
+        """Try until the device has confirmed; False when another program has taken over, or at the limit."""
+        give_up = time.monotonic() + LASTS
+        pause, known = _FIRST_PAUSE, port is not None
+        while True:
+            try:
+                if port is None:
+                    port, known = self._open_port(), False
+                if not known:
+                    self._require_same(port)
+                    known = True
+                self._make_safe(port)
+            except (PortLost, RigctlError) as error:
+                if isinstance(error, PortLost) and port is not None and not isinstance(error, _Mute):
+                    port.close()
+                    port = None
+                self._say(str(error), given_up=time.monotonic() >= give_up)
+            else:
+                self._withdraw()
+                if port is not None:
+                    port.close()
+                return True
+            if time.monotonic() >= give_up or not self._pause(pause):
+                if port is not None:
+                    port.close()
+                return False
+            pause = min(2.0 * pause, _LONGEST_PAUSE)
+
+    def _require_same(self, port: Port) -> None:
+        if self._orders.identify is not None:
+            self._exchange(port, self._orders.identify)
+
+    def _make_safe(self, port: Port) -> None:
+        for order in self._orders.safe:
+            self._exchange(port, order)
+
+    def _exchange(self, port: Port, order: SafeOrder) -> None:
+        """Send one command and read what confirms it; without an answer to wait for, sent is all there is."""
+        from rigctl.rig.line_pattern import VALUE, read_number, reply_pattern
+
+        while port.read(self._clock.now()):
+            pass
+        self._rest = b""
+        port.write(order.text)
+        deadline = time.monotonic() + _ANSWER
+        for pattern in map(reply_pattern, order.reply):
+            line = self._line(port, deadline)
+            found = pattern.match(line)
+            if found is None:
+                raise _Mute(f"{line!r} is no answer to {order.text!r}")
+            said = found.get(VALUE)
+            if said is None or not order.value or said.casefold() == order.value.casefold():
+                continue
+            if read_number(said) is None or read_number(said) != read_number(order.value):
+                raise _Mute(f"the device says {said!r} where {order.value!r} was commanded")
+
+    def _line(self, port: Port, deadline: float) -> str:
+        while self._reply_ends not in self._rest:
+            if time.monotonic() >= deadline:
+                raise _Mute("the device does not answer")
+            self._rest += port.read(self._clock.now() + _LOOK)
+        line, _, self._rest = self._rest.partition(self._reply_ends)
+        return line.decode("utf-8", "replace").strip()
+
+    def _pause(self, length: float) -> bool:
+        """Wait before the next attempt; False when another program has taken over."""
+        end = time.monotonic() + length
+        while time.monotonic() < end:
+            if self._ended() or self._taken_over():
+                return False
+            time.sleep(_LOOK)
+        return not self._taken_over()
+
+    def _say(self, trouble: str, *, given_up: bool) -> None:
+        first = self._notice.attempts == 0
+        self._notice = replace(
+            self._notice,
+            newest=time.time(),
+            attempts=self._notice.attempts + 1,
+            trouble=trouble,
+            given_up=given_up,
+        )
+        if first or not self._taken_over():
+            _write(self._path, self._notice)
+
+    def _taken_over(self) -> bool:
+        found = _read(self._path)
+        # a folder that cannot be written to must not end it; a file that is gone was taken away
+        return self._path.parent.is_dir() and (found is None or found.token != self._notice.token)
+
+    def _withdraw(self) -> None:
+        found = _read(self._path)
+        if found is not None and found.token == self._notice.token:
+            with suppress(OSError):
+                self._path.unlink()
+
+
+class _Mute(PortLost):
+    """The port is there, and the device does not confirm; the port stays open."""
+
+
+def pursuits() -> list[Notice]:
+    """Guards that try, or have given up, to make a device safe on this computer."""
+    return sorted(_found(), key=lambda notice: notice.since)
+
+
+def take_over(url: str) -> Notice | None:
+    """End a guard's attempts on a port, which is somebody else's duty from now on; what it had said."""
+    path = _path_of(url)
+    found = _read(path)
+    with suppress(OSError):
+        path.unlink()
+    return found
+
+
+def _found() -> Iterator[Notice]:
+    with suppress(OSError):
+        for path in _folder().glob("*.json"):
+            notice = _read(path)
+            if notice is not None:
+                yield notice
+
+
+def _path_of(url: str) -> Path:
+    from hashlib import sha256
+
+    name = "".join(letter if letter.isalnum() else "-" for letter in url).strip("-")[-40:]
+    return _folder() / f"{name}-{sha256(url.encode('utf-8', 'replace')).hexdigest()[:8]}.json"
+
+
+def _folder() -> Path:
+    from platformdirs import user_state_path
+
+    return user_state_path("rigctl", appauthor=False) / "guards"
+
+
+def _read(path: Path) -> Notice | None:
+    try:
+        return Notice(**json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _write(path: Path, notice: Notice) -> None:
+    draft = path.with_suffix(".tmp")
+    with suppress(OSError):  # a full disk must not keep a device from being made safe
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_text(json.dumps(asdict(notice)), encoding="utf-8", newline="\n")
+        draft.replace(path)

@@ -1,0 +1,34 @@
+"""What every test shares: a state folder of its own, and no guard of a device left behind."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Locks and notices of guards lie here; a guard whose notice is taken away ends."""
+    folder = tmp_path_factory.mktemp("state")
+    before = os.environ.get("XDG_STATE_HOME")
+    os.environ["XDG_STATE_HOME"] = str(folder)
+    yield folder
+    end_guards(folder)
+    if before is None:
+        del os.environ["XDG_STATE_HOME"]
+    else:
+        os.environ["XDG_STATE_HOME"] = before
+
+
+def end_guards(folder: Path) -> None:
+    """Take away the notices of guards that still try to reach a board that a test has closed."""
+    for _ in range(20):  # one that gives way may have to be told twice
+        for notice in (folder / "rigctl" / "guards").glob("*.json"):
+            with suppress(OSError):
+                notice.unlink()
+        time.sleep(0.01)

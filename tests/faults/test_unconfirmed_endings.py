@@ -1,0 +1,167 @@
+"""A device without a watchdog whose line is dead at the end of a run: said, and its guard goes on trying.
+
+Real processes on the stand-in of the two-heater board, whose heaters are the witness.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from rigctl.backends.lines.pursuit import Notice
+from rigctl.files.shipped import shipped
+from tclab_board import Served
+
+HEATING = """\
+procedure: heating
+rig: board.yaml
+steps:
+  - set: {heater_1: 60 %}
+  - wait: 1 h
+"""
+
+
+@pytest.fixture
+def board() -> Iterator[Served]:
+    with Served() as served:
+        yield served
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Iterator[Path]:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")
+    (tmp_path / "board.yaml").write_text(
+        text.replace("stale_after: 5 s", "stale_after: 1 s").replace("wake: 5 s", "wake: 1 s"),
+        encoding="utf-8",
+    )
+    (tmp_path / "heating.yaml").write_text(HEATING, encoding="utf-8")
+    yield tmp_path
+    for _ in range(100):  # a second guard may just be about to find the device safe
+        for notice in (tmp_path / "state" / "rigctl" / "guards").glob("*.json"):
+            notice.unlink(missing_ok=True)
+        time.sleep(0.01)
+
+
+def begin(project: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=project,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": str(project / "state")},
+    )
+
+
+def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
+    with begin(project, *arguments) as process:
+        out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    give_up = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < give_up
+        time.sleep(0.01)
+
+
+def guards(project: Path) -> list[Notice]:
+    files = (project / "state" / "rigctl" / "guards").glob("*.json")
+    return [Notice(**json.loads(path.read_text(encoding="utf-8"))) for path in files]
+
+
+@pytest.mark.parametrize("how", ["mute", "unplugged"])
+def test_a_line_that_is_dead_at_the_end_is_said_and_the_guard_goes_on(
+    board: Served, project: Path, how: str
+) -> None:
+    run = begin(project, "run", "heating.yaml", "--port", board.url, "--json")
+    wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
+    time.sleep(0.6)
+    setattr(board, how, True)
+    out, err = run.communicate(timeout=60)
+    answer = json.loads(out)
+    assert (run.returncode, answer["exit_code"], answer["status"]) == (1, 1, "failed")
+    assert answer["unconfirmed"] == "heater_1 60 %"
+    assert "by hand" in answer["by_hand"]
+    assert "guard goes on trying" in answer["by_hand"]
+    assert "OUTPUTS NOT CONFIRMED SAFE: heater_1 60 % may still be on" in answer["reason"]
+    assert "OUTPUTS NOT CONFIRMED SAFE" in err
+    kept = json.loads((Path(answer["path"]) / "run.json").read_text(encoding="utf-8"))
+    assert kept["unconfirmed"] == "heater_1 60 %"
+    log = (Path(answer["path"]) / "log.jsonl").read_text(encoding="utf-8").splitlines()
+    given = [
+        e["value"] for e in map(json.loads, log) if e["kind"] == "command" and e["actuator"] == "heater_1"
+    ]
+    assert given[-1] == 0.6, "what never arrived is not logged as given"
+    assert board.sketch.heaters == (60.0, 0.0), "the witness: it is on"
+
+    wait_for(lambda: [guard for guard in guards(project) if guard.attempts > 1])
+    code, told, _ = rigctl(project, "doctor", "--json")
+    (finding,) = [f for f in json.loads(told)["findings"] if f["subject"] == "OUTPUTS MAY BE ON"]
+    assert code == 1
+    assert board.url in finding["detail"]
+
+    setattr(board, how, False)
+    wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
+    wait_for(lambda: guards(project) == [])
+
+
+def test_a_host_that_is_killed_while_the_line_is_dead_leaves_its_guard_at_work(
+    board: Served, project: Path
+) -> None:
+    with begin(project, "run", "heating.yaml", "--port", board.url) as run:
+        wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
+        board.unplugged = True
+        time.sleep(0.5)
+        run.kill()
+    wait_for(lambda: guards(project))
+    assert board.sketch.heaters == (60.0, 0.0)
+    board.unplugged = False
+    wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
+    wait_for(lambda: guards(project) == [])
+
+
+def test_off_takes_the_place_of_a_guard_that_tries(board: Served, project: Path) -> None:
+    with begin(project, "run", "heating.yaml", "--port", board.url) as run:
+        wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
+        board.mute = True
+        run.kill()
+    wait_for(lambda: guards(project))
+    code, _, err = rigctl(project, "off", "--rig", "board.yaml", "--port", board.url)
+    assert code == 1
+    assert "cannot be reached" in err or "nobody answers" in err
+    wait_for(lambda: guards(project))  # who could not help leaves the duty with a guard
+    board.mute = False
+    wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
+    wait_for(lambda: guards(project) == [])
+    code, out, _ = rigctl(project, "off", "--rig", "board.yaml", "--port", board.url)
+    assert (code, "heater_1 0 %" in out) == (0, True)
+
+
+def test_a_device_that_says_something_else_is_not_taken_for_safe(board: Served, project: Path) -> None:
+    with begin(project, "run", "heating.yaml", "--port", board.url) as run:
+        wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
+        board.sketch.always["Q1 0.00"] = b"60.00\r\n"
+        run.kill()
+    wait_for(lambda: any("'60.00' where '0.00'" in guard.trouble for guard in guards(project)))
+    board.sketch.always.clear()
+    wait_for(lambda: guards(project) == [])
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_check_warns_of_a_device_without_a_watchdog(project: Path) -> None:
+    code, out, _ = rigctl(project, "check", "heating.yaml")
+    assert code == 0
+    assert "no watchdog of its own: heater_1, heater_2 would stay on if this computer dies" in " ".join(
+        out.split()
+    )
