@@ -10,7 +10,7 @@ import pytest
 
 from commands import answer, refusal
 from rigctl.dataset import Run, open_run
-from rigctl.dataset.importing import groups
+from rigctl.dataset.importing import formats, groups
 
 ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat"]
 RIG = ["--rig", "rigs/hl32-bench.yaml"]
@@ -51,6 +51,7 @@ def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
 def test_a_large_file_is_read_piece_by_piece(
     strokes: Run, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(formats, "isolated", False)
     module = import_module(f"rigctl.dataset.importing.{'mdf' if ending == 'mf4' else ending}_file")
     monkeypatch.setattr(module, "LARGE", 0)
     monkeypatch.setattr(groups, "PART_ROWS", 7)
@@ -59,7 +60,10 @@ def test_a_large_file_is_read_piece_by_piece(
 
 
 @pytest.mark.parametrize("ending", ["tdms", "mf4", "mat"])
-def test_records_keep_their_names_where_a_format_has_names(tmp_path: Path, ending: str) -> None:
+def test_records_keep_their_names_where_a_format_has_names(
+    tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(formats, "isolated", False)
     path = tmp_path / "steps.csv"
     rows = ["time [s],record,heater_1 [%],temperature_1 [degC]"]
     rows += [f"{t},{name},50,{20 + t}" for name in ("up", "down") for t in range(12)]

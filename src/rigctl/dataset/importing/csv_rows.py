@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -15,6 +16,7 @@ from rigctl.dataset.importing.table import KEPT_FAULTS, NO_VALUE, Fault, Heading
 if TYPE_CHECKING:
     from rigctl.dataset.importing.times import TimeReader
 
+_BARE_RETURN: Final = re.compile(r"\r(?!\n)")
 #: cells of one row: more are no table
 _MOST_CELLS: Final = 100_000
 
@@ -110,7 +112,9 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
             if divided := split_row(written, " "):
                 yield number, divided
         return
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    # a carriage return inside a row is no end of one, and stands in its cell for all to see
+    shown = _BARE_RETURN.sub("\N{SYMBOL FOR CARRIAGE RETURN}", text)
+    reader = csv.reader(io.StringIO(shown, newline=""), delimiter=delimiter)
     while True:
         line = first + reader.line_num
         try:
@@ -118,8 +122,7 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
         except StopIteration:
             return
         except csv.Error as problem:
-            broken = "new-line" in str(problem)
-            cells = ["a carriage return inside the row" if broken else str(problem)]
+            cells = [str(problem)]
         if len(cells) > _MOST_CELLS:
             cells = [f"{len(cells)} cells"]
         if any(cell.strip() for cell in cells):
@@ -140,7 +143,9 @@ def _read_row(
         )
     row = []
     for place in wanted:
-        cell = found[place].strip()
+        cell = found[place].strip(" \t")
+        if "\n" in cell:
+            return Fault(line, f"{headings[place].name}: a quote is not closed", cell, "one on each side")
         value = read_number(cell, cells.decimal, cells.missing)
         if value is None:
             column = cell_place(cells.delimiter.join(found), cells.delimiter, place + 1)

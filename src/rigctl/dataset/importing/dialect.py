@@ -21,6 +21,8 @@ from rigctl.errors import Location, RigctlError
 DELIMITERS: Final = ("\t", ";", "|", ",", " ")
 #: rows by which the form is found out
 _ROWS: Final = 400
+#: share of the rows that spaces must divide alike
+_MOST_ROWS: Final = 0.75
 #: how delimiters are written on the command line
 _WORDS: Final = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";", "pipe": "|"}
 _MOMENT: Final = re.compile(r".*\d[:/.-]\d.*")
@@ -165,8 +167,8 @@ def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row]
         counts = Counter(len(row.cells) for row in rows)
         usual = max(counts, key=lambda size: (counts[size] * (size > 1), size))
         share = counts[usual] / len(rows) if usual > 1 or said else 0.0
-        if delimiter == " " and best is not None and best[0] > 0.0:
-            break  # spaces divide cells only where nothing else does
+        if delimiter == " " and best is not None and (best[0] > 0.0 or share < _MOST_ROWS):
+            break  # spaces divide cells only where nothing else does, and in most rows alike
         if best is None or share > best[0] + 0.25:
             first = next(index for index, row in enumerate(rows) if len(row.cells) == usual)
             best = (share, delimiter, rows, first if share else 0)

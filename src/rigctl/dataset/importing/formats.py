@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, cast
 
+from rigctl.dataset.importing.foreign import open_apart
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
 from rigctl.errors import RigctlError
@@ -27,6 +28,10 @@ OPENERS: Final[Mapping[str, tuple[str, str]]] = {
     ".mdf": ("mdf_file", "open_mdf"),
     ".mat": ("mat_file", "open_mat"),
 }
+#: formats whose readers can crash, or never end, over a damaged file
+_APART: Final = ("tdms_file", "mdf_file", "mat_file", "xlsx_file")
+#: whether those are read in a process of their own; a test of a reader itself may do without
+isolated = True
 
 
 def open_source(path: Path, options: Options) -> Source:
@@ -38,6 +43,8 @@ def open_source(path: Path, options: Options) -> Source:
         the kind of file is unknown, what reads it is not installed, or the file cannot be read.
     """
     module, function = OPENERS[ending_of(path)]
+    if module in _APART and isolated:
+        return open_apart(path, options, f"{_HERE}.{module}", function)
     opener = cast("Opener", getattr(import_module(f"{_HERE}.{module}"), function))
     return opener(path, options)
 

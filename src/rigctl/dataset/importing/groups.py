@@ -330,7 +330,7 @@ def telling(path: Path, kind: str) -> Iterator[None]:
     """Whatever a library raises over a file that is damaged, or is none of its kind, in plain words."""
     try:
         yield
-    except RigctlError:
+    except (RigctlError, MemoryError):
         raise
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", where=Location(path)) from problem

@@ -238,6 +238,8 @@ def find_format(
     if any(re.match(_CLOCK, cell) for cell in present):
         return _clock_format(present, unit, where)
     dated = [cell for cell in present if re.match(_DATE, cell) or re.match(_COMPACT, cell)]
+    if not dated and numbers:
+        return _number_format(numbers, unit)
     if not dated:
         raise RigctlError(
             "time: neither numbers nor dates",

@@ -1,0 +1,300 @@
+"""Readers of formats that are not ours, each in a process of its own.
+
+They are large libraries, partly native, that a damaged file can crash, send round in circles or make ask for
+any amount of memory. Apart, and bounded, they can do that without harm. What they read comes back as Arrow
+files in a temporary folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.importing.groups import Column, Group, GroupedFile, is_text
+from rigctl.dataset.importing.limits import OUT_OF_MEMORY
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import Heading
+from rigctl.dataset.importing.times import ArrayClock
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+#: memory that a reader may have, bytes, and bytes more for each of the file
+_MEMORY: Final = 900_000_000
+_MEMORY_PER_BYTE: Final = 16
+#: processor time that it may have, s, and bytes of the file that give it one more
+_SECONDS: Final = 8.0
+_BYTES_PER_SECOND: Final = 1_000_000
+#: time by the clock on the wall, as a multiple of that: other programs run too
+_PATIENCE: Final = 4.0
+#: values of all columns together in one piece of what comes back
+_PIECE_VALUES: Final = 1 << 20
+_FACTS: Final = "facts.json"
+
+#: what reads a file: its path, and what the caller says of it
+Reader = Callable[[Path, Options], GroupedFile]
+
+
+def open_apart(path: Path, options: Options, module: str, function: str) -> GroupedFile:
+    """Read a file with the function of a module, in a process of its own.
+
+    Raises
+    ------
+    RigctlError
+        the reader refuses the file, crashes, takes too long or needs too much memory.
+    """
+    folder = Path(mkdtemp(prefix="rigctl-import-"))
+    try:
+        size = _size(path)
+        seconds = _SECONDS + size / _BYTES_PER_SECOND
+        memory = _MEMORY + _MEMORY_PER_BYTE * size
+        task = {
+            "path": str(path),
+            "folder": str(folder),
+            "module": module,
+            "function": function,
+            "options": {**asdict(options), "may_lack": sorted(options.may_lack)},
+            "memory": memory,
+            "seconds": seconds,
+        }
+        _carry_out(task, path)
+        return _opened(path, folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError as problem:
+        raise RigctlError("there is no such file", where=Location(path)) from problem
+    except OSError as problem:
+        raise RigctlError(f"cannot read the file: {problem.strerror}", where=Location(path)) from problem
+
+
+def _carry_out(task: Mapping[str, Any], path: Path) -> None:
+    """Run the reader; says in plain words how it failed."""
+    # -P: nothing that lies in the working folder is imported
+    command = [sys.executable, "-P", "-X", "utf8", "-m", "rigctl.dataset.importing.foreign"]
+    threads = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_MAX_THREADS")
+    try:
+        done = subprocess.run(  # noqa: S603 - this program itself, and nothing from the file
+            command,
+            input=json.dumps(task).encode("utf-8"),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **dict.fromkeys(threads, "1")},
+            timeout=_PATIENCE * task["seconds"],
+            check=False,
+        )
+    except subprocess.TimeoutExpired as problem:
+        raise _too_long(path, task["seconds"]) from problem
+    if done.returncode == 0 and (Path(task["folder"]) / _FACTS).exists():
+        return
+    over = (-getattr(signal, "SIGXCPU", 0), -getattr(signal, "SIGKILL", 0)) if os.name == "posix" else ()
+    if done.returncode in over:
+        raise _too_long(path, task["seconds"])
+    if done.returncode == OUT_OF_MEMORY:
+        raise RigctlError(
+            f"reading it takes more than {task['memory'] / 1e9:.1f} GB of memory",
+            expected="a file that is not damaged, and no larger than it looks",
+            hint="Write it as Parquet or CSV, in parts",
+            where=Location(path),
+        )
+    raise RigctlError(
+        "the file is damaged: the program that reads this format crashed over it",
+        value=f"exit status {done.returncode}",
+        where=Location(path),
+    )
+
+
+def _too_long(path: Path, seconds: float) -> RigctlError:
+    return RigctlError(
+        f"reading it did not end within {seconds:.0f} s of processor time; the file is damaged",
+        hint="Open it with the program that wrote it, and save it again",
+        where=Location(path),
+    )
+
+
+# --- in the process of the reader
+
+
+def main() -> None:
+    """Read the file that the task on standard input names, within its bounds."""
+    from importlib import import_module
+
+    from rigctl.dataset.importing.limits import limit_process
+
+    task = json.loads(sys.stdin.buffer.read())
+    folder = Path(task["folder"])
+    try:
+        limit_process(task["memory"], task["seconds"])
+        said = {**task["options"], "may_lack": frozenset(task["options"]["may_lack"])}
+        options = Options(**{**said, "missing": tuple(said["missing"])})
+        reader: Reader = getattr(import_module(task["module"]), task["function"])
+        facts = _hand_over(reader(Path(task["path"]), options), folder)
+    except RigctlError as problem:
+        facts = {"error": _as_data(problem)}
+    except MemoryError:
+        os._exit(OUT_OF_MEMORY)
+    (folder / _FACTS).write_text(json.dumps(facts), encoding="utf-8")
+    # what a library holds of a damaged file is not worth its destructors
+    os._exit(0)
+
+
+def _as_data(problem: RigctlError) -> dict[str, Any]:
+    names = ("what", "value", "expected", "nearest", "hint")
+    return {name: getattr(problem, name) for name in names}
+
+
+def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
+    """Write what was read, group by group, and return what else there is to know."""
+    groups = []
+    with found.reading() as opened:
+        for number, group in enumerate(opened):
+            rows = max(_PIECE_VALUES // max(len(group.columns), 1), 1)
+            _write_group(folder / f"{number}.arrow", group, rows)
+            columns = [[column.name, column.unit] for column in group.columns]
+            groups.append({"name": group.name, "rows": group.rows, "piece": rows, "columns": columns})
+    return {
+        "groups": groups,
+        "headings": [[heading.name, heading.unit, heading.seconds] for heading in found.headings],
+        "noun": found.noun,
+        "remarks": list(found.remarks),
+        "damage": list(found.damage),
+        "clock": None if found.clock is None else [found.clock.origin, found.clock.epoch],
+        "began": found.began,
+    }
+
+
+def _write_group(path: Path, group: Group, rows: int) -> None:
+    import pyarrow as pa
+
+    writer: pa.RecordBatchFileWriter | None = None
+    try:
+        for start in range(0, group.rows, rows):
+            stop = min(start + rows, group.rows)
+            arrays = [_as_arrow(column.read(start, stop), stop - start) for column in group.columns]
+            batch = pa.record_batch(arrays, names=[str(place) for place in range(len(arrays))])
+            writer = writer or pa.ipc.new_file(str(path), batch.schema)
+            writer.write_batch(batch)
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _as_arrow(values: NDArray[Any], rows: int) -> pa.Array:
+    """A column as Arrow keeps it; nothing for what is neither numbers, nor texts, nor time stamps."""
+    import pyarrow as pa
+
+    if values.ndim == 1 and is_text(values):
+        texts = [text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text) for text in values]
+        return pa.array(texts, pa.string())
+    if values.ndim != 1 or values.dtype.kind not in "fiubM":
+        return pa.nulls(rows)
+    if values.dtype.kind == "M":
+        return pa.array(values.astype("datetime64[ns]"))
+    # of either byte order, which Arrow does not take
+    return pa.array(values.astype(values.dtype.newbyteorder("=")))
+
+
+# --- back in the process that asked
+
+
+def _opened(path: Path, folder: Path) -> GroupedFile:
+    """The file as its reader has left it in `folder`, which lives as long as what is returned."""
+    facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
+    if "error" in facts:
+        raise RigctlError(**facts["error"], where=Location(path))
+    described = facts["groups"]
+
+    @contextmanager
+    def reading() -> Iterator[Sequence[Group]]:
+        files = [
+            _Pieces(folder / f"{number}.arrow", group["piece"]) for number, group in enumerate(described)
+        ]
+        try:
+            yield [_group(group, pieces) for group, pieces in zip(described, files, strict=True)]
+        finally:
+            for pieces in files:
+                pieces.close()
+
+    clock = facts["clock"]
+    found = GroupedFile(
+        path,
+        tuple(Heading(name, unit, Location(path), seconds) for name, unit, seconds in facts["headings"]),
+        reading,
+        facts["noun"],
+        tuple(facts["remarks"]),
+        tuple(facts["damage"]),
+        None if clock is None else ArrayClock(clock[0], tuple(clock[1]) if clock[1] else None),
+        facts["began"],
+    )
+    weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
+    return found
+
+
+def _group(facts: Mapping[str, Any], pieces: _Pieces) -> Group:
+    def reader(place: int) -> Callable[[int, int], NDArray[Any]]:
+        return lambda start, stop: pieces.read(place, start, stop)
+
+    columns = tuple(Column(name, unit, reader(place)) for place, (name, unit) in enumerate(facts["columns"]))
+    return Group(facts["name"], facts["rows"], columns)
+
+
+class _Pieces:
+    """Reads an Arrow file of pieces of equal length, one of which is kept."""
+
+    def __init__(self, path: Path, rows: int) -> None:
+        self._path = path
+        self._rows = rows
+        self._file: pa.RecordBatchFileReader | None = None
+        self._stream: Any = None
+        self._held: tuple[int, pa.RecordBatch] | None = None
+
+    def read(self, place: int, start: int, stop: int) -> NDArray[Any]:
+        """The values of a column from one row to another."""
+        import numpy as np
+
+        parts = []
+        for number in range(start // self._rows, -(-stop // self._rows)):
+            begin = number * self._rows
+            here = slice(max(start - begin, 0), min(stop - begin, self._rows))
+            column = self._piece(number).column(place)[here]
+            parts.append(np.asarray(column.to_numpy(zero_copy_only=False)))
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _piece(self, number: int) -> pa.RecordBatch:
+        import pyarrow as pa
+
+        if self._held is None or self._held[0] != number:
+            if self._file is None:
+                self._stream = pa.OSFile(str(self._path))
+                self._file = pa.ipc.open_file(self._stream)
+            self._held = (number, self._file.get_batch(number))
+        return self._held[1]
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._held, self._file = None, None
+        if self._stream is not None:
+            self._stream.close()
+        self._stream = None
+
+
+if __name__ == "__main__":
+    main()
