@@ -49,6 +49,9 @@ ENTRIES = (
     Entry("compare", "rigctl.cli.compare:compare", PHYSICS, "How well a model agrees, and where it fails."),
     Entry("diagnose", "rigctl.cli.diagnose:diagnose", PHYSICS, "Which effect a model lacks, and adding it."),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
+    Entry(
+        "family", "rigctl.cli.family_new:app", PHYSICS, "A first family, rig and model from your own data."
+    ),
     Entry("effects", "rigctl.cli.effects:app", PHYSICS, "The library of effects, and your own."),
     Entry(
         "emulate",

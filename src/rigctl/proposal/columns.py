@@ -1,0 +1,244 @@
+"""The columns of a file of measurements, with a name, a unit and SI values each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.dataset.importing.table import Heading, Part, Source
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.units import Unit, parse_unit
+
+Floats = NDArray[np.float64]
+Role = Literal["input", "output", "left out"]
+
+#: rows that are looked at: enough to see what a column is
+_MOST_ROWS: Final = 200_000
+_TIMES: Final = ("time", "t", "zeit", "timestamp", "time_s", "t_s", "elapsed", "elapsed_time", "seconds")
+_RECORDS: Final = ("record", "run", "experiment", "trial", "segment")
+#: a unit that a name ends in: speed_rpm, pressure (bar)
+_IN_NAME: Final = re.compile(r"^(?P<name>.*?)[ _]*(?:\((?P<bracket>[^()]+)\)|_(?P<tail>[A-Za-z%]+))$")
+#: endings that are units, and nothing else that a name may end in
+_ENDINGS: Final = frozenset(
+    "s ms min mm cm um V mV A mA W kW N kN Nm bar mbar Pa kPa MPa degC K rpm Hz kHz kg rad deg".split()  # noqa: SIM905
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a file.
+
+    Attributes
+    ----------
+    name: what it is called on the bench; `theirs` is its heading without the unit.
+    unit: it is shown in.
+    values: (n) SI, NaN where one is missing; empty without a file.
+    stated: the heading has its unit in brackets, as an import reads it.
+    role, reason: what it is to the bench, and why.
+    stepped: it is constant but for single steps, as a command is.
+    """
+
+    name: str
+    theirs: str
+    unit: str
+    values: Floats = field(repr=False)
+    stated: bool = True
+    role: Role = "output"
+    reason: str = ""
+    stepped: bool = False
+
+    @property
+    def display(self) -> Unit:
+        """The unit, parsed."""
+        return parse_unit(self.unit)
+
+    @property
+    def shown(self) -> Floats:
+        """The values in the unit."""
+        return (self.values - self.display.offset) / self.display.factor
+
+    @property
+    def interval(self) -> str:
+        """The unit of a difference of its values."""
+        return "K" if self.display.absolute_temperature else self.unit
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file's columns, and when its rows were taken.
+
+    Attributes
+    ----------
+    times: (n) seconds; None for a table without time.
+    record: (n) which record each row belongs to.
+    renamed: what an import has to be told, ``theirs=ours [unit]``.
+    """
+
+    path: Path | None
+    columns: tuple[Column, ...]
+    times: Floats | None
+    record: NDArray[np.int64]
+    renamed: tuple[str, ...] = ()
+
+    def column(self, name: str) -> Column:
+        """The column called `name`, by our name or by theirs.
+
+        Raises
+        ------
+        RigctlError
+            there is none; it says the nearest.
+        """
+        for column in self.columns:
+            if name in (column.name, column.theirs):
+                return column
+        raise unknown_name("column", name, [column.name for column in self.columns])
+
+    @property
+    def pieces(self) -> list[NDArray[np.intp]]:
+        """The rows of each record."""
+        return [np.flatnonzero(self.record == code) for code in np.unique(self.record)]
+
+
+def read_table(path: Path, units: Mapping[str, str]) -> Table:
+    """The columns of a file of measurements that hold numbers.
+
+    Parameters
+    ----------
+    units: of columns whose heading has none, by name.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, has no numbers, or a unit is unknown.
+    """
+    from rigctl.dataset.importing.formats import open_source
+    from rigctl.dataset.importing.headings import folded
+    from rigctl.dataset.importing.options import Options
+
+    source = open_source(path, Options())
+    found = [_heading(heading, units) for heading in source.headings]
+    _check_units(units, found)
+    lower = [heading.plain.strip().casefold() for heading in found]
+    time = next((place for place, name in enumerate(lower) if name in _TIMES), None)
+    record = next((place for place, name in enumerate(lower) if name in _RECORDS), None)
+    unused = {place for place, heading in enumerate(source.headings) if heading.spent or not heading.name}
+    wanted = [place for place in range(len(found)) if place != record and place not in unused]
+    values, codes = _rows(source, wanted, record)
+    times = None
+    if time is not None:
+        times = values[time] * parse_unit(found[time].unit or "s").factor
+        codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
+    columns, renamed = list[Column](), list[str]()
+    if time is not None and (found[time].name.casefold() != "time" or not found[time].stated):
+        renamed.append(f"{found[time].name}=time [{found[time].unit or 's'}]")
+    if record is not None and found[record].name != "record":
+        renamed.append(f"{found[record].name}=record")
+    for place in wanted:
+        if place == time:
+            continue
+        column = _column(found[place], values[place], [c.name for c in columns])
+        columns.append(column)
+        if folded(column.theirs) != column.name or not column.stated:
+            renamed.append(f"{column.theirs}={column.name} [{column.unit}]")
+    if not columns or not len(codes):
+        raise RigctlError(
+            "there is nothing measured in this file", value=str(path), expected="columns of numbers"
+        )
+    return Table(path, tuple(columns), times, codes, tuple(renamed))
+
+
+@dataclass(frozen=True)
+class _Heading:
+    name: str  # as an import knows the column
+    unit: str | None
+    stated: bool
+    plain: str  # without a unit in it
+
+
+def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
+    name, unit = read.name, "s" if read.seconds else read.unit
+    plain = name
+    guessed = None
+    match = _IN_NAME.match(name)
+    if match is not None and match["name"]:
+        written = match["bracket"] or match["tail"]
+        if match["bracket"] is not None or written in _ENDINGS:
+            guessed = written if _is_unit(written) else None
+            plain = match["name"] if guessed else name
+    given = units.get(name, units.get(_plain_name(plain)))
+    if given is not None:
+        parse_unit(given)
+    stated = unit is not None and given is None and _is_unit(unit)
+    return _Heading(name, given or (unit if unit and _is_unit(unit) else guessed), stated, plain)
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        parse_unit(text)
+    except RigctlError:
+        return False
+    return True
+
+
+def _check_units(units: Mapping[str, str], found: Iterable[_Heading]) -> None:
+    known = {name for heading in found for name in (heading.name, _plain_name(heading.plain))}
+    for name in units:
+        if name not in known:
+            raise unknown_name("--unit: column", name, known)
+
+
+def _rows(
+    source: Source, wanted: list[int], record: int | None
+) -> tuple[dict[int, Floats], NDArray[np.int64]]:
+    gathered: dict[int, list[Floats]] = {place: [] for place in wanted}
+    codes: list[NDArray[np.int64]] = []
+    rows, labels = 0, dict[str, int]()
+    for part in source.parts(wanted, record):
+        for place in wanted:
+            gathered[place].append(np.asarray(part.columns[place], dtype=np.float64))
+        codes.append(_codes(part, labels))
+        rows += len(part.lines)
+        if rows >= _MOST_ROWS:
+            break
+    empty = np.empty(0)
+    together = {place: np.concatenate(pieces) if pieces else empty for place, pieces in gathered.items()}
+    return together, np.concatenate(codes) if codes else np.empty(0, dtype=np.int64)
+
+
+def _codes(part: Part, labels: dict[str, int]) -> NDArray[np.int64]:
+    """The records of one part's rows; the same label is the same record in every part."""
+    if part.labels is None:
+        return np.zeros(len(part.lines), dtype=np.int64)
+    of = [labels.setdefault(text, 1000 * len(labels)) for text in part.labels.texts]
+    return np.array(of, dtype=np.int64)[part.labels.codes]
+
+
+def _column(heading: _Heading, values: Floats, taken: list[str]) -> Column:
+    name = _plain_name(heading.plain)
+    while name in taken:
+        name += "_2"
+    unit = heading.unit or "1"
+    parsed = parse_unit(unit)
+    return Column(name, heading.name, unit, values * parsed.factor + parsed.offset, heading.stated)
+
+
+def _plain_name(text: str) -> str:
+    """A name that an expression can use: ``Motor Speed`` is ``motor_speed``."""
+    name = re.sub(r"[^a-z0-9]+", "_", text.strip().casefold()).strip("_")
+    name = name if name[:1].isalpha() else f"channel_{name}".strip("_")
+    return f"{name}_value" if name in _RESERVED else name[:60]
+
+
+#: what formulas and tables mean by these
+_RESERVED: Final = frozenset(
+    (  # noqa: SIM905
+        "time record and or not true false abs min max sqrt exp log tanh first last mean std duration total "
+        "factor before after rate"
+    ).split(" ")
+)

@@ -1,0 +1,96 @@
+"""A family and its model as they are drafted, before they are text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rigctl.units import parse_unit
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of the draft; everything as it is written."""
+
+    start: str
+    scale: str
+    rate: str
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the draft, its numbers in `unit`; `fit` says whether a fit may change it."""
+
+    value: float
+    unit: str
+    low: float
+    high: float
+    meaning: str = ""
+    fit: bool = True
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A definition or an output."""
+
+    unit: str
+    formula: str
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What a template makes of the columns.
+
+    Attributes
+    ----------
+    equations: for the file's head, one line each.
+    inputs: value and meaning by name.
+    constants: value with its unit, by name.
+    slots: unit, kind and meaning by name.
+    """
+
+    title: str
+    equations: tuple[str, ...]
+    inputs: Mapping[str, tuple[str, str]]
+    outputs: Mapping[str, Formula]
+    states: Mapping[str, State] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    constants: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    definitions: Mapping[str, Formula] = field(default_factory=dict)
+    slots: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+
+
+def amount(value: float, unit: str, *, difference: bool = False) -> str:
+    """An SI value as a file writes it: four digits and the unit."""
+    shown = parse_unit(unit).from_si(value, difference=difference)
+    text = f"{shown:.4g}" if abs(shown) > 1e-300 else "0"
+    return f"{text} {unit}" if unit not in ("", "1") else text
+
+
+def ratio(above: str, below: str) -> str:
+    """The unit of a quotient."""
+    if below in ("", "1"):
+        return above
+    return f"{above}/({below})" if any(sign in below for sign in "*/^ ") else f"{above}/{below}"
+
+
+def times(first: str, second: str) -> str:
+    """The unit of a product."""
+    if first in ("", "1"):
+        return second
+    return first if second in ("", "1") else f"{first}*{second}"
+
+
+def positive(value: float, unit: str, meaning: str, *, fit: bool = True, room: float = 100.0) -> Parameter:
+    """A parameter above zero, SI, with bounds a factor `room` to either side."""
+    shown = value / parse_unit(unit).factor
+    return Parameter(shown, unit, shown / room, shown * room, meaning, fit)
+
+
+def either(value: float, unit: str, span: float, meaning: str) -> Parameter:
+    """A parameter of either sign, SI, with bounds `span` to either side of zero."""
+    factor = parse_unit(unit).factor
+    most = max(abs(span), 2.0 * abs(value)) / factor
+    return Parameter(value / factor, unit, -most, most, meaning)

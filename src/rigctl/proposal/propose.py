@@ -1,0 +1,82 @@
+"""From a table, or from nothing but a template's name, to the text of four files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.errors import unknown_name
+from rigctl.proposal.columns import Column, Table
+from rigctl.proposal.draft import Draft
+from rigctl.proposal.templates import TEMPLATES, duration
+from rigctl.proposal.write import family_text, model_text, procedure_text, rig_text
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What is proposed.
+
+    Attributes
+    ----------
+    files: text by path, relative to the project.
+    """
+
+    name: str
+    template: str
+    table: Table
+    draft: Draft
+    family: str
+    rig: str
+    model: str
+    procedure: str
+    files: Mapping[str, str]
+
+
+def find_template(name: str) -> str:
+    """`name`, if there is such a template.
+
+    Raises
+    ------
+    RigctlError
+        there is none; it says the nearest.
+    """
+    if name not in TEMPLATES:
+        raise unknown_name("template", name, TEMPLATES)
+    return name
+
+
+def empty_table(template: str) -> Table:
+    """The columns that a template has without a file."""
+    columns = tuple(
+        Column(name, name, unit, np.empty(0), role=role)  # type: ignore[arg-type]
+        for name, unit, role, _ in TEMPLATES[template].columns
+    )
+    return Table(None, columns, None, np.empty(0, dtype=np.int64))
+
+
+def propose(name: str, table: Table, template: str | None) -> Proposal:
+    """The files for a table; without a template a first-order lag, or a straight line where there is no time.
+
+    Raises
+    ------
+    RigctlError
+        the table lacks what the template needs.
+    """
+    chosen = template or ("first-order" if table.times is not None else "linear")
+    draft = TEMPLATES[chosen].make(table)
+    paths = {kind: f"{folder}/{name}.yaml" for kind, folder in _FOLDERS.items()}
+    source = f"the template {chosen}" + (f", first values from {table.path.name}" if table.path else "")
+    files = {
+        paths["family"]: family_text(name, draft, source),
+        paths["rig"]: rig_text(name, table, draft, paths["family"]),
+        paths["model"]: model_text(draft, paths["family"], paths["rig"]),
+        paths["procedure"]: procedure_text(name, table, paths["rig"], duration(table)),
+    }
+    return Proposal(
+        name, chosen, table, draft, paths["family"], paths["rig"], paths["model"], paths["procedure"], files
+    )
+
+
+_FOLDERS = {"family": "families", "rig": "rigs", "model": "models", "procedure": "procedures"}

@@ -1,0 +1,117 @@
+"""Which columns are inputs and which are outputs: by what is asked for, by their steps, and by who leads."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from rigctl.proposal.columns import Column, Floats, Role, Table
+
+#: a command stays the same over at least this share of its samples
+_HELD: Final = 0.9
+#: at most so many levels for its length
+_LEVELS: Final = 0.1
+#: words in the name of what is given from outside although it is measured
+_OUTSIDE: Final = ("ambient", "room", "outside", "setpoint", "command", "supply", "disturbance", "load")
+#: a lead must explain this much more than the next best
+_CLEAR: Final = 1.5
+_MOST_LAG: Final = 200
+
+
+def with_roles(
+    table: Table, inputs: Collection[str], outputs: Collection[str], left: Collection[str]
+) -> Table:
+    """The table with a role for every column; what the user says counts first.
+
+    A column is an input when it is constant but for steps, as commands are, when its name says that it comes
+    from outside, or, where there is none such, when its changes come before those of all others.
+
+    Raises
+    ------
+    RigctlError
+        a name is unknown.
+    """
+    said = {table.column(name).name: "input" for name in inputs}
+    said |= {table.column(name).name: "output" for name in outputs}
+    said |= {table.column(name).name: "left out" for name in left}
+    columns = [_judged(column, table, said.get(column.name)) for column in table.columns]
+    if table.times is not None and not any(column.role == "input" for column in columns):
+        columns = _by_lead(columns, table, said)
+    if not any(column.role == "output" for column in columns) and len(columns) > 1 and not outputs:
+        columns[-1] = replace(
+            columns[-1], role="output", reason="the last column: something must be explained"
+        )
+    return replace(table, columns=tuple(columns))
+
+
+def _judged(column: Column, table: Table, said: str | None) -> Column:
+    stepped = table.times is not None and _is_stepped(column.values, table)
+    if said is not None:
+        return replace(column, role=said, reason="as you say", stepped=stepped)  # type: ignore[arg-type]
+    role, reason = _role_of(column, table, stepped=stepped)
+    return replace(column, role=role, reason=reason, stepped=stepped)
+
+
+def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]:
+    present = column.values[np.isfinite(column.values)]
+    still = present.size > 0 and np.ptp(present) == 0.0
+    outside = any(word in column.name for word in _OUTSIDE)
+    first = table.times is None and column is table.columns[0]
+    found: list[tuple[bool, Role, str]] = [
+        (not present.size, "left out", "no value in it"),
+        (stepped and not still, "input", "constant but for steps, as a command is"),
+        (outside, "input", "its name says that it is given from outside"),
+        (still, "left out", "it never changes"),
+        (first, "input", "the first column of a table"),
+    ]
+    return next(
+        ((role, reason) for holds, role, reason in found if holds),
+        ("output", "it changes from sample to sample"),
+    )
+
+
+def _is_stepped(values: Floats, table: Table) -> bool:
+    steps = [np.diff(values[rows]) for rows in table.pieces]
+    changes = np.concatenate(steps) if steps else np.empty(0)
+    if changes.size < 4:
+        return False
+    levels = np.unique(np.round(values[np.isfinite(values)], 9)).size
+    held = float(np.mean(changes == 0.0))
+    return held >= _HELD and levels <= max(2.0, _LEVELS * values.size)
+
+
+def _by_lead(columns: list[Column], table: Table, said: dict[str, str]) -> list[Column]:
+    """The one column whose changes come before those of every other, if that is clear."""
+    free = [
+        place for place, column in enumerate(columns) if column.role == "output" and column.name not in said
+    ]
+    if len(free) < 2:
+        return columns
+    rows = max(table.pieces, key=len)
+    changes = {place: _normed(np.diff(columns[place].values[rows])) for place in free}
+    for place in free:
+        others = [other for other in free if other != place]
+        if all(_leads(changes[place], changes[other]) for other in others):
+            leader = replace(
+                columns[place], role="input", reason="its changes come before those of the others"
+            )
+            return [*columns[:place], leader, *columns[place + 1 :]]
+    return columns
+
+
+def _normed(changes: Floats) -> Floats:
+    changes = np.nan_to_num(changes - np.nanmean(changes))
+    return changes / (float(np.linalg.norm(changes)) or 1.0)
+
+
+def _leads(first: Floats, second: Floats) -> bool:
+    """Whether `second` follows `first` by a sample or more, and not the other way round."""
+    most = min(_MOST_LAG, first.size // 4)
+    if most < 2:
+        return False
+    after = max(abs(float(first[:-lag] @ second[lag:])) for lag in range(1, most))
+    before = max(abs(float(second[:-lag] @ first[lag:])) for lag in range(1, most))
+    return after > _CLEAR * before

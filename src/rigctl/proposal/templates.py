@@ -1,0 +1,639 @@
+"""Equations to begin with: each template is a draft of a family for the columns that it finds.
+
+Every template takes the columns with their roles; where there are data its first values come from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from rigctl.errors import RigctlError
+from rigctl.proposal.columns import Column, Floats, Table
+from rigctl.proposal.draft import Draft, Formula, Parameter, State, amount, either, positive, ratio
+from rigctl.proposal.estimate import rates, straight
+from rigctl.units import parse_unit
+
+
+@dataclass(frozen=True)
+class Template:
+    """A kind of bench to begin with.
+
+    Attributes
+    ----------
+    make: the draft for a table.
+    columns: (name, unit, role, typical value) of a table without a file.
+    """
+
+    summary: str
+    make: Callable[[Table], Draft]
+    columns: tuple[tuple[str, str, str, float], ...]
+
+
+# --- what all of them use -------------------------------------------------------------------------
+
+
+def chosen(table: Table, role: str) -> list[Column]:
+    """The columns of a role."""
+    return [column for column in table.columns if column.role == role]
+
+
+def need(table: Table, role: str, units: Sequence[str], what: str) -> Column:
+    """The column of `role` whose unit fits one of `units`, in their order.
+
+    Raises
+    ------
+    RigctlError
+        there is none.
+    """
+    found = maybe(table, role, units)
+    if found is not None:
+        return found
+    columns = ", ".join(f"{c.name} [{c.unit}]" for c in chosen(table, role)) or "none"
+    raise RigctlError(
+        f"the template needs {what} as an {role}",
+        value=columns,
+        expected=f"a column in a unit like {units[0]}",
+        hint=f"--{role} NAME says which column is an {role}, --unit NAME=UNIT what it is in",
+    )
+
+
+def maybe(table: Table, role: str, units: Sequence[str]) -> Column | None:
+    """As `need`, or None."""
+    for unit in units:
+        dimension = parse_unit(unit).dimension
+        for column in chosen(table, role):
+            if column.display.dimension == dimension:
+                return column
+    return None
+
+
+def held(columns: Sequence[Column]) -> list[tuple[Floats, bool]]:
+    """The columns' values for `rates`."""
+    return [(column.values, column.stepped) for column in columns]
+
+
+def given(columns: Sequence[Column]) -> dict[str, tuple[str, str]]:
+    """The family's inputs: each with the value that it has when nobody says."""
+    return {c.name: (amount(_usual(c), c.unit), c.reason or "given from outside") for c in columns}
+
+
+def _usual(column: Column) -> float:
+    """What an input is at rest: zero if the data reach there, else its median."""
+    present = column.values[np.isfinite(column.values)]
+    if not present.size:
+        return column.display.offset
+    low, high = float(present.min()), float(present.max())
+    zero = column.display.offset
+    return (
+        zero if low <= zero <= high and not column.display.absolute_temperature else float(np.median(present))
+    )
+
+
+def begin(column: Column) -> tuple[str, str]:
+    """A state's start and scale as they are written: the first value, a hundredth of the range."""
+    present = column.values[np.isfinite(column.values)]
+    first = float(present[0]) if present.size else column.display.offset
+    return amount(first, column.unit), amount(0.01 * span(column), column.interval, difference=True)
+
+
+def span(column: Column) -> float:
+    """The range of a column, SI; one of its unit without data."""
+    present = column.values[np.isfinite(column.values)]
+    width = float(np.ptp(present)) if present.size else 0.0
+    return width or column.display.factor
+
+
+def duration(table: Table) -> float:
+    """How long the longest record is, s."""
+    if table.times is None or not table.times.size:
+        return 100.0
+    return max((float(np.ptp(table.times[rows])) for rows in table.pieces), default=100.0) or 100.0
+
+
+def reading(column: Column, what: str = "") -> Formula:
+    """An output that shows the state or definition of its name, with a slot for the sensor."""
+    return Formula(column.unit, f"{column.name} + {column.name}_reading", what or "as it was measured")
+
+
+def sensors(columns: Sequence[Column]) -> dict[str, tuple[str, str, str]]:
+    """A slot for what each sensor shows beside the truth."""
+    return {f"{c.name}_reading": (c.interval, "sensor", f"of {c.name} beside the truth") for c in columns}
+
+
+def _require_outputs(table: Table) -> list[Column]:
+    outputs = chosen(table, "output")
+    if not outputs:
+        raise RigctlError(
+            "no column is an output: nothing is to be explained", hint="--output NAME says which is"
+        )
+    return outputs
+
+
+# --- the templates --------------------------------------------------------------------------------
+
+
+def first_order(table: Table) -> Draft:
+    """``T·dy/dt = rest + Σ gain·u − y`` for every output."""
+    inputs, outputs = chosen(table, "input"), _require_outputs(table)
+    states, parameters = dict[str, State](), dict[str, Parameter]()
+    for y in outputs:
+        own = "" if len(outputs) == 1 else f"_of_{y.name}"
+        found, _ = rates(table, y, [(y.values, False), *held(inputs)])
+        slope = -float(found[0])
+        sane = math.isfinite(slope) and slope * duration(table) > 0.01
+        constant = 1.0 / slope if sane else 0.1 * duration(table)
+        parameters[f"time_constant{own}"] = positive(constant, "s", f"of {y.name}")
+        for u, coefficient in zip(inputs, found[1:-1], strict=True):
+            gain = float(coefficient) / slope if sane else 0.5 * span(y) / span(u)
+            name = f"gain{own}" if len(inputs) == 1 else f"gain_{u.name}{own}"
+            unit = ratio(y.interval, u.interval)
+            parameters[name] = either(gain, unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}")
+        rest = float(found[-1]) / slope if sane else float(np.nanmedian(y.values)) if y.values.size else 0.0
+        parameters[f"rest{own}"] = _rest(y, rest)
+        pushed = " + ".join(
+            f"{f'gain{own}' if len(inputs) == 1 else f'gain_{u.name}{own}'}*{_driven(u)}" for u in inputs
+        )
+        start, scale = begin(y)
+        rate = f"(rest{own} - {y.name}{' + ' + pushed if pushed else ''})/time_constant{own} + {y.name}_drive"
+        states[y.name] = State(start, scale, rate)
+    return Draft(
+        title="First-order lag of every output",
+        equations=tuple(f"time_constant * d({y.name})/dt = rest + gain*input - {y.name}" for y in outputs),
+        inputs=given(inputs),
+        outputs={y.name: reading(y) for y in outputs},
+        states=states,
+        parameters=parameters,
+        constants=_zeros(inputs),
+        slots={
+            f"{y.name}_drive": (ratio(y.interval, "s"), "process", f"what else drives {y.name}")
+            for y in outputs
+        }
+        | sensors(outputs),
+    )
+
+
+def _driven(u: Column) -> str:
+    """An input as a difference: a temperature counts from a reference."""
+    return f"({u.name} - {u.name}_reference)" if u.display.absolute_temperature else u.name
+
+
+def _zeros(inputs: Sequence[Column]) -> dict[str, tuple[str, str]]:
+    return {
+        f"{u.name}_reference": (f"0 {u.unit}", f"from where {u.name} counts")
+        for u in inputs
+        if u.display.absolute_temperature
+    }
+
+
+def _rest(y: Column, value: float) -> Parameter:
+    """Where an output rests without any input; wide bounds around its range."""
+    present = y.shown[np.isfinite(y.shown)]
+    low, high = (float(present.min()), float(present.max())) if present.size else (-100.0, 100.0)
+    room = max(high - low, 1e-9)
+    at = y.display.from_si(value)
+    low, high = low - 5.0 * room, high + 5.0 * room
+    if y.display.absolute_temperature:
+        low = max(low, y.display.from_si(0.0))
+    return Parameter(min(max(at, low), high), y.unit, low, high, f"where {y.name} rests without any input")
+
+
+def second_order(table: Table) -> Draft:
+    """``y'' = w²·(rest + gain·u − y) − 2·zeta·w·y'``."""
+    inputs, y = chosen(table, "input"), _require_outputs(table)[0]
+    slope = f"{y.name}_rate"
+    omega, zeta, gains, rest = _oscillation(table, y, inputs)
+    parameters = {
+        "natural_frequency": positive(omega, "rad/s", "w, undamped"),
+        "damping_ratio": positive(zeta, "1", "zeta; below 1 it overshoots"),
+        "rest": _rest(y, rest),
+    }
+    for u, gain in zip(inputs, gains, strict=True):
+        unit = ratio(y.interval, u.interval)
+        parameters[f"gain_{u.name}"] = either(
+            gain, unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}"
+        )
+    pushed = "".join(f" + gain_{u.name}*{_driven(u)}" for u in inputs)
+    start, scale = begin(y)
+    per_second = ratio(y.interval, "s")
+    states = {
+        y.name: State(start, scale, slope),
+        slope: State(
+            f"0 {per_second}",
+            amount(0.01 * span(y) * omega, per_second, difference=True),
+            f"natural_frequency^2*(rest{pushed} - {y.name})"
+            f" - 2*damping_ratio*natural_frequency*{slope} + drive",
+        ),
+    }
+    return Draft(
+        title="Second-order lag",
+        equations=(f"d2({y.name})/dt2 = w^2*(rest + gain*input - {y.name}) - 2*zeta*w*d({y.name})/dt",),
+        inputs=given(inputs),
+        outputs={y.name: reading(y)},
+        states=states,
+        parameters=parameters,
+        constants=_zeros(inputs),
+        slots={"drive": (ratio(y.interval, "s^2"), "process", f"what else drives {y.name}"), **sensors([y])},
+    )
+
+
+def _oscillation(
+    table: Table, y: Column, inputs: Sequence[Column]
+) -> tuple[float, float, list[float], float]:
+    """w, zeta, gains and rest of a second-order lag, from the data where they show one."""
+    middle = float(np.nanmedian(y.values)) if y.values.size else 0.0
+    first = 20.0 / duration(table)
+    usual = first, 0.5, [0.5 * span(y) / span(u) for u in inputs], middle
+    if not y.values.size or table.times is None:
+        return usual
+    # y'' = −w²·y − 2·zeta·w·y' + ...: y' enters as the integral of its own integral, which is y itself
+    slopes = _slopes(table, y)
+    found, _ = rates(table, y, [(y.values, False), (slopes, False), *held(inputs)], order=2)
+    square, damping = -float(found[0]), -float(found[1])
+    if not (math.isfinite(square) and square > first**2 * 1e-3):
+        return usual
+    omega = math.sqrt(square)
+    zeta = min(max(damping / (2.0 * omega), 0.01), 5.0)
+    return omega, zeta, [float(c) / square for c in found[2:-1]], float(found[-1]) / square
+
+
+def _slopes(table: Table, y: Column) -> Floats:
+    """dy/dt by differences; it is integrated twice again."""
+    slopes = np.zeros_like(y.values)
+    for rows in table.pieces:
+        if rows.size > 2 and table.times is not None:
+            slopes[rows] = np.gradient(np.nan_to_num(y.values[rows]), table.times[rows])
+    return slopes
+
+
+def mass_spring_damper(table: Table) -> Draft:
+    """``m·x'' = F − c·x' − k·(x − rest)``."""
+    x = need(table, "output", ["m", "rad"], "a position")
+    force = maybe(table, "input", ["N", "N*m"])
+    turning = x.display.dimension != parse_unit("m").dimension
+    unit_f, unit_m = ("N*m", "kg*m^2") if turning else ("N", "kg")
+    omega, zeta, gains, rest = _oscillation(table, x, [force] if force is not None else [])
+    # gain is 1/k
+    stiffness = 1.0 / gains[0] if gains and gains[0] > 0.0 else omega**2
+    mass = stiffness / omega**2
+    u = "rad" if turning else "m"
+    parameters = {
+        "mass": positive(mass, unit_m, "m; inertia where it turns", fit=force is not None),
+        "damping": positive(2.0 * zeta * omega * mass, f"{unit_f}*s/{u}", "c"),
+        "stiffness": positive(stiffness, f"{unit_f}/{u}", "k"),
+        "rest": _rest(x, rest),
+    }
+    start, scale = begin(x)
+    pushed = f"{force.name} + " if force is not None else ""
+    inputs = [force] if force is not None else []
+    speed = f"{x.name}_speed"
+    states = {
+        x.name: State(start, scale, speed),
+        speed: State(
+            f"0 {u}/s",
+            amount(0.01 * span(x) * omega, f"{u}/s"),
+            f"({pushed}extra_force - damping*{speed} - stiffness*({x.name} - rest))/mass",
+        ),
+    }
+    return Draft(
+        title="Mass on a spring with a damper",
+        equations=("mass * dv/dt = force - damping*v - stiffness*(x - rest)",),
+        inputs=given(inputs),
+        outputs={x.name: reading(x)},
+        states=states,
+        parameters=parameters,
+        slots={"extra_force": (unit_f, "process", "what else acts on the mass"), **sensors([x])},
+    )
+
+
+def motor(table: Table) -> Draft:
+    """A DC motor: ``L·di/dt = V − R·i − K·w``, ``J·dw/dt = K·i − b·w − load``."""
+    voltage = need(table, "input", ["V"], "the voltage")
+    speed = need(table, "output", ["rad/s"], "the speed (rpm or rad/s)")
+    current = maybe(table, "output", ["A"])
+    load = maybe(table, "input", ["N*m"])
+    resistance, constant, inertia, friction = _motor_values(table, voltage, speed, current)
+    parameters = {
+        "resistance": positive(resistance, "ohm", "R of the winding", fit=current is not None),
+        "motor_constant": positive(constant, "N*m/A", "K, torque per ampere and volt per rad/s"),
+        "inertia": positive(inertia, "kg*m^2", "J of rotor and load"),
+        "friction": positive(friction, "N*m*s/rad", "b, viscous", fit=current is not None),
+    }
+    start, scale = begin(speed)
+    i = current.name if current is not None else "current"
+    loaded = f" - {load.name}" if load is not None else ""
+    amperes = (
+        begin(current) if current is not None else ("0 A", amount(0.01 * span(voltage) / resistance, "A"))
+    )
+    states = {
+        i: State(
+            *amperes,
+            f"({voltage.name} + voltage_error - resistance*{i} - motor_constant*{speed.name})/inductance",
+        ),
+        speed.name: State(
+            start,
+            scale,
+            f"(motor_constant*{i} - friction*{speed.name}{loaded} + extra_torque)/inertia",
+        ),
+    }
+    inputs = [voltage, *([load] if load is not None else [])]
+    outputs = [speed, *([current] if current is not None else [])]
+    return Draft(
+        title="DC motor",
+        equations=(
+            "inductance * d(current)/dt = voltage - resistance*current - motor_constant*speed",
+            "inertia * d(speed)/dt = motor_constant*current - friction*speed - load",
+        ),
+        inputs=given(inputs),
+        outputs={column.name: reading(column) for column in outputs},
+        states=states,
+        parameters=parameters,
+        constants={"inductance": (amount(1e-3 * resistance, "mH"), "L; too fast to be seen in most data")},
+        slots={
+            "extra_torque": ("N*m", "process", "what else turns the rotor: friction, a load"),
+            "voltage_error": ("V", "process", "what the winding gets besides the voltage"),
+            **sensors(outputs),
+        },
+    )
+
+
+def _motor_values(
+    table: Table, voltage: Column, speed: Column, current: Column | None
+) -> tuple[float, float, float, float]:
+    """R, K, J and b from the data, or usual ones where the data say nothing of them."""
+    resistance, constant, inertia, friction = 1.0, 0.05, 1e-4, 1e-5
+    if current is not None and current.values.size:
+        found = straight(table, voltage, [current.values, speed.values])
+        if found[0] > 0.0 and found[1] > 0.0:
+            resistance, constant = float(found[0]), float(found[1])
+        by, _ = rates(table, speed, [(current.values, False), (speed.values, False)])
+        if by[0] > 0.0:
+            inertia = constant / float(by[0])
+            friction = max(-float(by[1]) * inertia, 1e-2 * constant**2 / resistance)
+    elif speed.values.size:
+        by, _ = rates(table, speed, [(voltage.values, voltage.stepped), (speed.values, False)])
+        if by[0] > 0.0 > by[1]:  # with no friction: gain 1/K, rate K²/(R·J)
+            constant = -float(by[1]) / float(by[0])
+            inertia = constant**2 / (resistance * -float(by[1]))
+            friction = 1e-3 * constant**2 / resistance
+    return resistance, constant, inertia, friction
+
+
+def tank(table: Table) -> Draft:
+    """``A·dh/dt = inflow − Cd·a·√(2·g·h)``; of several levels each tank empties into the next."""
+    pump = need(table, "input", ["m^3/s", "V", "1"], "the inflow, or what drives the pump")
+    levels = [c for c in _require_outputs(table) if c.display.dimension == parse_unit("m").dimension]
+    if not levels:
+        need(table, "output", ["m"], "a level")
+    levels = _in_order(table, levels, pump)
+    flowing = pump.display.dimension == parse_unit("m^3/s").dimension
+    parameters, definitions, states = dict[str, Parameter](), dict[str, Formula](), dict[str, State]()
+    constants = {"gravity": ("9.80665 m/s^2", ""), "discharge_coefficient": ("0.61", "Cd of a sharp orifice")}
+    area, orifice = _tank_values(table, levels[0], pump, flowing=flowing)
+    if not flowing:
+        unit = ratio("l/min", pump.interval)
+        parameters["pump_gain"] = positive(orifice[1], unit, "flow of the pump")
+    inflow = pump.name if flowing else f"pump_gain*{_driven(pump)}"
+    for place, level in enumerate(levels, start=1):
+        base, hole = f"base_area_{place}", f"orifice_area_{place}"
+        if flowing:
+            parameters[base] = positive(area, "cm^2", f"of the tank of {level.name}")
+        else:
+            constants[base] = (amount(area, "cm^2"), f"of the tank of {level.name}; measure it")
+        parameters[hole] = positive(orifice[0], "mm^2", f"of the outlet of {level.name}")
+        definitions[f"outflow_{place}"] = Formula(
+            "l/min",
+            f"discharge_coefficient*{hole}*sqrt(2*gravity*positive_part({level.name}, corner))",
+            f"out of the tank of {level.name}",
+        )
+        into = inflow if place == 1 else f"outflow_{place - 1}"
+        start, scale = begin(level)
+        states[level.name] = State(start, scale, f"({into} - outflow_{place} + leak_{place})/{base}")
+    constants["corner"] = (
+        amount(0.005 * max(span(level) for level in levels), levels[0].unit),
+        "rounds an empty tank",
+    )
+    return Draft(
+        title="Open tank" if len(levels) == 1 else f"{len(levels)} open tanks in a row",
+        equations=("base_area * d(level)/dt = inflow - Cd*orifice_area*sqrt(2*g*level)",),
+        inputs=given([pump]),
+        outputs={level.name: reading(level) for level in levels},
+        states=states,
+        parameters=parameters,
+        constants=constants | _zeros([pump]),
+        definitions=definitions,
+        slots={
+            f"leak_{place}": ("l/min", "process", f"into the tank of {level.name} besides")
+            for place, level in enumerate(levels, start=1)
+        }
+        | sensors(levels),
+    )
+
+
+def _in_order(table: Table, levels: list[Column], pump: Column) -> list[Column]:
+    """The tank that the pump fills first: the one that is best explained by it."""
+    if not levels[0].values.size:
+        return levels
+
+    def left(level: Column) -> float:
+        return rates(table, level, [(pump.values, pump.stepped), (_root(level), False)])[1]
+
+    return sorted(levels, key=left)
+
+
+def _root(level: Column) -> Floats:
+    return np.asarray(np.sqrt(np.clip(np.nan_to_num(level.values), 0.0, None)))
+
+
+def _tank_values(
+    table: Table, level: Column, pump: Column, *, flowing: bool
+) -> tuple[float, tuple[float, float]]:
+    """Base area, orifice area and gain of the pump."""
+    area, orifice, gain = 0.02, 2e-5, 1e-5
+    per_root = 0.61 * math.sqrt(2.0 * 9.80665)
+    if level.values.size:
+        found, _ = rates(table, level, [(pump.values, pump.stepped), (_root(level), False)])
+        if found[0] > 0.0 > found[1]:
+            area = 1.0 / float(found[0]) if flowing else area
+            gain = float(found[0]) * area
+            orifice = -float(found[1]) * area / per_root
+    return area, (orifice, gain)
+
+
+def heater(table: Table) -> Draft:
+    """``C·dT/dt = P − UA·(T − T_room)`` for every temperature."""
+    power = need(table, "input", ["W", "1", "V"], "the heater's power (or its duty)")
+    bodies = [c for c in _require_outputs(table) if c.display.dimension == parse_unit("K").dimension]
+    if not bodies:
+        need(table, "output", ["K"], "a temperature")
+    room = maybe(table, "input", ["K"])
+    known = power.display.dimension == parse_unit("W").dimension
+    parameters, states = dict[str, Parameter](), dict[str, State]()
+    constants = dict[str, tuple[str, str]]()
+    if not known:
+        constants["rated_power"] = (
+            f"{1.0 / power.display.factor:.4g} {ratio('W', power.unit)}",
+            "measure it",
+        )
+    heat = power.name if known else f"rated_power*{power.name}"
+    around = room.name if room is not None else "room"
+    coldest = min((float(np.nanmin(b.values)) for b in bodies if b.values.size), default=293.15)
+    for body in bodies:
+        own = "" if len(bodies) == 1 else f"_of_{body.name}"
+        capacity, conductance, rest = _heater_values(table, body, power, room)
+        coldest = rest if room is None and math.isfinite(rest) else coldest
+        parameters[f"heat_capacity{own}"] = positive(capacity, "J/K", f"of the body of {body.name}")
+        parameters[f"conductance{own}"] = positive(conductance, "W/K", f"from {body.name} to the room")
+        start, scale = begin(body)
+        rate = f"({heat} - conductance{own}*({body.name} - {around}) + extra_heat{own})/heat_capacity{own}"
+        states[body.name] = State(start, scale, rate)
+    if room is None:
+        at = coldest - 273.15
+        parameters["room"] = Parameter(at, "degC", at - 30.0, at + 30.0, "around it; record it if you can")
+    inputs = [power, *([room] if room is not None else [])]
+    return Draft(
+        title="Heated body",
+        equations=("heat_capacity * dT/dt = power - conductance*(T - room)",),
+        inputs=given(inputs),
+        outputs={body.name: reading(body) for body in bodies},
+        states=states,
+        parameters=parameters,
+        constants=constants,
+        slots={
+            f"extra_heat{'' if len(bodies) == 1 else f'_of_{body.name}'}": (
+                "W",
+                "process",
+                f"into the body of {body.name}",
+            )
+            for body in bodies
+        }
+        | sensors(bodies),
+    )
+
+
+def _heater_values(
+    table: Table, body: Column, power: Column, room: Column | None
+) -> tuple[float, float, float]:
+    """C, UA and the room's temperature."""
+    if not body.values.size:
+        return 500.0, 2.0, 293.15
+    watts = (power.values / power.display.factor, power.stepped)
+    away = body.values - room.values if room is not None else body.values
+    found, _ = rates(table, body, [watts, (away, False)])
+    if not found[0] > 0.0 > found[1]:
+        return 10.0 * duration(table), 1.0, float(np.nanmin(body.values))
+    capacity = 1.0 / float(found[0])
+    return capacity, -float(found[1]) * capacity, -float(found[2]) / float(found[1])
+
+
+def flow(table: Table) -> Draft:
+    """``drop = linear·Q + quadratic·Q·|Q|``: static, its output follows its input at once."""
+    through = need(table, "input", ["m^3/s", "kg/s", "m/s"], "a flow")
+    drop = need(table, "output", ["Pa", "m"], "a pressure or a head")
+    values = [1.0 * span(drop) / span(through), 0.5 * span(drop) / span(through) ** 2, 0.0]
+    if drop.values.size:
+        found = straight(table, drop, [through.values, through.values * np.abs(through.values)])
+        values = [float(value) for value in found]
+    per = ratio(drop.interval, through.unit)
+    squared = ratio(drop.interval, f"({through.unit})^2")
+    parameters = {
+        "at_rest": _rest(drop, values[2]),
+        "linear": either(
+            values[0], per, 20.0 * span(drop) / span(through), "laminar, or the fall of a pump's curve"
+        ),
+        "quadratic": either(values[1], squared, 20.0 * span(drop) / span(through) ** 2, "turbulent"),
+    }
+    formula = (
+        f"at_rest + linear*{through.name} + quadratic*{through.name}*absolute({through.name}, corner) + loss"
+    )
+    return Draft(
+        title="Pressure over flow",
+        equations=("drop = at_rest + linear*Q + quadratic*Q*|Q|",),
+        inputs=given([through]),
+        outputs={drop.name: Formula(drop.unit, f"{formula} + {drop.name}_reading")},
+        parameters=parameters,
+        constants={"corner": (amount(0.005 * span(through), through.unit), "rounds |Q| at zero")},
+        slots={"loss": (drop.interval, "process", "what else drops"), **sensors([drop])},
+    )
+
+
+def linear(table: Table) -> Draft:
+    """``y = offset + Σ gain·u``: what a table without time begins with."""
+    inputs, outputs = chosen(table, "input"), _require_outputs(table)
+    parameters, shown = dict[str, Parameter](), dict[str, Formula]()
+    for y in outputs:
+        own = "" if len(outputs) == 1 else f"_of_{y.name}"
+        found = straight(table, y, [u.values for u in inputs]) if y.values.size else [0.0] * (len(inputs) + 1)
+        terms = [f"rest{own}"]
+        parameters[f"rest{own}"] = _rest(y, float(found[-1]))
+        for u, gain in zip(inputs, found[:-1], strict=True):
+            name = f"gain_{u.name}{own}"
+            unit = ratio(y.interval, u.interval)
+            parameters[name] = either(float(gain), unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}")
+            terms.append(f"{name}*{_driven(u)}")
+        shown[y.name] = Formula(y.unit, f"{' + '.join(terms)} + {y.name}_reading")
+    return Draft(
+        title="Straight line",
+        equations=tuple(f"{y.name} = rest + gain*input" for y in outputs),
+        inputs=given(inputs),
+        outputs=shown,
+        parameters=parameters,
+        constants=_zeros(inputs),
+        slots=sensors(outputs),
+    )
+
+
+#: by the names of `--template`
+TEMPLATES: Final[Mapping[str, Template]] = MappingProxyType(
+    {
+        "first-order": Template(
+            "every output is a first-order lag of the inputs",
+            first_order,
+            (("command", "V", "input", 1.0), ("response", "1", "output", 1.0)),
+        ),
+        "second-order": Template(
+            "one output, with overshoot",
+            second_order,
+            (("command", "V", "input", 1.0), ("response", "1", "output", 1.0)),
+        ),
+        "mass-spring-damper": Template(
+            "a position, and a force if there is one",
+            mass_spring_damper,
+            (("applied_force", "N", "input", 10.0), ("position", "mm", "output", 10.0)),
+        ),
+        "motor": Template(
+            "a DC motor: voltage, speed, and current if it is measured",
+            motor,
+            (
+                ("voltage", "V", "input", 12.0),
+                ("speed", "rpm", "output", 2000.0),
+                ("current", "A", "output", 2.0),
+            ),
+        ),
+        "tank": Template(
+            "one open tank, or several in a row: a flow or a pump, and levels",
+            tank,
+            (("inflow", "l/min", "input", 5.0), ("level", "mm", "output", 200.0)),
+        ),
+        "heater": Template(
+            "a heated body: power, temperature, and the room if it is measured",
+            heater,
+            (("power", "W", "input", 100.0), ("temperature", "degC", "output", 60.0)),
+        ),
+        "flow": Template(
+            "a pressure or a head over a flow, static: a pump curve, a pipe",
+            flow,
+            (("flow", "l/min", "input", 20.0), ("pressure_drop", "bar", "output", 2.0)),
+        ),
+        "linear": Template(
+            "static straight lines, what a table without time begins with",
+            linear,
+            (("setting", "1", "input", 1.0), ("response", "1", "output", 1.0)),
+        ),
+    }
+)

@@ -1,0 +1,249 @@
+"""The text of the files: a family, a rig, a procedure and a model, commented, to be edited."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from rigctl.proposal.columns import Column, Table
+from rigctl.proposal.draft import Draft, amount
+from rigctl.rig.channel import QUANTITIES
+from rigctl.units import parse_unit
+
+#: what a file may say as it is; everything else is put in quotes
+_PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789 _-+*/^().=|")
+
+
+def _quoted(text: str) -> str:
+    return text if text and set(text) <= _PLAIN and text[0].isalpha() else '"' + text.replace('"', "'") + '"'
+
+
+def family_text(name: str, draft: Draft, source: str) -> str:
+    """The family file."""
+    return "\n".join(_family(name, draft, source)) + "\n"
+
+
+def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
+    yield f"# {draft.title}: a first family, to be edited. 'rigctl check' says what is wrong with it;"
+    yield "# every formula is checked for its unit."
+    yield "#"
+    yield from (f"#   {equation}" for equation in draft.equations)
+    yield ""
+    yield f"family: {name}"
+    yield f"title: {_quoted(draft.title)}"
+    yield f"source: {_quoted(source)}"
+    yield from _part(
+        "states",
+        "What changes with time. `rate` has the state's unit per second.",
+        {
+            key: {"start": s.start, "scale": s.scale, "rate": _quoted(s.rate), "meaning": _quoted(s.meaning)}
+            for key, s in draft.states.items()
+        },
+    )
+    yield from _part(
+        "inputs",
+        "What is commanded, or measured and given from outside: a channel or an actuator of the same name.",
+        {
+            key: {"value": value, "meaning": _quoted(meaning)}
+            for key, (value, meaning) in draft.inputs.items()
+        },
+    )
+    yield from _part(
+        "parameters",
+        "What a fit may change, and within which bounds.",
+        {
+            key: {
+                "value": amount_of(p.value, p.unit),
+                "bounds": f"[{amount_of(p.low, p.unit)}, {amount_of(p.high, p.unit)}]",
+                "meaning": _quoted(p.meaning),
+            }
+            for key, p in draft.parameters.items()
+        },
+    )
+    yield from _part(
+        "constants",
+        "Numbers that no fit changes.",
+        {
+            key: {"value": value, "meaning": _quoted(meaning)}
+            for key, (value, meaning) in draft.constants.items()
+        },
+    )
+    yield from _part(
+        "definitions",
+        "What several formulas use.",
+        {
+            key: {"unit": _quoted(f.unit), "formula": _quoted(f.formula), "meaning": _quoted(f.meaning)}
+            for key, f in draft.definitions.items()
+        },
+    )
+    yield from _part(
+        "slots",
+        "Where effects may act: 0 without any.",
+        {
+            key: {"unit": _quoted(unit), "kind": kind, "meaning": _quoted(meaning)}
+            for key, (unit, kind, meaning) in draft.slots.items()
+        },
+    )
+    yield from _part(
+        "outputs",
+        "What sensors read, by the names of the rig's channels.",
+        {
+            key: {"unit": _quoted(f.unit), "formula": _quoted(f.formula), "meaning": _quoted(f.meaning)}
+            for key, f in draft.outputs.items()
+        },
+    )
+
+
+def amount_of(value: float, unit: str) -> str:
+    """A number in its unit."""
+    text = f"{value:.4g}" if abs(value) > 1e-300 else "0"
+    return f"{text} {unit}" if unit not in ("", "1") else text
+
+
+def _part(name: str, comment: str, items: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    if not items:
+        return
+    yield ""
+    yield f"# {comment}"
+    yield f"{name}:"
+    for key, fields in items.items():
+        yield f"  {key}:"
+        yield from (f"    {field}: {text}" for field, text in fields.items() if text not in ("", '""'))
+
+
+def rig_text(name: str, table: Table, draft: Draft, family: str) -> str:
+    """The rig file: every output and measured input a channel, every command an actuator."""
+    return "\n".join(_rig(name, table, draft, family)) + "\n"
+
+
+def actuated(table: Table) -> list[Column]:
+    """The inputs that are commands."""
+    return [c for c in table.columns if c.role == "input" and (c.stepped or not c.values.size)]
+
+
+def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
+    commands = actuated(table)
+    channels = [c for c in table.columns if c.role != "left out" and c not in commands]
+    yield "# A first rig file, to be edited: what is measured, what is commanded, and what must not happen."
+    yield f"name: {name.replace('_', ' ')}"
+    yield f"model: {family}"
+    yield "# backend: {kind: serial, port: /dev/ttyACM0}   # how the bench is reached; an import needs none"
+    yield ""
+    yield "channels:"
+    for column in channels:
+        known = column.name in draft.outputs or column.name in draft.inputs
+        yield f"  {column.name}:" + ("" if known else "    # the family says nothing of it")
+        yield f"    unit: {_quoted(column.unit)}"
+        yield f"    quantity: {quantity_of(column.unit)}"
+        scatter = _scatter(column, table)
+        if scatter > 0.0:
+            size = amount(scatter, column.interval, difference=True)
+            yield f"    # noise: {size}      # of one reading, by its neighbours; the simulated bench adds it"
+    yield ""
+    if not commands:
+        yield "actuators: {}    # nothing is commanded; what comes from outside is measured"
+        yield "safe_state: {}"
+    else:
+        yield "actuators:"
+        for column in commands:
+            low, high = _reach(column)
+            ends = f"low: {amount(low, column.unit)}, high: {amount(high, column.unit)}"
+            yield f"  {column.name}: {{kind: level, unit: {_quoted(column.unit)}, {ends}}}"
+        yield ""
+        yield "# where every actuator goes when anything is wrong"
+        yield "safe_state:"
+        yield from (f"  {column.name}: {amount(_safe(column), column.unit)}" for column in commands)
+    yield ""
+    yield "# limits:      # interlocks: what stops a run"
+    first = channels[0] if channels else commands[0]
+    most = amount(_reach(first)[1], first.unit)
+    yield f"#   too_much: {{channel: {first.name}, above: {most}, action: stop}}"
+    starts = {c.name: c for c in channels if c.values.size and np.isfinite(c.values).any()}
+    if starts:
+        yield ""
+        yield "simulation:"
+        yield "  initial:"
+        for column in starts.values():
+            begun = float(column.values[np.isfinite(column.values)][0])
+            yield f"    {column.name}: {amount(begun, column.unit)}"
+
+
+def quantity_of(unit: str) -> str:
+    """What a channel in this unit measures, as a rig file calls it."""
+    dimension = parse_unit(unit).dimension
+    if "rad" in unit or unit == "rpm":
+        return "angle" if unit in ("rad", "mrad") else "other"
+    for quantity, known in QUANTITIES.items():
+        if known is not None and parse_unit(known).dimension == dimension and not dimension.dimensionless:
+            return quantity
+    return "other"
+
+
+def _scatter(column: Column, table: Table) -> float:
+    """Standard deviation of a reading by the differences of neighbours' differences, robust, SI."""
+    bends = [np.diff(column.values[rows], 2) for rows in table.pieces] if column.values.size else []
+    every = np.concatenate(bends) if bends else np.empty(0)
+    every = every[np.isfinite(every)]
+    return float(1.4826 * np.median(np.abs(every)) / np.sqrt(6.0)) if every.size > 10 else 0.0
+
+
+def _reach(column: Column) -> tuple[float, float]:
+    """How far a command goes: as far as the data, and to zero."""
+    present = column.values[np.isfinite(column.values)]
+    zero = column.display.to_si(0.0)
+    if not present.size:
+        return zero, zero + column.display.factor
+    low, high = float(present.min()), float(present.max())
+    return (
+        (min(low, zero), max(high, zero))
+        if low < high or low != zero
+        else (zero, zero + column.display.factor)
+    )
+
+
+def _safe(column: Column) -> float:
+    low, high = _reach(column)
+    return min(max(column.display.to_si(0.0), low), high)
+
+
+def procedure_text(name: str, table: Table, rig: str, duration: float) -> str:
+    """A procedure to begin with: every command up and down again, or only a record."""
+    commands = actuated(table)
+    rate = _rate(table)
+    half = max(0.5 * duration, 4.0 / rate)
+    lines = [f"procedure: {name.replace('_', ' ')} steps", f"rig: {rig}", "steps:"]
+    lines.append(f"  - record: {{name: step, rate: {rate:.4g} Hz}}")
+    lines.append("    do:")
+    if commands:
+        up = ", ".join(f"{c.name}: {amount(_reach(c)[1], c.unit)}" for c in commands)
+        down = ", ".join(f"{c.name}: {amount(_safe(c), c.unit)}" for c in commands)
+        lines += [f"      - set: {{{up}}}", f"      - wait: {half:.4g} s", f"      - set: {{{down}}}"]
+    lines.append(f"      - wait: {half:.4g} s")
+    return "\n".join(lines) + "\n"
+
+
+def _rate(table: Table) -> float:
+    if table.times is None or table.times.size < 2:
+        return 10.0
+    steps = np.diff(table.times)
+    steps = steps[steps > 0.0]
+    return float(1.0 / np.median(steps)) if steps.size else 10.0
+
+
+def model_text(draft: Draft, family: str, rig: str) -> str:
+    """The model file: the parameters with `fit` are what a fit may change."""
+    lines = [
+        "# A first model, to be edited: 'fit: true' lets a fit change a parameter.",
+        f"model: {family}",
+        f"rig: {rig}",
+        "parameters:",
+    ]
+    for name, p in draft.parameters.items():
+        value = _quoted_amount(amount_of(p.value, p.unit))
+        lines.append(f"  {name}: {{value: {value}, fit: {'true' if p.fit else 'false'}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted_amount(text: str) -> str:
+    return text if set(text) <= _PLAIN else f'"{text}"'

@@ -1,0 +1,154 @@
+"""`rigctl family new` by strangers: files made by SciPy, then only what the command says to type next."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from commands import answer, refusal, told
+from rigctl.dataset import open_run
+from rigctl.proposal.templates import TEMPLATES
+
+
+@pytest.fixture(autouse=True)
+def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    told("init", "--minimal")
+    return tmp_path
+
+
+def tanks(path: Path) -> None:
+    """Two tanks in a row behind a pump that is switched twice, levels read to half a millimetre."""
+    rng = np.random.default_rng(4)
+    root = 0.61 * np.sqrt(2.0 * 9.80665)
+
+    def pump(t: float) -> float:
+        return (6.0 if t < 150.0 else 2.0 if t < 300.0 else 4.0) / 60e3
+
+    def change(t: float, h: np.ndarray) -> list[float]:
+        out = [4e-5 * root * np.sqrt(h[0]), 3e-5 * root * np.sqrt(h[1])]
+        return [(pump(t) - out[0]) / 0.015, (out[0] - out[1]) / 0.02]
+
+    times = np.arange(0.0, 450.0, 1.0)
+    found = solve_ivp(change, (0.0, 450.0), [0.05, 0.08], t_eval=times, max_step=1.0).y.T
+    noisy = 100.0 * found + rng.normal(0.0, 0.05, found.shape)
+    rows = [
+        f"{t:.1f},{pump(t) * 60e3:.1f},{lower:.3f},{upper:.3f}"
+        for t, (upper, lower) in zip(times, noisy, strict=True)
+    ]
+    path.write_text(
+        "\n".join(["t_s,Pump flow (l/min),lower [cm],upper [cm]", *rows]) + "\n", encoding="utf-8"
+    )
+
+
+def pump_curve(path: Path) -> None:
+    """A table without time: a head over a flow."""
+    rng = np.random.default_rng(1)
+    flow = np.repeat(np.linspace(0.0, 40.0, 12), 3)
+    head = 21.0 - 0.02 * flow - 0.008 * flow**2 + rng.normal(0.0, 0.1, flow.size)
+    rows = [f"{q:.2f},{h:.3f}" for q, h in zip(flow, head, strict=True)]
+    path.write_text("\n".join(["flow [l/min],head [m]", *rows]) + "\n", encoding="utf-8")
+
+
+def follow(commands: list[str]) -> None:
+    """Type what was said to type next."""
+    for command in commands:
+        words = shlex.split(command)
+        assert words[0] == "rigctl"
+        told(*words[1:])
+
+
+def test_two_tanks_from_a_file_to_a_comparison(empty: Path) -> None:
+    tanks(empty / "log.csv")
+    done = answer("family", "new", "tanks", "--csv", "log.csv", "--template", "tank")
+    roles = {column["name"]: (column["role"], column["unit"]) for column in done["columns"]}
+    assert roles == {"pump_flow": ("input", "l/min"), "lower": ("output", "cm"), "upper": ("output", "cm")}
+    assert (empty / done["plot"]).stat().st_size > 10_000
+    for fitted in done["fit"]["outputs"].values():
+        assert fitted["rmse"] < 0.01 * fitted["range"]
+    family = (empty / done["family"]).read_text(encoding="utf-8")
+    assert family.index("  upper:") < family.index("  lower:")  # the pump fills the upper one
+    follow(done["next"])
+    compared = answer("compare", "latest", "--model", done["model"], "--no-fit")
+    assert {"upper", "lower"} == set(compared["channels"])
+
+
+def test_a_table_without_time_becomes_a_static_family(empty: Path) -> None:
+    pump_curve(empty / "curve.csv")
+    done = answer("family", "new", "Pump curve", "--csv", "curve.csv", "--template", "flow")
+    assert done["name"] == "pump_curve"
+    assert "states:" not in (empty / done["family"]).read_text(encoding="utf-8")
+    assert done["fit"]["outputs"]["head"]["rmse"] < 0.13
+    told("import", "curve.csv", "--rig", done["rig"])
+    compared = answer("compare", "latest", "--model", done["model"])
+    assert compared["adequate"]
+    plain = answer("compare", "latest", "--model", done["model"], "--no-fit")
+    assert plain["channels"]["head"]["rmse"] < 0.2
+
+
+@pytest.mark.parametrize("template", sorted(TEMPLATES))
+def test_every_template_is_checked_and_simulates(template: str) -> None:
+    done = answer("family", "new", "bench", "--template", template)
+    for kind in ("family", "rig", "model", "procedure"):
+        assert answer("check", done[kind])["kind"] == kind
+    run = open_run(answer("simulate", done["procedure"])["run"])
+    assert all(np.isfinite(values).all() for values in run.record(0).channels.values())
+
+
+def steps(name: str, write: Callable[[float], float]) -> str:
+    rows = [f"{0.1 * k:.1f},{1.0 if k > 20 else 0.0},{write(0.1 * k):.4f}" for k in range(200)]
+    return "\n".join([name, *rows]) + "\n"
+
+
+def test_without_a_template_every_output_is_a_first_order_lag(empty: Path) -> None:
+    def answer_of(t: float) -> float:
+        return 0.5 if t < 2.0 else 0.5 + 3.0 * (1.0 - np.exp(-(t - 2.0) / 1.7))
+
+    (empty / "a.csv").write_text(steps("time [s],drive [V],sensor", answer_of), encoding="utf-8")
+    done = answer("family", "new", "lag", "--csv", "a.csv", "--no-fit", "--unit", "sensor=N*m")
+    model = (empty / done["model"]).read_text(encoding="utf-8")
+    constant = float(model.partition("time_constant: {value: ")[2].partition(" ")[0])
+    gain = float(model.partition("gain: {value: ")[2].partition(" ")[0])
+    assert constant == pytest.approx(1.7, rel=0.1)
+    assert gain == pytest.approx(3.0, rel=0.05)
+    assert "sensor=sensor [N*m]" in done["next"][0]
+    assert done["fit"]["problem"] == "not asked for"
+
+
+def test_what_leads_all_others_is_the_input(empty: Path) -> None:
+    rng = np.random.default_rng(0)
+    drive = np.cumsum(rng.normal(0.0, 1.0, 400))
+    late = np.concatenate([np.zeros(5), drive[:-5]]) + rng.normal(0.0, 0.05, 400)
+    rows = [f"{0.1 * k:.1f},{late[k]:.4f},{drive[k]:.4f}" for k in range(400)]
+    (empty / "b.csv").write_text("\n".join(["time [s],a [V],b [V]", *rows]) + "\n", encoding="utf-8")
+    done = answer("family", "new", "lead", "--csv", "b.csv", "--no-fit")
+    assert {c["name"]: c["role"] for c in done["columns"]} == {"a": "output", "b": "input"}
+    said = answer("family", "new", "said", "--csv", "b.csv", "--no-fit", "--input", "a", "--output", "b")
+    assert {c["name"]: c["role"] for c in said["columns"]} == {"a": "input", "b": "output"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["x"], "nothing to begin with"),
+        (["x", "--template", "moter"], "did you mean 'motor'"),
+        (["x", "--csv", "c.csv", "--template", "motor"], "the template needs the voltage as an input"),
+        (["x", "--csv", "c.csv", "--unit", "flwo=V"], "did you mean 'flow'"),
+        (["heater_board", "--template", "heater"], "there is a model family of this name already"),
+        (["9", "--template", "heater"], "not a name for a family"),
+    ],
+)
+def test_mistakes(empty: Path, arguments: list[str], said: str) -> None:
+    pump_curve(empty / "c.csv")
+    assert said in refusal("family", "new", *arguments)
+    assert not (empty / "families").exists()
+
+
+def test_nothing_is_overwritten() -> None:
+    told("family", "new", "x", "--template", "heater")
+    assert "already there" in refusal("family", "new", "x", "--template", "motor")
