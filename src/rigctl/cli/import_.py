@@ -59,6 +59,19 @@ def import_(
         str | None,
         typer.Option(metavar="ZONE", help="Time zone of times that name none, e.g. Europe/Berlin; else UTC."),
     ] = None,
+    times: Annotated[
+        str | None,
+        typer.Option(
+            metavar="POLICY",
+            help="Rows whose time does not go on: refuse, drop, spread (equal ones) or split (new record).",
+        ),
+    ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WAY", help="What begins a record: command, command:NAME, gap, 'gap:10 s' or column:NAME."
+        ),
+    ] = None,
     encoding: Annotated[
         str | None, typer.Option(help="Of a text file, e.g. cp1252; found out when left out.")
     ] = None,

@@ -256,7 +256,7 @@ def test_a_file_that_is_not_there_and_one_of_another_kind(importer: Importer, tm
     with pytest.raises(RigctlError, match="cannot read the file"):
         import_file(tmp_path / "none.csv", importer.rig, importer.runs)
     with pytest.raises(RigctlError, match="unknown kind of file"):
-        import_file(tmp_path / "log.xlsx", importer.rig, importer.runs)
+        import_file(tmp_path / "log.ods", importer.rig, importer.runs)
 
 
 def test_observations_are_a_table_without_time(importer: Importer) -> None:

@@ -329,3 +329,80 @@ def test_a_table_is_read_without_a_bench(desk: Desk) -> None:
     assert (table.time, table.origin, table.texts) == (0, None, ("Kommentar",))
     assert np.diff(table.columns[0].values) == pytest.approx([0.1])
     assert np.isnan(table.columns[1].values).tolist() == [False, True]
+
+
+# --- times that do not go on, and records
+
+
+def rows_of(times: list[Any], start: int = 20) -> str:
+    return f"time [s],{T1}\n" + "".join(f"{time},{start + k}\n" for k, time in enumerate(times))
+
+
+def test_policies_for_times_that_do_not_go_on(desk: Desk) -> None:
+    text = rows_of([0, 1, 1, 2, 3, 1, 4])
+    problem = desk.refusal(text)
+    assert isinstance(problem, SeveralErrors)
+    assert [error.where.line for error in problem.errors[:-1]] == [4, 7]
+    run = desk.run(text, times="drop")
+    assert run.signals("time").tolist() == [0, 1, 2, 3, 4]
+    assert "2 rows whose time does not go on were dropped, the first of them on line 4" in desk.notes
+    run = desk.run(rows_of([0, 0, 1, 1, 2, 2]), times="spread")
+    assert run.signals("time").tolist() == [0, 0.5, 1, 1.5, 2, 2.5]
+    run = desk.run(rows_of([0, 1, 2, 0, 1, 5, 6]), times="split")
+    assert run.signals("record").tolist() == [0, 0, 0, 1, 1, 1, 1]
+
+
+@given(rate=st.integers(2, 20), seconds=st.integers(2, 8), cut=st.integers(0, 19))
+@settings(max_examples=20, deadline=None)
+def test_a_logger_that_writes_whole_seconds_gets_its_rate_back(
+    tmp_path_factory: pytest.TempPathFactory, board: Rig, rate: int, seconds: int, cut: int
+) -> None:
+    times = [k // rate for k in range(rate * seconds + cut % rate)]
+    run = Desk(tmp_path_factory.mktemp("spread"), board).run(rows_of(times), times="spread")
+    found = run.signals("time")
+    assert len(found) == len(times)
+    assert np.diff(found)[: rate * (seconds - 1)] == pytest.approx(1.0 / rate)
+    assert (np.diff(found) > 0).all()
+
+
+def test_records_at_commands_begin_before_them(desk: Desk) -> None:
+    heater = [0] * 20 + [50] * 10 + [0] * 30 + [80] * 10 + [0] * 4 + [30] * 5
+    lines = [f"time [s],heater_1 [%],{T1}", *(f"{t},{u},{20 + t}" for t, u in enumerate(heater))]
+    run = desk.run("\n".join(lines), split="command")
+    assert run.records["start"].tolist() == [0.0, 50.0, 72.0]
+    second = run.record(1)
+    assert [(switch.time, switch.value) for switch in second.switches] == [(59.5, 0.8), (69.5, 0.0)]
+    assert second.commands["heater_1"][0] == 0.0
+    assert len(desk.run("\n".join(lines), split="command:heater_1").usable) == 3
+    assert "did you mean 'heater_1'" in str(desk.refusal("\n".join(lines), split="command:heater_2"))
+    assert "the file has no command" in str(desk.refusal(rows_of([0, 1]), split="command"))
+
+
+def test_records_at_gaps_and_by_columns(desk: Desk) -> None:
+    run = desk.run(rows_of([0, 1, 2, 100, 101, 102, 103, 0, 1]), split="gap")
+    assert run.records["start"].tolist() == [0.0, 100.0, 0.0]
+    run = desk.run(rows_of([0, 1, 2, 5, 6, 100]), split="gap:2 s")
+    assert len(run.usable) == 3
+    phases = ["warm", "warm", "cold", "cold", "warm"]
+    text = f"time [s],Phase,heater_1 [%],{T1}\n" + "".join(
+        f"{t},{p},{t // 2},20\n" for t, p in enumerate(phases)
+    )
+    run = desk.run(text, split="column:Phase")
+    assert run.records["name"].tolist() == ["warm", "cold", "warm (2)"]
+    run = desk.run(text, split="column:heater_1", columns={"Phase": "-"})
+    assert run.records["name"].tolist() == ["heater_1=0", "heater_1=1", "heater_1=2"]
+    assert np.isclose(run.record(1).commands["heater_1"], 0.01).all()
+    assert "unknown column to split by" in str(
+        desk.refusal(text, split="column:phases", columns={"Phase": "-"})
+    )
+    assert "no such way" in str(desk.refusal(text, split="commands", columns={"Phase": "-"}))
+
+
+def test_a_command_seen_at_a_sample_was_given_since_the_one_before(desk: Desk) -> None:
+    """(t_{k-1}, t_k]: from the first two samples on, and with a sample that lacks the command between."""
+    cells = ["0", "50", "50", "", "0"]
+    text = f"time [s],heater_1 [%],{T1}\n" + "".join(f"{t},{u},20\n" for t, u in enumerate(cells))
+    found = [
+        (s.time - s.uncertainty, s.time + s.uncertainty, s.value) for s in desk.run(text).record(0).switches
+    ]
+    assert found == [(0.0, 1.0, 0.5), (2.0, 4.0, 0.0)]

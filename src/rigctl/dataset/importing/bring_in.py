@@ -128,6 +128,7 @@ def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options)
     said = taken.source.remarks
     if isinstance(taken, Samples) and rig is not None:
         assumed = assumed_values(options.assume, rig, taken.layout.columns)
+        said += tuple(taken.stages.remarks)
         said += tuple(notes(taken.found, taken.layout, rig, assumed))
     return said
 

@@ -222,6 +222,8 @@ def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
     name = options.ours(heading.name)
     if heading.name not in options.columns:
         name = next((known for known in _names(rig) if folded(known) == folded(name)), name)
+        if options.split == f"column:{heading.name}" and name not in _names(rig):
+            name = LEAVE_OUT  # it says which record, and nothing else
     return replace(heading, name=name, unit=given or heading.unit)
 
 

@@ -158,7 +158,8 @@ def main() -> None:
 
 def _as_data(problem: RigctlError) -> dict[str, Any]:
     names = ("what", "value", "expected", "nearest", "hint")
-    return {name: getattr(problem, name) for name in names}
+    place = {"line": problem.where.line, "column": problem.where.column}
+    return {**{name: getattr(problem, name) for name in names}, **place}
 
 
 def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
@@ -169,7 +170,8 @@ def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
             rows = max(_PIECE_VALUES // max(len(group.columns), 1), 1)
             _write_group(folder / f"{number}.arrow", group, rows)
             columns = [[column.name, column.unit] for column in group.columns]
-            groups.append({"name": group.name, "rows": group.rows, "piece": rows, "columns": columns})
+            facts = {"name": group.name, "rows": group.rows, "first": group.first, "piece": rows}
+            groups.append({**facts, "columns": columns})
     return {
         "groups": groups,
         "headings": [[heading.name, heading.unit, heading.seconds] for heading in found.headings],
@@ -219,7 +221,9 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
     """The file as its reader has left it in `folder`, which lives as long as what is returned."""
     facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
     if "error" in facts:
-        raise RigctlError(**facts["error"], where=Location(path))
+        said = facts["error"]
+        where = Location(path, said.pop("line"), said.pop("column"))
+        raise RigctlError(**said, where=where)
     described = facts["groups"]
 
     @contextmanager
@@ -253,7 +257,7 @@ def _group(facts: Mapping[str, Any], pieces: _Pieces) -> Group:
         return lambda start, stop: pieces.read(place, start, stop)
 
     columns = tuple(Column(name, unit, reader(place)) for place, (name, unit) in enumerate(facts["columns"]))
-    return Group(facts["name"], facts["rows"], columns)
+    return Group(facts["name"], facts["rows"], columns, facts["first"])
 
 
 class _Pieces:

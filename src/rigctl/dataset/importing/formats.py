@@ -22,6 +22,8 @@ OPENERS: Final[Mapping[str, tuple[str, str]]] = {
     ".tsv": ("csv_file", "open_csv"),
     ".txt": ("csv_file", "open_csv"),
     ".csv.gz": ("csv_file", "open_csv"),
+    ".xlsx": ("xlsx_file", "open_xlsx"),
+    ".xlsm": ("xlsx_file", "open_xlsx"),
     ".parquet": ("parquet_file", "open_parquet_file"),
     ".tdms": ("tdms_file", "open_tdms"),
     ".mf4": ("mdf_file", "open_mdf"),
@@ -62,7 +64,7 @@ def ending_of(path: Path) -> str:
         if name.endswith(ending):
             return ending
     expected = f"a name that ends in {', '.join(OPENERS)}"
-    hint = "Save the spreadsheet as CSV" if name.endswith((".xls", ".xlsx", ".ods")) else None
+    hint = "Save the spreadsheet as XLSX or CSV" if name.endswith((".xls", ".ods")) else None
     raise RigctlError("unknown kind of file", value=path.name, expected=expected, hint=hint)
 
 

@@ -48,11 +48,15 @@ class Column:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns of equal length. `name` is what the file calls them; empty where it has only one group."""
+    """Columns of equal length. `name` is what the file calls them; empty where it has only one group.
+
+    `first` is the line of its first row, as the program shows it that wrote the file.
+    """
 
     name: str
     rows: int
     columns: tuple[Column, ...]
+    first: int = 1
 
     def column(self, name: str) -> Column | None:
         """The column of that name."""
@@ -114,7 +118,7 @@ class GroupedFile:
         import numpy as np
 
         columns = {place: self._numbers(group, self.headings[place], start, stop) for place in wanted}
-        lines = np.arange(start + 1, stop + 1, dtype=np.int64)
+        lines = np.arange(start, stop, dtype=np.int64) + group.first
         place = f"{self.noun} '{group.name}'" if group.name else ""
         return Part(columns, lines, self._labels(group, start, stop, record), group=place)
 

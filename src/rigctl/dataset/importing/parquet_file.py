@@ -12,7 +12,7 @@ from rigctl.dataset.importing.csv_file import labels_of_dictionary
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
-from rigctl.dataset.importing.times import ArrayClock, array_clock
+from rigctl.dataset.importing.times import ArrayClock, array_clock, to_utc
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class ParquetFile:
     headings: tuple[Heading, ...]
     names: tuple[str, ...]  #: of the columns, as they stand in the file
     clock: ArrayClock | None = None  #: of times that say when it was
+    zone: str | None = None  #: of time stamps that name none
     remarks: tuple[str, ...] = ()
 
     @property
@@ -54,7 +55,7 @@ class ParquetFile:
         import pyarrow as pa
 
         if self.clock is not None and self.headings[place].seconds:
-            return self.clock.seconds(_times(column))
+            return self.clock.seconds(_times(column, self.zone))
         try:
             numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
         except pa.ArrowException as problem:
@@ -92,22 +93,21 @@ def open_parquet_file(path: Path, options: Options) -> ParquetFile:
     ours = [options.ours(heading.name) for heading in headings]
     if "time" in ours:
         place = ours.index("time")
-        clock = _find_clock(
-            path, schema.names[place], options.unit_of(headings[place].name) or headings[place].unit
-        )
+        clock = _find_clock(path, schema.names[place], headings[place], options)
         if clock is not None:
             headings[place] = replace(headings[place], unit="s", seconds=True)
-    return ParquetFile(path, tuple(headings), tuple(schema.names), clock)
+    return ParquetFile(path, tuple(headings), tuple(schema.names), clock, options.zone)
 
 
-def _find_clock(path: Path, name: str, unit: str | None) -> ArrayClock | None:
+def _find_clock(path: Path, name: str, heading: Heading, options: Options) -> ArrayClock | None:
     """How the times are read, by the first of them; None where they are elapsed times."""
     with _reading(path) as file:
         batch = next(file.iter_batches(PART_ROWS, columns=[name]), None)
-    return None if batch is None else array_clock([_times(batch[name])], unit)
+    unit = options.unit_of(heading.name) or heading.unit
+    return None if batch is None else array_clock([_times(batch[name], options.zone)], unit)
 
 
-def _times(column: pa.Array) -> NDArray[Any]:
+def _times(column: pa.Array, zone: str | None) -> NDArray[Any]:
     """Time stamps and numbers as NumPy has them."""
     import numpy as np
     import pyarrow as pa
@@ -115,8 +115,8 @@ def _times(column: pa.Array) -> NDArray[Any]:
     if pa.types.is_date(column.type):
         column = column.cast(pa.timestamp("ns"))
     if pa.types.is_timestamp(column.type):
-        # the instants, UTC where they have a zone
-        return np.asarray(column.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False))
+        stamps = np.asarray(column.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False))
+        return stamps if column.type.tz is not None else to_utc(stamps, zone)
     return np.asarray(column.to_numpy(zero_copy_only=False))
 
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
-from rigctl.dataset.importing.columns import Assigned, layout_of, places_of
+from rigctl.dataset.importing.columns import Assigned, layout_of
 from rigctl.dataset.importing.conditions import conditions_of
 from rigctl.dataset.importing.labels import describe_label
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.stages import Stages
 from rigctl.dataset.importing.survey import RecordFacts, Survey, survey
 from rigctl.dataset.importing.table import Source
 from rigctl.rig.layout import Layout
@@ -41,6 +42,7 @@ class Samples:
     layout: Layout
     found: Survey
     options: Options
+    stages: Stages
     kept: Sequence[Checked] = ()
 
     @property
@@ -56,7 +58,7 @@ class Samples:
         name: of every record; when left out, what the file calls it, or `stem` where that is a number.
         """
         recorder = _Recorder(writer, self.layout, self.found.records, name, stem)
-        for part in self.kept or checked(self.source, self.assigned, self.checker()):
+        for part in self.kept or checked(self.source, self.stages, self.checker()):
             for stretch in part.stretches:
                 recorder.take(part.block[stretch.start : stretch.stop], stretch)
         recorder.close()
@@ -85,15 +87,15 @@ def take_samples(
     layout = layout_of(assigned, rig)
     checker = _checker(assigned, layout, options)
     kept: list[Checked] = []
-    parts = _keeping(checked(source, assigned, checker), kept)
+    stages = Stages(options, assigned)
+    parts = _keeping(checked(source, stages, checker), kept)
     found = survey(parts, checker, layout, conditions_of(layout, rig), keep_good=keep_good)
-    return Samples(source, assigned, layout, found, options, kept)
+    return Samples(source, assigned, layout, found, options, stages, kept)
 
 
-def checked(source: Source, assigned: Sequence[Assigned], checker: Checker) -> Iterator[Checked]:
+def checked(source: Source, stages: Stages, checker: Checker) -> Iterator[Checked]:
     """The parts of a file, in SI and without bad rows."""
-    wanted, record = places_of(assigned)
-    for part in source.parts(wanted, record):
+    for part in stages.parts(source):
         yield checker.take(part)
 
 

@@ -180,6 +180,19 @@ class ArrayClock:
         return np.where(absent, np.nan, (_nanoseconds(values, absent, self.epoch) - self.origin) / 1e9)
 
 
+def to_utc(stamps: NDArray[Any], zone: str | None) -> NDArray[Any]:
+    """Time stamps that name no zone as those of UTC."""
+    import numpy as np
+
+    local = zone_info(zone)
+    if local is UTC:
+        return stamps
+    whole = stamps.astype("datetime64[ns]")
+    good = ~np.isnat(whole)
+    since = np.where(good, whole.astype(np.int64), 0) // _SECOND
+    return np.asarray(whole - _local_offsets(since, good, local).astype("timedelta64[s]"))
+
+
 def array_clock(first: Sequence[NDArray[Any]], unit: str | None) -> ArrayClock | None:
     """How times that a file keeps as numbers or stamps are read; None where they are elapsed times.
 

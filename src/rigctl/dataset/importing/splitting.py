@@ -1,0 +1,210 @@
+"""Records where a file tells none apart: at commands, at gaps in time, or by a column."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from rigctl.dataset.importing.columns import Assigned
+from rigctl.dataset.importing.table import Labels, Part
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.units import read_si
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: a step of time this much longer than usual ends a record
+GAP: Final = 10.0
+#: samples before a command with which its record begins, so that the state before it is known
+LEAD: Final = 10
+_WAYS: Final = ("command", "gap", "column")
+
+
+@dataclass(frozen=True)
+class Split:
+    """How records are told apart: the way, and the name or the length behind the colon."""
+
+    way: str
+    what: str | None = None
+
+
+def read_split(text: str | None) -> Split | None:
+    """Read ``command``, ``command:NAME``, ``gap``, ``gap:10 s`` or ``column:NAME``.
+
+    Raises
+    ------
+    RigctlError
+        it is none of them.
+    """
+    if text is None:
+        return None
+    way, colon, what = (part.strip() for part in text.partition(":"))
+    if way not in _WAYS or (way == "column" and not what) or (colon and not what):
+        raise RigctlError(
+            "--split: no such way",
+            value=text,
+            expected="command, command:NAME, gap, 'gap:10 s' or column:NAME",
+        )
+    if way == "gap" and what:
+        read_si(what, "s")
+    return Split(way, what or None)
+
+
+def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
+    """The rows of a whole file with labels that tell its records apart.
+
+    Parameters
+    ----------
+    headings: places of the columns by their names in the file.
+
+    Raises
+    ------
+    RigctlError
+        there is no such column, or no command.
+    """
+    if split.way == "column":
+        return _by_column(part, split.what or "", assigned, headings)
+    ours = {column.name: column for column in assigned}
+    time = ours["time"]
+    times = part.columns[time.place]
+    if split.way == "gap":
+        longest = None
+        if split.what is not None:
+            longest = read_si(split.what, "s") / (time.unit.factor if time.unit is not None else 1.0)
+        return begin_records(part, lambda rows: _after_gaps(times[rows], longest))
+    commands = {name: column.place for name, column in ours.items() if column.kind == "command"}
+    if split.what is not None and split.what not in commands:
+        raise unknown_name("command to split by", split.what, commands)
+    if not commands:
+        raise RigctlError("--split command: the file has no command", expected="a column of an actuator")
+    places = [commands[split.what]] if split.what is not None else list(commands.values())
+    values = [part.columns[place] for place in places]
+    return begin_records(part, lambda rows: _at_commands([column[rows] for column in values]))
+
+
+def split_at_restarts(part: Part, time: int) -> Part:
+    """The rows of a whole file, where time goes back with a label of another record."""
+    times = part.columns[time]
+    return begin_records(part, lambda rows: _after_gaps(times[rows], float("inf")))
+
+
+def begin_records(part: Part, find: Callable[[slice], NDArray[np.bool_]]) -> Part:
+    """Divide every record that the file tells apart at the rows that `find` returns.
+
+    The second part of record ``A`` is called ``A 2``; those of a file that tells none apart are numbered.
+    """
+    import numpy as np
+
+    rows = len(part.lines)
+    codes = np.zeros(rows, dtype=np.int64)
+    texts: list[str] = []
+    for start, stop, text in stretches(part):
+        if text is not None and text.strip() in ("", "-1"):  # between records
+            codes[start:stop] = len(texts)
+            texts.append("")
+            continue
+        found = find(slice(start, stop))
+        found[0] = False
+        edges = [start, *(start + np.flatnonzero(found)).tolist(), stop]
+        for number, (first, last) in enumerate(pairwise(edges), start=1):
+            codes[first:last] = len(texts)
+            whole = len(edges) == 2
+            texts.append(f"{number - 1}" if text is None else text if whole else f"{text} {number}")
+    return replace(part, labels=Labels(codes, tuple(texts)))
+
+
+def stretches(part: Part) -> list[tuple[int, int, str | None]]:
+    """First row, row after the last and label of every stretch of rows that the file calls alike."""
+    import numpy as np
+
+    rows = len(part.lines)
+    if part.labels is None:
+        return [(0, rows, None)] if rows else []
+    codes = part.labels.codes
+    edges = (np.flatnonzero(codes[1:] != codes[:-1]) + 1).tolist()
+    return (
+        [(start, stop, part.labels.texts[int(codes[start])]) for start, stop in pairwise([0, *edges, rows])]
+        if rows
+        else []
+    )
+
+
+def _after_gaps(times: NDArray[np.float64], longest: float | None) -> NDArray[np.bool_]:
+    """Rows before which time steps back, or further than `longest`; than `GAP` times the usual step."""
+    import numpy as np
+
+    found = np.zeros(len(times), dtype=bool)
+    known = np.flatnonzero(~np.isnan(times))
+    steps = np.diff(times[known])
+    if longest is None:
+        forward = steps[steps > 0.0]
+        longest = GAP * float(np.median(forward)) if len(forward) else float("inf")
+    found[known[1:]] = (steps < 0.0) | (steps > longest)
+    return found
+
+
+def _at_commands(commands: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Rows a little before a command leaves its rest, but for the first; its first value is its rest.
+
+    `LEAD` rows before the command belong to its record, but no more than half of those since the commands
+    last came to rest.
+    """
+    import numpy as np
+
+    rows = len(commands[0])
+    moved = np.zeros(rows, dtype=bool)
+    for values in commands:
+        held = _held(values)
+        known = held[~np.isnan(held)]
+        if len(known):
+            moved |= ~np.isnan(held) & (held != known[0])
+    found = np.zeros(rows, dtype=bool)
+    leaves = np.flatnonzero(moved[1:] & ~moved[:-1]) + 1
+    comes = np.flatnonzero(~moved[1:] & moved[:-1]) + 1
+    for row in leaves[1:].tolist():
+        quiet = row - int(comes[comes < row][-1])
+        found[row - min(LEAD, max(quiet // 2, 1))] = True
+    return found
+
+
+def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values with each missing one as the last before it."""
+    import numpy as np
+
+    known = ~np.isnan(values)
+    places = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(places >= 0, values[np.maximum(places, 0)], np.nan)
+
+
+def _by_column(part: Part, name: str, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
+    """A record for each stretch of one value of a column, called by it; `part` has texts as its labels."""
+    import numpy as np
+
+    known = (item for item in assigned if item.unit is not None and name in (item.name, item.heading.name))
+    column = next(known, None)
+    place = column.place if column is not None else None
+    if place is None:
+        if part.labels is None:
+            raise unknown_name("column to split by", name, headings)
+        values: NDArray[np.float64] = part.labels.codes.astype(np.float64)
+    else:
+        values = _held(part.columns[place])
+    file = f"{part.labels.texts[0]} " if part.labels is not None and part.labels.named else ""
+    changes = np.zeros(len(values), dtype=bool)
+    changes[1:] = ~((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1])))
+    edges = [0, *np.flatnonzero(changes).tolist(), len(values)]
+    codes = np.zeros(len(values), dtype=np.int64)
+    texts: list[str] = []
+    used: dict[str, int] = {}
+    for start, stop in pairwise(edges):
+        if place is None and part.labels is not None:
+            text = part.labels.texts[int(part.labels.codes[start])].strip()
+        else:
+            text = "" if np.isnan(values[start]) else f"{file}{name}={values[start]:.6g}"
+        used[text] = used.get(text, 0) + 1
+        codes[start:stop] = len(texts)
+        texts.append(f"{text} ({used[text]})" if text and used[text] > 1 else text)
+    return replace(part, labels=Labels(codes, tuple(texts)))

@@ -1,0 +1,180 @@
+"""What is done to the rows of a file between reading and checking, where the caller asks for it.
+
+All of it looks at more than one row, so the file is held as a whole; one that is too long is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from rigctl.dataset.importing.columns import Assigned, places_of
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
+from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: bytes of numbers that are held at once
+_MOST: Final = 2_000_000_000
+
+
+@dataclass
+class Stages:
+    """The stages that some options ask for; `remarks` say what the last pass has done to the file."""
+
+    options: Options
+    assigned: Sequence[Assigned]
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def needed(self) -> bool:
+        """Whether the rows are changed at all."""
+        return self.options.times != "refuse" or self.options.split is not None
+
+    def parts(self, source: Source) -> Iterator[Part]:
+        """The rows of a file, as they are to be checked."""
+        split = read_split(self.options.split)
+        wanted, record = places_of(self.assigned)
+        headings = {heading.name: place for place, heading in enumerate(source.headings)}
+        if split is not None and split.way == "column":
+            numeric = {name for c in self.assigned if c.unit is not None for name in (c.name, c.heading.name)}
+            if split.what not in numeric:
+                if split.what not in headings:
+                    raise _no_column(split.what or "", [*headings, *numeric], source)
+                record = headings[split.what]
+        if not self.needed:
+            yield from source.parts(wanted, record)
+            return
+        self.remarks = []
+        time = next(column.place for column in self.assigned if column.kind == "time")
+        for whole in _wholes(source, wanted, record):
+            if self.options.times == "split":
+                done = split_at_restarts(whole, time)
+            else:
+                done = self._mended(whole, time) if self.options.times != "refuse" else whole
+            if split is not None:
+                done = split_rows(done, split, self.assigned, headings)
+            yield from _slices(done)
+
+    def _mended(self, part: Part, time: int) -> Part:
+        """Rows whose time does not go on left out, or equal times spread."""
+        import numpy as np
+
+        times = part.columns[time].copy()
+        good = np.ones(len(times), dtype=bool)
+        for start, stop, _ in stretches(part):
+            here = slice(start, stop)
+            if self.options.times == "spread":
+                times[here] = spread(times[here])
+            before = np.fmax.accumulate(np.concatenate([[-np.inf], times[here]]))[:-1]
+            good[here] = ~(times[here] <= before)
+        moved, left = int((times != part.columns[time])[good].sum()), int((~good).sum())
+        if self.options.times == "spread" and moved:
+            self.remarks.append(f"{moved} rows had the time of the row before them, and were spread evenly")
+        if left and self.options.times == "drop":
+            line = int(part.lines[np.flatnonzero(~good)[0]])
+            self.remarks.append(
+                f"{left} rows whose time does not go on were dropped, the first of them on line {line}"
+            )
+            part = cut(part, good)
+            times = times[good]
+        return replace(part, columns={**part.columns, time: times})
+
+
+def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Equal consecutive times spread evenly up to the next one; the last of them by the step before.
+
+    A logger of 10 Hz that writes whole seconds means this.
+    """
+    import numpy as np
+
+    if len(times) < 2:
+        return times
+    edges = [0, *(np.flatnonzero(times[1:] != times[:-1]) + 1).tolist(), len(times)]
+    found = times.copy()
+    step = 0.0
+    for (start, stop), following in zip(pairwise(edges), [*edges[2:], None], strict=True):
+        count = stop - start
+        ahead = times[stop] - times[start] if following is not None else step * count
+        if count > 1 and ahead > 0.0:
+            found[start:stop] = times[start] + ahead * np.arange(count) / count
+        if ahead > 0.0:
+            step = ahead / count
+    return found
+
+
+def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:
+    """Some of the rows of a part."""
+    labels = part.labels and Labels(part.labels.codes[rows], part.labels.texts, part.labels.named)
+    columns = {place: values[rows] for place, values in part.columns.items()}
+    return replace(part, columns=columns, lines=part.lines[rows], labels=labels)
+
+
+def _slices(part: Part) -> Iterator[Part]:
+    """A whole file in parts; its faults come with the first."""
+    rows = len(part.lines)
+    for start in range(0, max(rows, 1), PART_ROWS):
+        piece = cut(part, slice(start, start + PART_ROWS))
+        yield piece if start == 0 else replace(piece, faults=(), more_faults=0)
+
+
+def _wholes(source: Source, wanted: Sequence[int], record: int | None) -> Iterator[Part]:
+    """All rows of each file, or of each group of a file that has groups, in one part.
+
+    Raises
+    ------
+    RigctlError
+        there are too many.
+    """
+    parts: list[Part] = []
+    size = 0
+    for part in source.parts(wanted, record):
+        if parts and (part.path, part.group) != (parts[0].path, parts[0].group):
+            yield joined(parts, wanted)
+            parts, size = [], 0
+        size += sum(values.nbytes for values in part.columns.values())
+        if size > _MOST:
+            raise RigctlError(
+                f"the file has more than {_MOST / 1e9:.0f} GB of numbers, too many to be held at once",
+                hint="Divide it into several files, or bring it in without --split, --times and --resample",
+                where=Location(part.path or source.path),
+            )
+        parts.append(part)
+    if parts:
+        yield joined(parts, wanted)
+
+
+def joined(parts: Sequence[Part], wanted: Sequence[int]) -> Part:
+    """Consecutive parts as one."""
+    import numpy as np
+
+    columns = {place: np.concatenate([part.columns[place] for part in parts]) for place in wanted}
+    lines = np.concatenate([part.lines for part in parts])
+    codes = []
+    places: dict[str, int] = {}
+    for part in parts:
+        if part.labels is None:
+            continue
+        known = [places.setdefault(text, len(places)) for text in part.labels.texts]
+        codes.append(np.array(known, dtype=np.int64)[part.labels.codes])
+    labelled = [part.labels for part in parts if part.labels is not None]
+    labels = None
+    if labelled:
+        labels = Labels(np.concatenate(codes), tuple(places), all(label.named for label in labelled))
+    faults = tuple(fault for part in parts for fault in part.faults)
+    more = sum(part.more_faults for part in parts)
+    first = parts[0]
+    return Part(columns, lines, labels, faults, first.group, more, first.path)
+
+
+def _no_column(name: str, names: Sequence[str], source: Source) -> RigctlError:
+    from rigctl.errors import unknown_name
+
+    problem = unknown_name("column to split by", name, [name for name in names if name])
+    return problem.at(Location(source.path))

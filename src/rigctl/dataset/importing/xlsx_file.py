@@ -1,0 +1,194 @@
+"""Spreadsheets (XLSX): a table on each sheet, of which the first row of names is the heading.
+
+Formulas are never computed: what the program that saved the file has worked out is read. Dates are cells of
+the spreadsheet's own kind of date.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.importing.groups import Column, Group, GroupedFile, missing_extra, open_groups, telling
+from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
+from rigctl.dataset.importing.numbers import read_number
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import NO_VALUE
+from rigctl.dataset.importing.times import to_utc
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: rows in which the heading is looked for
+_HEAD: Final = 100
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A table on a sheet: names and units by the place of their column, and the cells below them."""
+
+    name: str
+    names: dict[int, tuple[str, str | None]]
+    first: int  #: row of the first cells, from 1
+    rows: list[Sequence[Any]]
+
+
+def open_xlsx(path: Path, options: Options) -> GroupedFile:
+    """Read what a spreadsheet holds.
+
+    Raises
+    ------
+    RigctlError
+        openpyxl is not installed, the file cannot be read, there is no table in it, or a cell is no number.
+    """
+    try:
+        from openpyxl import load_workbook
+    except ImportError as problem:
+        raise missing_extra("xlsx", "openpyxl", path) from problem
+
+    with telling(path, "XLSX"), path.open("rb") as raw:
+        book = load_workbook(raw, read_only=True, data_only=True, keep_links=False)
+        sheets = [_read(sheet) for sheet in book.worksheets]
+    tables = [sheet for sheet in sheets if sheet is not None]
+    if not tables:
+        raise RigctlError(
+            "there is no table in it",
+            expected="a row of names with units, such as 'time [s]', and numbers below",
+            where=Location(path),
+        )
+    groups = [_group(path, sheet, options, alone=len(tables) == 1) for sheet in tables]
+    return open_groups(path, lambda: nullcontext(groups), options, noun="sheet")
+
+
+def _read(sheet: Any) -> _Sheet | None:
+    """The table of a sheet; None for a sheet without one."""
+    if hasattr(sheet, "reset_dimensions"):
+        sheet.reset_dimensions()  # what the file says of its size may be wrong
+    rows = enumerate(sheet.iter_rows(values_only=True), start=1)
+    heading: tuple[int, Sequence[Any]] | None = None
+    units: Sequence[Any] = ()
+    for number, cells in rows:
+        filled = [cell for cell in cells if not _blank(cell)]
+        if filled and all(isinstance(cell, str) for cell in filled):
+            if heading is not None and number == heading[0] + 1 and _are_units(filled):
+                units = cells
+            else:
+                heading, units = (number, cells), ()
+        elif filled and heading is not None:
+            names = _names(heading[1], units)
+            return _Sheet(sheet.title, names, number, _below([cells, *(cells for _, cells in rows)]))
+        if number > _HEAD:
+            return None
+    return None
+
+
+def _blank(cell: Any) -> bool:
+    return cell is None or (isinstance(cell, str) and not cell.strip())
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    return all(is_unit(cell.strip().strip("[]()")) for cell in cells)
+
+
+def _names(heading: Sequence[Any], units: Sequence[Any]) -> dict[int, tuple[str, str | None]]:
+    found = {}
+    for place, cell in enumerate(heading):
+        if _blank(cell):
+            continue
+        name, unit = split_heading(str(cell))
+        below = units[place] if place < len(units) and not _blank(units[place]) else None
+        found[place] = (
+            name or str(cell).strip(),
+            unit or unit_of(str(below).strip("[]() ") if below else None),
+        )
+    return found
+
+
+def _below(rows: list[Sequence[Any]]) -> list[Sequence[Any]]:
+    """The rows of a table, without the blank ones at its end."""
+    while rows and all(_blank(cell) for cell in rows[-1]):
+        rows.pop()
+    return rows
+
+
+def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group:
+    import numpy as np
+
+    columns = []
+    for place, (name, unit) in sheet.names.items():
+        cells = [row[place] if place < len(row) else None for row in sheet.rows]
+        if options.ours(name) == "-":  # whatever stands in it
+            columns.append(Column(name, unit, _reader(np.full(len(cells), "", dtype=object))))
+            continue
+        values, found = _values(path, sheet, place, name, cells, options)
+        columns.append(Column(name, found or unit, _reader(values)))
+    return Group("" if alone else sheet.name, len(sheet.rows), tuple(columns), sheet.first)
+
+
+def _reader(values: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
+    return lambda start, stop: values[start:stop]
+
+
+def _values(
+    path: Path, sheet: _Sheet, place: int, name: str, cells: Sequence[Any], options: Options
+) -> tuple[NDArray[Any], str | None]:
+    """A column as numbers, as time stamps, or as texts; with its unit, where the cells say it.
+
+    Raises
+    ------
+    RigctlError
+        a cell among numbers is none.
+    """
+    import numpy as np
+
+    marks = {*NO_VALUE, *options.missing}
+    present = [
+        cell for cell in cells if not _blank(cell) and not (isinstance(cell, str) and cell.strip() in marks)
+    ]
+    if present and all(isinstance(cell, date) for cell in present):
+        stamps = np.array([_stamp(cell) for cell in cells], dtype="datetime64[ns]")
+        return to_utc(stamps, options.zone), "s"
+    texts = sum(isinstance(cell, str) for cell in present)
+    if 2 * texts > len(present):
+        return np.array(["" if cell is None else str(cell) for cell in cells], dtype=object), None
+    spans = any(isinstance(cell, time | timedelta) for cell in present)
+    numbers = list(_numbers(path, sheet, place, name, cells, marks))
+    return np.array(numbers, dtype=np.float64), "s" if spans else None
+
+
+def _stamp(cell: Any) -> Any:
+    """A date as NumPy has it; without a zone, which a spreadsheet does not know."""
+    if isinstance(cell, datetime):
+        return cell.replace(tzinfo=None)
+    return datetime(cell.year, cell.month, cell.day) if isinstance(cell, date) else None  # noqa: DTZ001
+
+
+def _numbers(
+    path: Path, sheet: _Sheet, place: int, name: str, cells: Sequence[Any], marks: set[str]
+) -> Iterator[float]:
+    for number, cell in enumerate(cells):
+        value: float | None = float("nan")
+        if isinstance(cell, timedelta):
+            value = cell.total_seconds()
+        elif isinstance(cell, time):
+            value = cell.hour * 3600.0 + cell.minute * 60.0 + cell.second + cell.microsecond / 1e6
+        elif isinstance(cell, str):
+            value = read_number(cell.strip(), ".", marks)
+        elif isinstance(cell, int | float):
+            value = float(cell)
+        elif cell is not None:
+            value = None
+        if value is None:
+            raise RigctlError(
+                f"in sheet '{sheet.name}': {name}: not a number",
+                value=str(cell),
+                expected="a number",
+                hint=f"--missing '{cell}' takes it as missing; --columns '{name}=-' leaves the column out",
+                where=Location(path, sheet.first + number, place + 1),
+            )
+        yield value

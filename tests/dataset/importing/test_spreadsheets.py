@@ -1,0 +1,117 @@
+"""Spreadsheets as people keep them, written by pandas and by openpyxl."""
+
+from __future__ import annotations
+
+import zipfile
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pandas as pd
+import pytest
+
+from rigctl.dataset import Run, open_run
+from rigctl.dataset.importing import Options, formats, import_file
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig, load_rig
+
+BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
+T1 = "temperature_1 [degC]"
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reader itself; one test runs it apart, as the command does."""
+    monkeypatch.setattr(formats, "isolated", False)
+
+
+@pytest.fixture(scope="module")
+def board() -> Rig:
+    return load_rig(BOARD)
+
+
+def run_of(path: Path, rig: Rig, **options: Any) -> Run:
+    return open_run(import_file(path, rig, path.parent / "runs", options=Options(**options)).path)
+
+
+def refusal(path: Path, rig: Rig, **options: Any) -> str:
+    with pytest.raises(RigctlError) as caught:
+        run_of(path, rig, **options)
+    return str(caught.value)
+
+
+def saved(path: Path, sheets: dict[str, list[list[Any]]]) -> Path:
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+def test_what_pandas_writes(tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(formats, "isolated", True)
+    stamps = pd.date_range("2026-04-03 12:00", periods=4, freq="500ms")
+    frame = pd.DataFrame({"time": stamps, T1: [20.0, np.nan, 21.5, 22.0], "note": list("abcd")})
+    frame.to_excel(tmp_path / "log.xlsx", index=False)
+    run = run_of(tmp_path / "log.xlsx", board, columns={"note": "-"}, zone="Europe/Berlin")
+    assert run.signals("time") == pytest.approx([0.0, 0.5, 1.0, 1.5], abs=1e-6)
+    assert run.signals("temperature_1") - 273.15 == pytest.approx([20.0, np.nan, 21.5, 22.0], nan_ok=True)
+    assert run.header.started == datetime(2026, 4, 3, 10, tzinfo=UTC)
+    assert run.records["name"].tolist() == ["log"]
+
+
+def test_sheets_are_records_and_titles_are_passed_over(tmp_path: Path, board: Rig) -> None:
+    head = [["Heater board, spring", None], [], ["Time", "temperature_1", "Remark"], ["s", "°C", None]]
+    path = saved(
+        tmp_path / "log.xlsx",
+        {
+            "Up": [*head, [0, 20, "start"], [1, "---", None], [2, "22.5", None], [], []],
+            "Down": [*head, [0, 30, "start"], [1, 29, None]],
+            "Notes": [["nothing to see"]],
+        },
+    )
+    run = run_of(path, board, columns={"Remark": "-"})
+    assert run.records["name"].tolist() == ["Up", "Down"]
+    assert run.record(0).channels["temperature_1"] - 273.15 == pytest.approx(
+        [20.0, np.nan, 22.5], nan_ok=True
+    )
+
+
+def test_times_of_day_and_spans(tmp_path: Path, board: Rig) -> None:
+    spans = [[timedelta(seconds=half / 2), 20 + half] for half in range(3)]
+    run = run_of(saved(tmp_path / "a.xlsx", {"Log": [["Time", T1], *spans]}), board)
+    assert run.signals("time") == pytest.approx([0.0, 0.5, 1.0])
+    clocks = [[datetime(2026, 4, 3, 12, 0, second).time(), 20] for second in range(3)]  # noqa: DTZ001
+    run = run_of(saved(tmp_path / "b.xlsx", {"Log": [["Time", T1], *clocks]}), board)
+    assert np.diff(run.signals("time")) == pytest.approx([1.0, 1.0])
+
+
+def test_a_cell_that_is_no_number_is_named_by_its_place(tmp_path: Path, board: Rig) -> None:
+    path = saved(tmp_path / "log.xlsx", {"Log": [["time [s]", T1], [0, 20], [1, "warm"], [2, 21], [3, 22]]})
+    said = refusal(path, board)
+    assert "log.xlsx:3:2: in sheet 'Log': temperature_1: not a number, got 'warm'" in said
+    assert np.isnan(run_of(path, board, missing=("warm",)).signals("temperature_1")[1])
+    path = saved(tmp_path / "log.xlsx", {"Log": [["time [s]", T1], [0, 20], [2, 21], [1, 22]]})
+    assert "log.xlsx:4: in sheet" not in refusal(path, board)
+    assert "log.xlsx:4: time: it does not go on" in refusal(path, board)
+
+
+def test_spreadsheets_that_are_none(tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "log.xlsx"
+    path.write_bytes(b"PK\x03\x04 no spreadsheet")
+    assert "the file is no XLSX file, or it is damaged" in refusal(path, board)
+    assert "there is no table in it" in refusal(saved(path, {"Log": [[1, 2], [3, 4]]}), board)
+    monkeypatch.setattr(formats, "isolated", True)
+    with zipfile.ZipFile(path) as sound:
+        parts = {name: sound.read(name) for name in sound.namelist()}
+    entities = "".join(f'<!ENTITY l{k} "{f"&l{k - 1};" * 10}">' for k in range(1, 12))
+    bomb = f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY l0 "lol">{entities}]><x>&l11;</x>'
+    with zipfile.ZipFile(path, "w") as made:
+        for name, content in parts.items():
+            made.writestr(name, bomb if name.endswith("sheet1.xml") else content)
+    assert "log.xlsx: " in refusal(path, board)
