@@ -223,10 +223,11 @@ def read_journal(path: Path) -> Journal:
 
 
 def _scan(path: Path, file: BinaryIO) -> Journal:
-    facts, frames, lost = None, list[Frame](), 0
+    facts, frames = None, list[Frame]()
     at, size = len(MAGIC), path.stat().st_size
     if size < at:
         return Journal(path, None, (), size)
+    lost = 0 if file.read(at) == MAGIC else at
     while at < size:
         frame, payload = _read_frame(file, at)
         if frame is None:
