@@ -139,7 +139,7 @@ class Checker:
     def _in_order(
         self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: _Bad
     ) -> list[tuple[int, int, int]]:
-        """Time goes on inside a record, and a record that has ended does not come back.
+        """Time goes on inside a record, does not go back between records, and no record comes back.
 
         Returns label, first row and row after the last of every stretch of equal labels.
         """
@@ -156,7 +156,9 @@ class Checker:
             if begins:
                 self._begin(label)
             times = np.maximum.accumulate(np.concatenate([[self._latest], time[here]]))
-            back = np.flatnonzero(time[here] <= times[:-1])
+            # between records a sample may come twice, where the rate changes
+            stands = (time[here] == times[:-1]) & (label != BETWEEN)
+            back = np.flatnonzero((time[here] < times[:-1]) | stands)
             bad.add(
                 here[back],
                 "time: it does not go on inside a record",

@@ -1,0 +1,58 @@
+"""A run of a shipped rig that goes out to a file and comes in again: same samples, same judgement."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from commands import answer, told
+from rigctl.cli.init import create_project
+from rigctl.dataset import open_run
+
+FORMATS = ("csv", "parquet", "tdms", "mf4", "mat")
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("round-trips") / "project"
+    create_project(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project)
+
+
+@pytest.fixture(scope="module")
+def strokes(project: Path) -> Path:
+    """Two strokes of the cylinder with the textbook model as the truth."""
+    with chdir(project):
+        arguments = ["procedures/quick-check.yaml", "--plant", "models/hl32-textbook.yaml", "--seed", "2"]
+        return Path(answer("simulate", *arguments)["path"])
+
+
+def samples(run: Path) -> pd.DataFrame:
+    return open_run(run).samples().reset_index(drop=True)
+
+
+def came_back(run: Path, ending: str, rig: str) -> Path:
+    told("export", str(run), "-o", f"out.{ending}", "--overwrite")
+    return Path(answer("import", f"out.{ending}", "--rig", f"rigs/{rig}.yaml")["path"])
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_every_format_gives_back_every_sample_of_a_run(strokes: Path, ending: str) -> None:
+    """Also those between the records, of which two share a time where the rate changes."""
+    before, after = samples(strokes), samples(came_back(strokes, ending, "hl32-bench"))
+    assert len(after) == len(before)
+    assert list(after["record"]) == list(before["record"])
+    for column in before.columns:
+        if column in after.columns and column not in ("record", "time"):
+            assert np.allclose(after[column], before[column], rtol=1e-9, atol=1e-9, equal_nan=True), column
+    for _, rows in after.groupby("record"):
+        assert np.all(np.diff(rows["time"]) >= 0.0)
