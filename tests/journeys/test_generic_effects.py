@@ -117,7 +117,7 @@ parameters:
     columns=("inflow [l/min]", "level [mm]"),
     noise=(0.3e-3,),
     rates=lambda y, u: [(u / 60e3 - 28e-6 * np.sqrt(2 * 9.81 * max(y[0], 0.0))) / 0.02],
-    records=((2.0, (0.3,)), (3.0, (0.1,)), (4.0, (0.1,)), (5.0, (0.1,)), (6.0, (0.2,)), (0.0, (0.5,))),
+    records=((2.0, (0.3,)), (3.0, (0.1,)), (4.0, (0.1,)), (5.0, (0.1,)), (6.0, (0.2,)), (1.0, (0.5,))),
     period=4.0,
     read=lambda states: 1000.0 * states,
 )
@@ -222,9 +222,12 @@ def test_what_is_hidden_is_named_or_its_class(
     assert right & {one for names in found["classes"] for one in names}
 
 
-def test_a_motor_that_hides_nothing_is_adequate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("bench", [MOTOR, TANK, PENDULUM], ids=["motor", "tank", "pendulum"])
+def test_a_bench_that_hides_nothing_is_adequate(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    write(MOTOR, tmp_path, nothing, seed=6)
+    write(bench, tmp_path, nothing, seed=6)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     assert answer("diagnose", run, "--model", "model.yaml")["verdict"] == "adequate"
 
