@@ -20,6 +20,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     sys.path.insert(0, str(ROOT))  # the benchmarks are no installed package
     from benchmarks.engine.page import with_figures
 
+    from rigctl.effects.generic.page import generic_page
     from rigctl.effects.page import effects_page
     from rigctl.physics.families import FAMILIES
     from rigctl.procedure.steps_page import steps_page
@@ -32,6 +33,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     yield DOCS / "reference" / "run-states.md", run_states_page()
     engine = DOCS / "explanation" / "engine.md"
     yield engine, with_figures(engine)
+    yield DOCS / "reference" / "effects" / "generic.md", generic_page()
     for family in FAMILIES.values():
         yield DOCS / "reference" / "effects" / f"{family.name}.md", effects_page(family)
 

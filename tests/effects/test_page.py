@@ -11,6 +11,7 @@ from rigctl.effects import Effect, library
 from rigctl.effects.declaration import EffectParameter
 from rigctl.effects.document import effect_document, family_document
 from rigctl.effects.equations import latex_of, terms_in_symbols, text_of
+from rigctl.effects.generic.page import generic_page
 from rigctl.effects.page import effects_page
 from rigctl.effects.user import load_effect
 from rigctl.engine.symbols import tanh
@@ -25,6 +26,13 @@ EVERY = [effect for family in FAMILIES for effect in library(family).values()]
 def test_the_page_is_current(family: str) -> None:
     page = (DOCS / f"{family}.md").read_text(encoding="utf-8")
     assert page == effects_page(find_family(family)), "run 'make docs'"
+
+
+def test_the_page_of_generic_effects_is_current() -> None:
+    page = (DOCS / "generic.md").read_text(encoding="utf-8")
+    assert page == generic_page(), "run 'make docs'"
+    for name in ("coulomb_on_speed", "threshold_on_store", "dead_time_of_command", "lag_of_reading"):
+        assert f"### {name}\n" in page
 
 
 @pytest.mark.parametrize("family", FAMILIES)
