@@ -127,7 +127,7 @@ def _known(fitted: FitResult) -> dict[str, float]:
 
 
 def _free(name: str, start: float, scale: float) -> LocalUnknown:
-    return LocalUnknown(name, Unknown(name, start, scale=scale), initial=True)
+    return LocalUnknown(name, Unknown(name, start, scale=scale), "start")
 
 
 def _values(fitted: FitResult) -> Remedy | None:

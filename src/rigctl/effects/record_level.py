@@ -22,6 +22,8 @@ from rigctl.rig.rig import Rig
 
 #: what the effect of every family's record-level quantities is called
 RECORD = "record"
+#: its parameter that moves every switch whose time is known only to within a sample
+SWITCHING = "switching"
 
 
 @dataclass(frozen=True)
@@ -32,15 +34,13 @@ class Quantity:
     ----------
     parameter: of the effect.
     meaning: for people.
-    std: of its prior around the null, SI, from the rig; None leaves it to the switch times' uncertainty.
-    switch: the value commanded before and after, of the switches whose time it moves; None for no switch.
+    std: of its prior around the null, SI, from the rig.
     cancels: it is the same in both readings of a difference, a stroke say.
     """
 
     parameter: str
     meaning: str
-    std: Callable[[Rig | None], float] | None = None
-    switch: tuple[float, float] | None = None
+    std: Callable[[Rig | None], float]
     cancels: bool = False
 
     @property
@@ -96,11 +96,9 @@ class RecordLevel:
 
     Attributes
     ----------
-    effect: whose parameters they are; None when there are none.
+    effect: whose parameters they are; its parameter `SWITCHING` acts on the commands' times alone.
     quantities: its parameters, each once.
     starts: of the states that do not start as the family's usually do.
-    shared_switch: the effect's parameter that moves every switch of every record alike: a logger that writes
-        a command down after its samples is late always.
     setting: what is set by hand; of a table, all rows of one setting share its error (`with_settings`).
     settings: the values for which the effect has parameters of their own, SI.
     """
@@ -108,7 +106,6 @@ class RecordLevel:
     effect: Effect | None = None
     quantities: tuple[Quantity, ...] = ()
     starts: tuple[Start, ...] = ()
-    shared_switch: str | None = None
     setting: Setting | None = None
     settings: tuple[float, ...] = ()
 
@@ -175,7 +172,24 @@ def record_level(family: ModelFamily) -> RecordLevel:
     A family that says nothing starts every state from the channel of its name.
     """
     found = _known().get(family.name)
-    if found is not None:
-        return found
-    read = {output.name for output in family.outputs}
-    return RecordLevel(starts=tuple(Start(s.name, "measured") for s in family.states if s.name in read))
+    if found is None:
+        read = {output.name for output in family.outputs}
+        found = RecordLevel(starts=tuple(Start(s.name, "measured") for s in family.states if s.name in read))
+    effect = found.effect or _nothing(family)
+    return replace(found, effect=replace(effect, parameters=(*effect.parameters, _SWITCHING)))
+
+
+_SWITCHING = EffectParameter(SWITCHING, "1", 0.0, 0.5, -0.5, 1.5, "lateness of switches, in samples")
+
+
+def _nothing(family: ModelFamily) -> Effect:
+    """The record-level effect of a family that has no quantity of its own."""
+    return Effect(
+        name=RECORD,
+        family=family.name,
+        summary="What differs from record to record.",
+        equation="",
+        source="repeated measurements at one condition",
+        looks_like="Records of one condition differ.",
+        own_family=family,
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,23 @@ class _ChannelWhitener:
         return self.innovations(errors[self.samples] / sigma)
 
 
+#: scatter below this share of the noise changes nothing
+_SEEN = 0.05
+
+
+@dataclass(frozen=True)
+class _Scatter:
+    """``1 − U·diag(f)·Uᵀ``, U orthonormal: directions in which rows vary by more than the noise."""
+
+    directions: NDArray[np.float64]
+    shares: NDArray[np.float64]
+
+    def __call__(self, white: NDArray[np.float64]) -> NDArray[np.float64]:
+        along = self.directions.T @ white
+        shares = self.shares[(slice(None),) + (None,) * (along.ndim - 1)]
+        return white - self.directions @ (shares * along)
+
+
 @dataclass(frozen=True)
 class Whitener:
     """Whitens errors or sensitivities of one record; made by `whiten`.
@@ -38,6 +55,7 @@ class Whitener:
     rows: NDArray[np.intp]
     log_determinant: float
     _channels: tuple[_ChannelWhitener, ...]
+    _scatter: _Scatter | None = None
 
     @property
     def size(self) -> int:
@@ -51,7 +69,27 @@ class Whitener:
         """
         if errors.ndim not in (2, 3) or errors.shape[1] != len(self._channels):
             raise ValueError(f"expected (samples, {len(self._channels)}[, k]), got {errors.shape}")
-        return np.concatenate([each(errors[:, i]) for i, each in enumerate(self._channels)], axis=0)
+        white = np.concatenate([each(errors[:, i]) for i, each in enumerate(self._channels)], axis=0)
+        return white if self._scatter is None else self._scatter(white)
+
+    def with_scatter(self, columns: NDArray[np.float64]) -> Whitener:
+        """The whitener of this noise and, beside it, of ``Σ a_k·columns_k`` with unknown a_k ~ N(0, 1).
+
+        With D the whitened columns, ``z = (1 + D·Dᵀ)^(−½)·W·e``: what is known to vary, but is no unknown of
+        its own, costs no degree of freedom.
+
+        Parameters
+        ----------
+        columns: (n, channels, k), of one standard deviation each.
+        """
+        left, values, _ = np.linalg.svd(replace(self, _scatter=None)(columns), full_matrices=False)
+        seen = values > _SEEN
+        if not seen.any():
+            return self
+        values = values[seen]
+        scatter = _Scatter(left[:, seen], 1.0 - 1.0 / np.sqrt(1.0 + values**2))
+        more = float(np.sum(np.log1p(values**2)))
+        return replace(self, log_determinant=self.log_determinant + more, _scatter=scatter)
 
 
 def whiten(

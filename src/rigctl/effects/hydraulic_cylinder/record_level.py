@@ -1,15 +1,13 @@
-"""What differs between records of the cylinder: the relief valve's setting, zeros, switch times, starts."""
+"""What differs between records of the cylinder: the relief valve's setting, zeros, starts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-from rigctl.effects.declaration import Effect, EffectParameter, Own
+from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Setting, Start
-from rigctl.engine.symbols import Scalar
 from rigctl.physics.hydraulic_cylinder.piston import CONTACT_WIDTH
-from rigctl.physics.scope import Scope
 from rigctl.rig.rig import Rig
 
 #: how well a relief valve is set again when the rig does not say, as a share
@@ -18,17 +16,6 @@ _REPEATABILITY = 0.005
 _ZERO = 0.1e-3
 #: the least pressure that holds the piston on its stop, in Pa
 _TRAPPED = 1e3
-
-
-def _late(_: Scope, p: Own, before: Scalar, after: Scalar) -> Scalar:
-    """Each switch of the standard record is told from the others by what is commanded before and after.
-
-    ``after² (1 + after)/2`` is 1 for an extension, ``after² (1 − after)/2`` for a retraction, 1 − after² for
-    a closing.
-    """
-    moving = after * after
-    extend, retract = 0.5 * moving * (1.0 + after), 0.5 * moving * (1.0 - after)
-    return p.switching + p.extending * extend + p.retracting * retract + p.closing * (1.0 - moving)
 
 
 def _repeatability(rig: Rig | None) -> float:
@@ -59,21 +46,16 @@ _EFFECT = Effect(
     name=RECORD,
     family="hydraulic_cylinder",
     summary="What differs from record to record.",
-    equation="p_set·(1 + e), x_read = x + z, each switch late by its own time",
+    equation="p_set·(1 + e), x_read = x + z",
     source="repeated measurements at one condition",
     looks_like="Records of one condition differ.",
     terms=(
         ("relief_setting", lambda m, p: 1.0 + p.setting),
         ("position_reading", lambda m, p: p.position_zero),
-        ("valve_delay", lambda m, p: _late(m, p, m.before, m.after)),
     ),
     parameters=(
         EffectParameter("setting", "%", 0.0, 1e-3, -0.3, 0.3, "e, error of the relief valve's setting"),
         EffectParameter("position_zero", "mm", 0.0, 1e-4, -0.05, 0.05, "z, zero of the position sensor"),
-        EffectParameter("switching", "ms", 0.0, 1e-3, -0.5, 0.5, "every switch of every record"),
-        EffectParameter("extending", "ms", 0.0, 1e-3, -0.5, 0.5, "the switch to extend"),
-        EffectParameter("retracting", "ms", 0.0, 1e-3, -0.5, 0.5, "the switch to retract"),
-        EffectParameter("closing", "ms", 0.0, 1e-3, -0.5, 0.5, "the switch to neutral"),
     ),
 )
 
@@ -82,9 +64,6 @@ RECORD_LEVEL = RecordLevel(
     quantities=(
         Quantity("setting", "error of the pressure setting", _repeatability),
         Quantity("position_zero", "zero of the position sensor", _zero, cancels=True),
-        Quantity("extending", "time of the switch to extend", switch=(0.0, 1.0)),
-        Quantity("closing", "time of the switch to neutral", switch=(1.0, 0.0)),
-        Quantity("retracting", "time of the switch to retract", switch=(0.0, -1.0)),
     ),
     starts=(
         Start("oil_temperature", "measured"),
@@ -93,6 +72,5 @@ RECORD_LEVEL = RecordLevel(
         Start("pressure_b", "set", input="pressure_setpoint", share=0.9, spread=0.2),
         Start("position", "rest", rest=1e-3, at_rest=_on_the_stop),
     ),
-    shared_switch="switching",
     setting=Setting("pressure_setpoint", "relief_setting", _repeatability),
 )

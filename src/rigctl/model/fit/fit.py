@@ -224,13 +224,20 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
 
 
 def _sized(problem: Problem, found: FitResult) -> Problem | None:
-    """The problem with noise in shares of what a fit says, begun there; None where nothing changes."""
-    if problem.sizes is not None:
-        return None
-    sized = problem.sized(found.outputs)
+    """The problem with its noise as a fit says, begun there; None where nothing changes.
+
+    Noise may be a share of the value, and what varies beside it acts as the model says.
+    """
+    at = {u.name: float(value) for u, value in zip(found.problem.shared, found.values, strict=True)}
+    sized = problem
+    if problem.scatter is None:
+        # what acts on nothing is no unknown of the fit
+        values = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
+        sized = problem.scattered(values, found.local)
+    if problem.sizes is None:
+        sized = sized.sized(found.outputs)
     if sized is problem:
         return None
-    at = {u.name: float(value) for u, value in zip(found.problem.shared, found.values, strict=True)}
     return sized.with_shared([replace(u, start=at.get(u.name, u.start)) for u in sized.shared])
 
 

@@ -18,12 +18,19 @@ from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
 from rigctl.model.fit.settings import level_of_rows
 from rigctl.model.fit.slopes import simulate_soundly
+from rigctl.model.fit.switching import (
+    HABIT,
+    habit_unknown,
+    moved_times,
+    moves_switches,
+    scattered,
+    switch_shifts,
+)
 from rigctl.model.fit.unknowns import (
     LocalUnknown,
     local_unknowns,
     shared_unknowns,
     start_values,
-    switch_unknown,
 )
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
@@ -56,6 +63,8 @@ class Problem:
     starts: of each record, the state at its beginning where no unknown says otherwise.
     sizes: (n, outputs) of each record, what noise that is a share of the value is a share of: what a fit has
         found; None for what was measured.
+    scatter: (n, outputs, k) of each record, what varies beside its noise and is no unknown, of one standard
+        deviation each: see `rigctl.noise.whitening.Whitener.with_scatter`; None where that is not known yet.
     """
 
     model: Model
@@ -70,6 +79,7 @@ class Problem:
     base: Floats = field(repr=False)
     starts: tuple[Floats, ...] = field(repr=False)
     sizes: tuple[Floats, ...] | None = field(default=None, repr=False)
+    scatter: tuple[Floats, ...] | None = field(default=None, repr=False)
 
     @property
     def records(self) -> tuple[MeasuredRecord, ...]:
@@ -78,13 +88,13 @@ class Problem:
 
     @cached_property
     def local_names(self) -> tuple[str, ...]:
-        """Every record-level parameter that some record has, each once."""
-        return tuple(dict.fromkeys(one.name for own in self.local for one in own if not one.initial))
+        """Every record-level unknown that some record has, each once, the starts left out."""
+        return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.kind != "start"))
 
     @cached_property
     def initial_names(self) -> tuple[str, ...]:
         """Every state whose start some record has as an unknown, each once."""
-        return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.initial))
+        return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.kind == "start"))
 
     def rebuilt(self, model: Model, *, library: bool = False, progress: Progress | None = None) -> Problem:
         """The same data for another model; with `library`, every other effect is there at its null.
@@ -105,6 +115,7 @@ class Problem:
                 progress=progress,
             ),
             sizes=self.sizes,
+            scatter=self.scatter,
         )
 
     def sized(self, outputs: Sequence[Floats]) -> Problem:
@@ -115,11 +126,38 @@ class Problem:
         """
         if not any(channel.share for channel in self.noise.channels):
             return self
-        whiteners = tuple(
+        return replace(self, sizes=tuple(outputs)).whitened()
+
+    def scattered(self, shared: Floats, local: Sequence[Floats]) -> Problem:
+        """The same, with what varies beside the noise and is no unknown, as it acts on the outputs here.
+
+        These are the times of switches in records that have many of them.
+        """
+        named = [scattered(record) for record in self.records]
+        if not any(names for names, _ in named):
+            return self
+        columns: list[Floats] = []
+        for place, (names, std) in enumerate(named):
+            if not names:
+                columns.append(np.empty((*self.records[place].values.shape, 0)))
+                continue
+            found = self.only([place]).simulate(shared, [local[place]], names).require()
+            columns.append(self._seen(found.sensitivities)[0] * std)
+        return replace(self, scatter=tuple(columns)).whitened()
+
+    def whitened(self) -> Problem:
+        """With whiteners of its noise, at its sizes, and of its scatter."""
+        sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
+        whiteners = [
             whiten(self.noise, record.times, good, size)
-            for record, good, size in zip(self.records, self.ok, outputs, strict=True)
-        )
-        return replace(self, whiteners=whiteners, sizes=tuple(outputs))
+            for record, good, size in zip(self.records, self.ok, sizes, strict=True)
+        ]
+        if self.scatter is not None:
+            whiteners = [
+                each.with_scatter(columns) if columns.shape[2] else each
+                for each, columns in zip(whiteners, self.scatter, strict=True)
+            ]
+        return replace(self, whiteners=tuple(whiteners))
 
     def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
         """The same data with other common unknowns, and other values of the parameters beside them."""
@@ -140,6 +178,7 @@ class Problem:
             whiteners=pick(self.whiteners),
             starts=pick(self.starts),
             sizes=None if self.sizes is None else pick(self.sizes),
+            scatter=None if self.scatter is None else pick(self.scatter),
         )
 
     def at_samples(self, chosen: Sequence[NDArray[np.intp]]) -> Problem:
@@ -148,19 +187,17 @@ class Problem:
             replace(record, times=record.times[at], values=record.values[at], phase=record.phase[at])
             for record, at in zip(self.records, chosen, strict=True)
         )
-        ok = tuple(good[at] for good, at in zip(self.ok, chosen, strict=True))
-        values = [record.values for record in records]
-        sizes = None if self.sizes is None else tuple(s[at] for s, at in zip(self.sizes, chosen, strict=True))
+
+        def pick(items: Sequence[Floats] | None) -> tuple[Floats, ...] | None:
+            return None if items is None else tuple(one[at] for one, at in zip(items, chosen, strict=True))
+
         return replace(
             self,
             measurements=replace(self.measurements, records=records),
-            ok=ok,
-            whiteners=tuple(
-                whiten(self.noise, record.times, good, size)
-                for record, good, size in zip(records, ok, sizes or values, strict=True)
-            ),
-            sizes=sizes,
-        )
+            ok=tuple(good[at] for good, at in zip(self.ok, chosen, strict=True)),
+            sizes=pick(self.sizes),
+            scatter=pick(self.scatter),
+        ).whitened()
 
     def local_unknowns(self) -> list[list[Unknown]]:
         """The records' own unknowns, as `least_squares` takes them."""
@@ -170,9 +207,11 @@ class Problem:
         self, shared: Floats, local: Sequence[Floats], columns: Sequence[str] = (), *, initial: bool = False
     ) -> Trajectories:
         """The model's outputs, with derivatives by `columns` and, if wanted, by the records' starts."""
-        excitations = [self._excitation(place, shared, own) for place, own in enumerate(local)]
+        moving = tuple(name for name in columns if moves_switches(name))
+        plain = tuple(name for name in columns if not moves_switches(name))
+        excitations = [self._excitation(place, shared, own, moving) for place, own in enumerate(local)]
         starts = self.initial_names if initial else ()
-        return simulate_soundly(self.compiled, excitations, columns, starts)
+        return simulate_soundly(self.compiled, excitations, plain, starts, moving)
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by so many columns are held at once."""
@@ -220,19 +259,24 @@ class Problem:
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [np.take(array, self.channels, axis=1) for array in arrays]
 
-    def _excitation(self, place: int, shared: Floats, own: Floats) -> Excitation:
+    def _excitation(self, place: int, shared: Floats, own: Floats, moving: Sequence[str] = ()) -> Excitation:
+        """The record as the engine takes it; `moving` are the unknowns whose shifts are wanted."""
         record, system = self.records[place], self.compiled.system
         parameters, start = self.base.copy(), self.starts[place].copy()
+        switching: dict[str, float] = {}
         for unknown, value in zip(self.shared, shared, strict=True):
             parameters[self._index[unknown.name]] = value
         for one, value in zip(self.local[place], own, strict=True):
-            if one.initial:
+            if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
+            elif one.kind == "switch":
+                switching[one.name] = float(value)
             else:
                 parameters[self._index[one.name]] += value
-        times = record.switch_times.copy()
-        times[1:] -= 2.0 * record.switch_half[1:]
-        return Excitation(record.times, times, record.inputs, start, parameters, record.label)
+        habit = float(parameters[self._index[HABIT]])
+        times = moved_times(record, switching | ({HABIT: habit} if habit else {}))
+        shifts = switch_shifts(record, moving) if moving else None
+        return Excitation(record.times, times, record.inputs, start, parameters, record.label, shifts)
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -304,7 +348,7 @@ def make_problem(
         ok=tuple(ok),
         compiled=compile_system(system, progress=progress),
         level=level,
-        shared=(*shared_unknowns(model), *switch_unknown(level, measurements), *settings),
+        shared=(*shared_unknowns(model), *habit_unknown(measurements), *settings),
         local=tuple(
             local_unknowns(level, record, measurements, found)
             for record, found in zip(records, starts, strict=True)

@@ -32,10 +32,13 @@ def simulate_soundly(
     excitations: Sequence[Excitation],
     columns: Sequence[str],
     initial_columns: Sequence[str],
+    shift_columns: Sequence[str] = (),
 ) -> Trajectories:
     """As `simulate`; records whose derivatives are spoilt have those of a tight integration."""
-    found = simulate(compiled, excitations, columns=columns, initial_columns=initial_columns)
-    spoilt = spoilt_records(found) if found.ok and (columns or initial_columns) else []
+    found = simulate(
+        compiled, excitations, columns=columns, initial_columns=initial_columns, shift_columns=shift_columns
+    )
+    spoilt = spoilt_records(found) if found.ok and found.columns else []
     if not spoilt:
         return found
     again = simulate(
@@ -43,6 +46,7 @@ def simulate_soundly(
         [excitations[place] for place in spoilt],
         columns=columns,
         initial_columns=initial_columns,
+        shift_columns=shift_columns,
         tolerance=TIGHT,
     )
     slopes = list(found.sensitivities)

@@ -5,30 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from rigctl.effects.declaration import Effect, qualified
-from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
+from rigctl.effects.record_level import Quantity, RecordLevel, Start
 from rigctl.engine.least_squares import Prior, Unknown
+from rigctl.model.fit.switching import switch_unknowns
 from rigctl.model.measured.groups import first_reading
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.physics.units import si_unit
 
-#: a switch whose time is known better than this needs no unknown, s
-_EXACT = 2e-4
 #: a parameter's bounds where its declaration has none, as factors of its value
 _NARROW, _WIDE = 0.05, 20.0
 
 
 @dataclass(frozen=True)
 class LocalUnknown:
-    """An unknown of one record: a parameter of the record-level effect, or the start of a state."""
+    """An unknown of one record: of the record-level effect, the start of a state, or when commands acted."""
 
     name: str
     unknown: Unknown
-    initial: bool = False
+    kind: Literal["parameter", "start", "switch"] = "parameter"
 
 
 def shared_unknowns(model: Model, extra: Sequence[Unknown] = ()) -> list[Unknown]:
@@ -78,17 +78,6 @@ def effect_unknown(effect: Effect, name: str, start: float | None = None) -> Unk
     )
 
 
-def switch_unknown(level: RecordLevel, measurements: Measurements) -> list[Unknown]:
-    """What every switch of every record may be late alike: a logger's habit; none where times are exact."""
-    half = max((float(record.switch_half.max(initial=0.0)) for record in measurements.records), default=0.0)
-    if level.shared_switch is None or half < _EXACT:
-        return []
-    name = qualified(RECORD, level.shared_switch)
-    return [
-        Unknown(name, 0.0, -half, 3.0 * half, scale=half, prior=Prior(0.0, half / math.sqrt(3.0)), unit="s")
-    ]
-
-
 def setting_unknowns(level: RecordLevel, std: float) -> list[Unknown]:
     """What every row of a table that was set alike has in common; see `RecordLevel.with_settings`."""
     return [Unknown(name, 0.0, scale=std, prior=Prior(0.0, std)) for name in level.setting_names]
@@ -102,40 +91,20 @@ def local_unknowns(
     for quantity in level.quantities:
         if record.row and quantity.cancels:
             continue
-        one = _quantity(quantity, record, measurements)
-        if one is not None:
-            unknowns.append(LocalUnknown(quantity.name, one))
+        unknowns.append(LocalUnknown(quantity.name, _quantity(quantity, measurements)))
+    unknowns += [LocalUnknown(one.name, one, "switch") for one in switch_unknowns(record)]
     for start in level.starts:
         if record.row and start.how == "rest":  # what a row says is counted from there
             continue
         one = _start(start, record, measurements, found)
         if one is not None:
-            unknowns.append(LocalUnknown(start.state, one, initial=True))
+            unknowns.append(LocalUnknown(start.state, one, "start"))
     return tuple(unknowns)
 
 
-def _quantity(quantity: Quantity, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
-    if quantity.switch is not None:
-        half = _half_width(quantity.switch, record, measurements)
-        if half < _EXACT:
-            return None
-        prior = Prior(2.0 * half, half / math.sqrt(3.0))
-        return Unknown(quantity.name, 2.0 * half, half, 3.0 * half, scale=half, prior=prior, unit="s")
-    assert quantity.std is not None  # noqa: S101 - one of the two is there
+def _quantity(quantity: Quantity, measurements: Measurements) -> Unknown:
     std = quantity.std(measurements.rig)
     return Unknown(quantity.name, 0.0, scale=max(std, 1e-12), prior=Prior(0.0, std))
-
-
-def _half_width(switch: tuple[float, float], record: MeasuredRecord, measurements: Measurements) -> float:
-    """How well the time of a switch from one command to another is known."""
-    if "valve" not in measurements.inputs:
-        return 0.0
-    valve = record.inputs[:, measurements.inputs.index("valve")]
-    before, after = switch
-    for k in range(1, valve.size):
-        if valve[k] == after and (valve[k - 1] == before or (after == 0.0 and valve[k - 1] != 0.0)):
-            return float(record.switch_half[k])
-    return 0.0
 
 
 def _start(

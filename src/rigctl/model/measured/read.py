@@ -160,8 +160,8 @@ def _commands(
 ) -> tuple[np.ndarray, np.ndarray, list[dict[str, float]]]:
     """(times from the first sample, half-widths, actuators' values): the first at the first sample.
 
-    A command given at the moment of the first sample holds from there on, whatever that sample says.
-    A rig's commands that were not recorded stay at 0.
+    A command given at the moment of the first sample holds from there on, whatever that sample says; what
+    is given at one moment is one command. A rig's commands that were not recorded stay at 0.
     """
     used = {name for source in sources for name, _ in source.actuators}
     now = dict.fromkeys(used, 0.0)
@@ -176,6 +176,9 @@ def _commands(
         now[switch.actuator] = switch.value
         if switch.time == origin:
             rows[0] = dict(now)
+        elif switch.time - origin == times[-1]:
+            half[-1] = max(half[-1], switch.uncertainty)
+            rows[-1] = dict(now)
         elif rows[-1] != now:
             times.append(switch.time - origin)
             half.append(switch.uncertainty)

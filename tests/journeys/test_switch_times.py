@@ -1,0 +1,213 @@
+"""Commands that a logger wrote beside its samples: SciPy's heaters and motor, with nothing hidden."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from commands import answer, told
+from rigctl.cli.init import create_project
+
+Floats = NDArray[np.float64]
+
+GAINS, CAPACITY, CONVECTION = (1.05, 0.96), 2.0, 0.0152
+#: which heater at what, in %, from when on
+PLANS = (
+    ((30.0, (70.0, 0.0)), (500.0, (70.0, 40.0)), (800.0, (0.0, 40.0))),
+    ((42.0, (0.0, 55.0)), (400.0, (30.0, 55.0)), (900.0, (30.0, 0.0))),
+    ((25.0, (45.0, 45.0)), (600.0, (0.0, 0.0)), (850.0, (20.0, 60.0))),
+    ((60.0, (90.0, 20.0)), (450.0, (20.0, 80.0)), (700.0, (0.0, 10.0))),
+)
+
+
+def lumps(plan: Any, room: float, times: Floats, switches: list[float]) -> Floats:
+    """(n, 2) degC of two lumps that lose heat to the room; exact between the switches."""
+    ends = [*switches, times[-1] + 1.0]
+    temperature, at = np.full(2, room), 0.0
+    found = np.full((times.size, 2), room)
+    commands = [(0.0, 0.0), *(command for _, command in plan)]
+    rate = CONVECTION / CAPACITY
+    for end, command in zip(ends, commands, strict=True):
+        settled = room + np.array(GAINS) * np.array(command) / 100.0 / CONVECTION
+        inside = (times > at) & (times <= end)
+        decay = np.exp(-rate * (times[inside] - at))[:, None]
+        found[inside] = settled + (temperature - settled) * decay
+        temperature = settled + (temperature - settled) * np.exp(-rate * (end - at))
+        at = end
+    return found
+
+
+def heater_file(path: Path, step: float, late: str, seed: int) -> None:
+    """Four records every `step` s; commands act where `late` says, and stand beside the next sample."""
+    generator = np.random.default_rng(seed)
+    times = np.arange(0.0, 1100.0, step)
+    lines = ["time [s],record,heater_1 [%],heater_2 [%],temperature_1 [degC],temperature_2 [degC]"]
+    for number, plan in enumerate(PLANS, start=1):
+        places = [int(np.searchsorted(times, moment)) for moment, _ in plan]
+        share = {"first": 0.0, "middle": 0.5, "last": 1.0}.get(late)
+        shares = generator.uniform(0.0, 1.0, 3) if share is None else np.full(3, share)
+        acts = [float(times[k] - step * (1.0 - part)) for k, part in zip(places, shares, strict=True)]
+        truth = lumps(plan, 22.0 + generator.normal(0.0, 0.5), times, acts)
+        read = truth + generator.normal(0.0, 0.1, truth.shape)
+        for k, time in enumerate(times):
+            command = next(
+                (c for p, (_, c) in zip(places[::-1], plan[::-1], strict=True) if k >= p), (0.0, 0.0)
+            )
+            cells = [f"{time:g}", str(number), *(f"{one:g}" for one in (*command, *read[k].round(4)))]
+            lines.append(",".join(cells))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("step", "late", "seed"),
+    [(1.0, "anywhere", 1), (1.0, "last", 2), (5.0, "anywhere", 3), (5.0, "first", 4)],
+)
+def test_heaters_with_nothing_hidden_are_adequate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: float, late: str, seed: int
+) -> None:
+    create_project(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    heater_file(tmp_path / "log.csv", step, late, seed)
+    told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
+    found = answer("compare", "latest", "--model", "models/heater-board.yaml")
+    assert found["adequate"], found["statement"]
+    for name in ("temperature_1", "temperature_2"):
+        assert found["channels"][name]["rmse"] == pytest.approx(0.1, rel=0.07 if step == 1.0 else 0.2)
+    assert found["parameters"]["convection"]["value"] == pytest.approx(CONVECTION, rel=0.01)
+
+
+def test_a_command_may_change_between_the_first_two_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create_project(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    times, acts = np.arange(0.0, 600.0), 0.4
+    truth = lumps(((acts, (60.0, 0.0)),), 23.0, times, [acts])
+    read = truth + np.random.default_rng(5).normal(0.0, 0.1, truth.shape)
+    rows = [f"{t:g},{0 if t < 1 else 60},0,{a:.4f},{b:.4f}" for t, (a, b) in zip(times, read, strict=True)]
+    head = "time [s],heater_1 [%],heater_2 [%],temperature_1 [degC],temperature_2 [degC]"
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
+    told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
+    assert answer("compare", "latest", "--model", "models/heater-board.yaml")["adequate"]
+
+
+MOTOR = """
+family: dc_motor
+title: Brushed motor with a flywheel
+states:
+  current: {start: 0 A, scale: 1 mA, rate: (voltage - resistance*current - torque_constant*speed)/inductance}
+  speed: {start: 0 1/s, scale: 0.1 1/s, rate: (torque_constant*current - friction*speed)/inertia}
+inputs:
+  voltage: {value: 0 V}
+parameters:
+  resistance: {value: 1.2 V/A, bounds: [0.1 V/A, 10 V/A]}
+  torque_constant: {value: 0.05 V*s, bounds: [0.001 V*s, 1 V*s]}
+  friction: {value: 2e-4 J*s, bounds: [0 J*s, 0.01 J*s]}
+  inertia: {value: 5e-4 J*s^2, bounds: [1e-6 J*s^2, 1 J*s^2]}
+constants:
+  inductance: 0.02 V*s/A
+outputs:
+  current: {unit: A, formula: current}
+  speed: {unit: 1/s, formula: speed}
+"""
+MOTOR_RIG = """
+name: motor
+model: families/motor.yaml
+channels:
+  current: {unit: A, quantity: other, noise: 0.01 A}
+  speed: {unit: 1/s, quantity: other, noise: 0.05 1/s}
+actuators:
+  voltage: {kind: level, unit: V, low: -24 V, high: 24 V}
+backend: {kind: simulated}
+safe_state: {voltage: 0 V}
+monitor_rate: 10 Hz
+"""
+MOTOR_MODEL = """
+model: families/motor.yaml
+rig: rigs/motor.yaml
+parameters:
+  resistance: {value: 1.2 V/A, fit: true}
+  torque_constant: {value: 0.05 V*s, fit: true}
+  friction: {value: 2e-4 J*s, fit: true}
+  inertia: {value: 5e-4 J*s^2, fit: true}
+"""
+CURRENT_NOISE, SPEED_NOISE = 0.0098, 0.05
+
+
+def motor(times: Floats, moments: Floats, volts: Floats) -> Floats:
+    """(n, 2) current and speed, by the exponential of the equations' matrix."""
+    from scipy.linalg import expm
+
+    matrix = np.array([[-1.2 / 0.02, -0.05 / 0.02], [0.05 / 5e-4, -2e-4 / 5e-4]])
+    gain = np.array([1.0 / 0.02, 0.0])
+    found = np.zeros((times.size, 2))
+    state, at, u = np.zeros(2), 0.0, 0.0
+    for time, is_sample, place in sorted(
+        [(float(t), 0, k) for k, t in enumerate(times)] + [(float(t), 1, k) for k, t in enumerate(moments)]
+    ):
+        settled = -np.linalg.solve(matrix, gain * u)
+        state, at = settled + expm(matrix * (time - at)) @ (state - settled), time
+        if is_sample:
+            u = float(volts[place])
+        else:
+            found[place] = state
+    return found
+
+
+def motor_project(folder: Path, records: list[tuple[Floats, Floats]], step: float, seed: int) -> None:
+    """Samples every `step` s of records with voltages from given moments on, each beside the next sample."""
+    create_project(folder)
+    for name, text in (("families/motor", MOTOR), ("rigs/motor", MOTOR_RIG), ("models/motor", MOTOR_MODEL)):
+        (folder / f"{name}.yaml").parent.mkdir(exist_ok=True)
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    generator = np.random.default_rng(seed)
+    times = np.arange(300) * step
+    lines = ["time [s],record,voltage [V],current [A],speed [1/s]"]
+    for number, (moments, volts) in enumerate(records, start=1):
+        read = motor(times, moments, volts)
+        read += generator.normal(0.0, 1.0, read.shape) * [CURRENT_NOISE, SPEED_NOISE]
+        for k, time in enumerate(times):
+            given = np.flatnonzero(moments <= time)
+            command = volts[given[-1]] if given.size else 0.0
+            lines.append(f"{time:.6g},{number},{command:g},{read[k, 0]:.6f},{read[k, 1]:.6f}")
+    (folder / "log.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
+def test_a_motor_with_its_true_values_has_the_error_of_its_noise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generator = np.random.default_rng(7)
+    steps = [
+        (np.array([0.2, 1.1, 2.0]) + generator.uniform(0.0, 0.01, 3), np.array([12.0, top, 0.0]))
+        for top in (6.0, 18.0, -6.0)
+    ]
+    motor_project(tmp_path, steps, 0.01, 8)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/motor.yaml")
+    for options in ([], ["--no-fit"]):
+        found = answer("compare", "latest", "--model", "models/motor.yaml", *options)
+        assert found["adequate"], found["statement"]
+        assert found["channels"]["current"]["rmse"] == pytest.approx(CURRENT_NOISE, rel=0.1)
+
+
+def test_a_hundred_steps_in_a_record_are_no_hundred_unknowns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generator = np.random.default_rng(9)
+    noise = [
+        (np.sort(generator.choice(np.arange(5, 295), 100, False)) * 0.01 - generator.uniform(0.0, 0.01, 100),
+         generator.choice([4.0, 12.0, 20.0], 100))
+        for _ in range(3)
+    ]  # fmt: skip
+    motor_project(tmp_path, noise, 0.01, 10)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/motor.yaml")
+    found = answer("compare", "latest", "--model", "models/motor.yaml")
+    assert found["adequate"], found["statement"]
+    assert found["parameters"]["resistance"]["value"] == pytest.approx(1.2, rel=0.03)
+    assert found["parameters"]["inertia"]["value"] == pytest.approx(5e-4, rel=0.03)
