@@ -38,6 +38,16 @@ Only = Annotated[
         show_default=False,
     ),
 ]
+Assume = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--assume",
+        metavar="NAME=VALUE",
+        help="What an input or actuator was that the runs did not record, e.g. 'heater=0'; repeatable. "
+        "Without it, it is an unknown of each record.",
+        show_default=False,
+    ),
+]
 Page = Annotated[
     Path | None,
     typer.Option(
@@ -68,6 +78,7 @@ def compare(
     fit: Annotated[
         bool, typer.Option("--fit/--no-fit", help="Fit the model's free parameters first; its file stays.")
     ] = True,
+    assume: Assume = None,
     family: FamilyOption = None,
     output: Page = None,
     force: Force = False,
@@ -91,7 +102,8 @@ def compare(
     from rigctl.cli.telling import telling
 
     require_page(output, force=force)
-    opened, models = open_runs(runs), open_models(model)
+    models = open_models(model)
+    opened = open_runs(runs, models[0], assume)
     with telling("nothing was saved") as tell:
         found, versions = compare_with_versions(
             opened,
@@ -129,11 +141,18 @@ def _lead_on(found: Comparison, runs: list[str], model: str, hold_out: str | Non
         show_next(command, "says which effect is missing")
 
 
-def open_runs(written: Sequence[str]) -> list[Run]:
-    """The runs, each once however often it is named."""
+def open_runs(
+    written: Sequence[str], model: Model | None = None, assume: Sequence[str] | None = None
+) -> list[Run]:
+    """The runs, each once however often it is named, with what is assumed of the model's inputs in them."""
     from rigctl.dataset import open_run
 
-    return list({run.id: run for run in map(open_run, written)}.values())
+    runs = list({run.id: run for run in map(open_run, written)}.values())
+    if model is None or not assume:
+        return runs
+    from rigctl.model.measured.assumed import assuming
+
+    return [assuming(run, model, assume) for run in runs]
 
 
 def open_models(written: Sequence[Path]) -> list[Model]:

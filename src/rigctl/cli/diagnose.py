@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import Force, HoldOut, Only, Page, Runs
+from rigctl.cli.compare import Assume, Force, HoldOut, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def diagnose(
             help="With --apply add so many at the most; 1 looks at no pairs of effects.",
         ),
     ] = 4,
+    assume: Assume = None,
     family: FamilyOption = None,
     output: Page = None,
     force: Force = False,
@@ -75,7 +76,7 @@ def diagnose(
     path = own_model(model) if apply else model
     kept = "each step that was saved before stays" if apply else "nothing was saved"
     with telling(kept) as tell:
-        compared = _compared(runs, path, hold_out, only, tell)
+        compared = _compared(runs, path, hold_out, only, assume, tell)
         if apply:
             done = improve(compared, path, most=most, tell=tell)
         else:
@@ -138,7 +139,12 @@ def _write_page(
 
 
 def _compared(
-    runs: list[str], path: Path, hold_out: str | None, only: str | None, tell: Callable[[str], None]
+    runs: list[str],
+    path: Path,
+    hold_out: str | None,
+    only: str | None,
+    assume: list[str] | None,
+    tell: Callable[[str], None],
 ) -> Comparison:
     """The model fitted to the runs; one with nothing to fit is refused before any work."""
     from rigctl.cli.compare import open_models, open_runs
@@ -147,4 +153,4 @@ def _compared(
 
     (model,) = open_models([path])
     require_free_parameters(model)
-    return compare(open_runs(runs), [model], hold_out=hold_out, only=only, tell=tell)
+    return compare(open_runs(runs, model, assume), [model], hold_out=hold_out, only=only, tell=tell)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rigctl.cli.compare import HoldOut, Only, Runs
+from rigctl.cli.compare import Assume, HoldOut, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.errors import RigctlError
 
@@ -96,6 +96,7 @@ def fit(
     hold_out: HoldOut = None,
     only: Only = None,
     *,
+    assume: Assume = None,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
@@ -107,7 +108,7 @@ def fit(
     """
     from rigctl.cli.model_changes import Wanted, carry_out
 
-    wanted = Wanted("fit", lambda found: found, runs, hold_out, only, fit=True)
+    wanted = Wanted("fit", lambda found: found, runs, hold_out, only, fit=True, assume=assume or ())
     carry_out(own_model(model), wanted, as_json=as_json)
 
 
@@ -133,6 +134,7 @@ def add(
     ] = False,
     hold_out: HoldOut = None,
     only: Only = None,
+    assume: Assume = None,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
@@ -161,6 +163,7 @@ def add(
         hold_out,
         only,
         fit=fitting,
+        assume=assume or (),
         effect=found.name,
         effect_files=files,
     )
@@ -178,6 +181,7 @@ def remove(
     ] = True,
     hold_out: HoldOut = None,
     only: Only = None,
+    assume: Assume = None,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
@@ -197,6 +201,7 @@ def remove(
         hold_out,
         only,
         fit=fitting,
+        assume=assume or (),
         effect=effect,
     )
     carry_out(own_model(model), wanted, as_json=as_json)

@@ -44,6 +44,7 @@ class Wanted:
     hold_out: str | None
     only: str | None
     fit: bool
+    assume: Sequence[str] = ()
     effect: str = ""
     effect_files: tuple[Path, ...] = ()
 
@@ -77,7 +78,7 @@ def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
 
 def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
     wanted.changed(model)  # refused before any work
-    runs = open_runs(wanted.runs)
+    runs = open_runs(wanted.runs, model, wanted.assume)
     with telling("nothing was saved") as tell:
         refit = wanted.fit and wanted.kind != "fit"
         data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, tell=tell)

@@ -24,6 +24,7 @@ from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.model import Model
 
 
@@ -172,4 +173,5 @@ def _notes(fitted: FitResult) -> list[str]:
         if channel.edges
     ]
     silent = [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
-    return [*problem.measurements.notes, problem.noise.statement, *spikes, *edges, *silent]
+    inputs = input_noise_notes(problem)
+    return [*problem.measurements.notes, *inputs, problem.noise.statement, *spikes, *edges, *silent]

@@ -15,7 +15,7 @@ from rigctl.compare.linearise import Linearisation
 from rigctl.compare.regions import quiet_columns
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.read import START, condition_text
+from rigctl.model.measured.conditions import START, condition_text
 from rigctl.model.measured.record import Measurements
 from rigctl.units import show
 

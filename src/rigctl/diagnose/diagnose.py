@@ -13,7 +13,7 @@ from rigctl.compare.fitting import require_free_parameters
 from rigctl.compare.result import ModelComparison
 from rigctl.dataset.run import Run
 from rigctl.diagnose.folds import HeldOut, held_out_gain
-from rigctl.diagnose.power import power_text
+from rigctl.diagnose.power import hidden_at_typical_size, power_text
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Rival, classes_of, find_rivals
 from rigctl.diagnose.search import SHAPE, Search, Tell
@@ -21,6 +21,7 @@ from rigctl.diagnose.table_remarks import table_remarks
 from rigctl.diagnose.trial import Trial
 from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
 from rigctl.effects.declaration import qualified
+from rigctl.effects.record_level import RECORD
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
@@ -284,7 +285,23 @@ def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
             f"the channel {', '.join(absent)}" if absent else effect.needs or "other commands or conditions"
         )
         found.append((name, needs))
-    return found
+    return found + _hidden_by_unrecorded(before)
+
+
+def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
+    """Effects that an input which nobody recorded can imitate, so that they would not show at their size."""
+    records = before.fit.problem.records
+    inputs = sorted({name for record in records for name in record.unrecorded})
+    if not inputs:
+        return []
+    small = set(hidden_at_typical_size(before.projected))
+    names = " and ".join(inputs)
+    needs = f"{names} in the data: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do the same"
+    return [
+        (score.effect, needs)
+        for score in before.screening.scores
+        if score.effect in small and score.hidden_in == RECORD
+    ]
 
 
 def _drift(before: ModelComparison, best: Trial) -> list[Drift]:

@@ -14,7 +14,7 @@ from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consist
 from rigctl.diagnose.search import Search
 from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.read import condition_text
+from rigctl.model.measured.conditions import condition_text
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import parse_unit
 

@@ -14,7 +14,7 @@ from rigctl.diagnose.error_course import Stretch
 from rigctl.diagnose.remedies import Remedy
 from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.read import condition_text
+from rigctl.model.measured.conditions import condition_text
 
 #: errors are as good as where they were fitted up to this factor
 _AS_GOOD = 1.1

@@ -6,7 +6,8 @@ do, so they are written as one: its parameters then belong to each record instea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from types import MappingProxyType
@@ -135,6 +136,26 @@ class RecordLevel:
             parameters=(*self.effect.parameters, *parameters),
         )
         return replace(self, effect=effect, settings=tuple(points))
+
+    def with_inputs(self, inputs: Collection[str], family: ModelFamily) -> RecordLevel:
+        """With a parameter for each of these inputs of the family, which nobody recorded: what it was."""
+        if not inputs or self.effect is None:
+            return self
+        parameters = tuple(
+            EffectParameter(
+                item.name,
+                item.unit,
+                0.0,
+                1.0,
+                -math.inf,
+                math.inf,
+                f"{item.meaning or item.name}, not recorded",
+                difference=item.difference,
+            )
+            for item in family.inputs
+            if item.name in inputs
+        )
+        return replace(self, effect=replace(self.effect, parameters=(*self.effect.parameters, *parameters)))
 
     @property
     def null(self) -> dict[str, dict[str, float]]:

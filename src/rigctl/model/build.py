@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 
 from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.record_level import RECORD
 from rigctl.effects.registry import find_effect, library
 from rigctl.engine.symbols import Expr, Scalar
 from rigctl.engine.system import System, SystemBuilder, after, before
@@ -29,6 +30,7 @@ def build_system(
     parameters: Mapping[str, float] | None = None,
     oil: str | None = None,
     own: Iterable[Effect] = (),
+    unrecorded: Collection[str] = (),
 ) -> System:
     """The equations of `family` with `effects`, for the channels and dimensions of `rig`.
 
@@ -44,6 +46,7 @@ def build_system(
     parameters: of the family, SI; they count more than the rig's.
     oil: instead of the rig's.
     own: a user's effects, which may then be named in `effects`.
+    unrecorded: inputs to which the parameter of their name of the effect `record` is added.
 
     Raises
     ------
@@ -56,6 +59,7 @@ def build_system(
     known = _declare(builder, chosen, parameter_values(chosen, rig, parameters, oil))
     for effect, values in used:
         known |= _declare_effect(builder, effect, values)
+    known |= {name: known[name] + known[qualified(RECORD, name)] for name in unrecorded}
     scope = Scope(
         chosen,
         known,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from rigctl.errors import RigctlError
 from rigctl.physics.families import find_family
@@ -17,13 +18,16 @@ class InputSource:
     """One input of the model: ``value + sum of factor * command`` over `actuators`, all SI.
 
     `channel` is the rig's channel that records the input, when it has one and nothing commands the input; its
-    readings then count more than `value`.
+    readings then count more than `value`. `hold` is what the input does between two of its values. `said` is
+    True where a file or a person says `value`, not only the family.
     """
 
     input: str
     value: float
     actuators: tuple[tuple[str, float], ...] = ()
     channel: str | None = None
+    hold: Literal["previous", "linear"] = "previous"
+    said: bool = False
 
     def of(self, commands: Mapping[str, float]) -> float:
         """The input's value for the actuators' SI values."""
@@ -55,13 +59,13 @@ def input_values(sources: tuple[InputSource, ...], commands: Mapping[str, float]
 
 def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputSource:
     actuators = _of_role(item, rig)
-    if actuators:
-        return InputSource(item.name, 0.0, actuators)
-    if item.name in rig.actuators:
-        return InputSource(item.name, 0.0, ((item.name, _factor(item, rig)),))
+    if actuators or item.name in rig.actuators:
+        commands = actuators or ((item.name, _factor(item, rig)),)
+        return InputSource(item.name, 0.0, commands, hold=item.hold or "previous")
     known = {**rig.constants, **given}
     value = float(known.get(item.name, item.value))
-    return InputSource(item.name, value, channel=item.name if item.name in rig.channels else None)
+    channel = item.name if item.name in rig.channels else None
+    return InputSource(item.name, value, channel=channel, hold=item.hold or "linear", said=item.name in known)
 
 
 def _of_role(item: InputVariable, rig: Rig) -> tuple[tuple[str, float], ...]:

@@ -97,6 +97,7 @@ def whiten(
     times: NDArray[np.float64],
     ok: NDArray[np.bool_],
     values: NDArray[np.float64] | None = None,
+    extra: NDArray[np.float64] | None = None,
 ) -> Whitener:
     """The whitener of one record.
 
@@ -112,6 +113,7 @@ def whiten(
     times: (n) s, increasing.
     ok: (n, channels) the samples to keep: finite, and no spike.
     values: (n, channels) SI, what was read; wanted only by noise that is a share of the value.
+    extra: (channels) SI, standard deviation of what is added to the noise of each channel.
 
     Returns
     -------
@@ -135,6 +137,8 @@ def whiten(
         samples = np.flatnonzero(ok[:, i])
         places = times[samples] / noise.spacing
         sigma = channel.sigma_at(values[samples, i])
+        if extra is not None and extra[i] > 0.0:
+            sigma = np.hypot(sigma, extra[i])
         each.append(_ChannelWhitener(samples, sigma, innovations(places, channel.correlation, channel.white)))
     rows = np.concatenate(
         [np.column_stack([one.samples, np.full(one.samples.size, i)]) for i, one in enumerate(each)]

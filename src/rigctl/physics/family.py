@@ -45,8 +45,10 @@ class StateVariable:
 
 @dataclass(frozen=True)
 class InputVariable:
-    """A quantity that is commanded or given from outside, constant between two switches.
+    """A quantity that is commanded or given from outside.
 
+    `hold` says what it does between two of its values: ``previous`` keeps the last one, ``linear`` is a
+    straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
     `value` is what it has when nobody says (SI). With `delay`, its switches act later: a formula of the scope
     and of the commanded values before and after, in s. `role` is the rig's role whose actuator commands it.
     """
@@ -58,6 +60,7 @@ class InputVariable:
     delay: Callable[[Scope, Scalar, Scalar], Scalar] | None = None
     role: Literal["move", "heat", "set_pressure"] | None = None
     difference: bool = False
+    hold: Literal["previous", "linear"] | None = None
 
 
 @dataclass(frozen=True)

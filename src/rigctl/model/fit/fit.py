@@ -23,6 +23,7 @@ from rigctl.engine.least_squares import (
 from rigctl.errors import RigctlError
 from rigctl.model.fit.approach import approach, brought_back
 from rigctl.model.fit.errors import ChannelError, channel_errors
+from rigctl.model.fit.input_noise import with_input_noise
 from rigctl.model.fit.problem import Problem
 from rigctl.model.model import Model
 
@@ -230,10 +231,10 @@ def _sized(problem: Problem, found: FitResult) -> Problem | None:
     """
     at = {u.name: float(value) for u, value in zip(found.problem.shared, found.values, strict=True)}
     sized = problem
-    if problem.scatter is None:
+    if problem.scatter is None and problem.extra is None:
         # what acts on nothing is no unknown of the fit
         values = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
-        sized = problem.scattered(values, found.local)
+        sized = with_input_noise(problem.scattered(values, found.local), values, found.local)
     if problem.sizes is None:
         sized = sized.sized(found.outputs)
     if sized is problem:

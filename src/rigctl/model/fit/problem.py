@@ -65,6 +65,8 @@ class Problem:
         found; None for what was measured.
     scatter: (n, outputs, k) of each record, what varies beside its noise and is no unknown, of one standard
         deviation each: see `rigctl.noise.whitening.Whitener.with_scatter`; None where that is not known yet.
+    extra: (outputs) of each record, standard deviation of what the noise of measured inputs adds to that of
+        the outputs, SI; None where that is nothing.
     """
 
     model: Model
@@ -80,6 +82,7 @@ class Problem:
     starts: tuple[Floats, ...] = field(repr=False)
     sizes: tuple[Floats, ...] | None = field(default=None, repr=False)
     scatter: tuple[Floats, ...] | None = field(default=None, repr=False)
+    extra: tuple[Floats, ...] | None = field(default=None, repr=False)
 
     @property
     def records(self) -> tuple[MeasuredRecord, ...]:
@@ -116,6 +119,7 @@ class Problem:
             ),
             sizes=self.sizes,
             scatter=self.scatter,
+            extra=self.extra,
         )
 
     def sized(self, outputs: Sequence[Floats]) -> Problem:
@@ -148,9 +152,10 @@ class Problem:
     def whitened(self) -> Problem:
         """With whiteners of its noise, at its sizes, and of its scatter."""
         sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
+        extra = [None] * len(sizes) if self.extra is None else self.extra
         whiteners = [
-            whiten(self.noise, record.times, good, size)
-            for record, good, size in zip(self.records, self.ok, sizes, strict=True)
+            whiten(self.noise, record.times, good, size, more)
+            for record, good, size, more in zip(self.records, self.ok, sizes, extra, strict=True)
         ]
         if self.scatter is not None:
             whiteners = [
@@ -179,6 +184,7 @@ class Problem:
             starts=pick(self.starts),
             sizes=None if self.sizes is None else pick(self.sizes),
             scatter=None if self.scatter is None else pick(self.scatter),
+            extra=None if self.extra is None else pick(self.extra),
         )
 
     def at_samples(self, chosen: Sequence[NDArray[np.intp]]) -> Problem:
@@ -254,7 +260,10 @@ class Problem:
     def sigma(self) -> tuple[Floats, ...]:
         """(n, outputs) of each record, the standard deviation of each reading, SI."""
         sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
-        return tuple(self.noise.sigma_at(size) for size in sizes)
+        found = [self.noise.sigma_at(size) for size in sizes]
+        if self.extra is not None:
+            found = [np.hypot(sigma, more) for sigma, more in zip(found, self.extra, strict=True)]
+        return tuple(found)
 
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [np.take(array, self.channels, axis=1) for array in arrays]
@@ -276,7 +285,9 @@ class Problem:
         habit = float(parameters[self._index[HABIT]])
         times = moved_times(record, switching | ({HABIT: habit} if habit else {}))
         shifts = switch_shifts(record, moving) if moving else None
-        return Excitation(record.times, times, record.inputs, start, parameters, record.label, shifts)
+        return Excitation(
+            record.times, times, record.inputs, start, parameters, record.label, shifts, record.ramps
+        )
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -324,6 +335,8 @@ def make_problem(
         an effect's term does not fit.
     """
     level, settings = level_of_rows(record_level(model.family), measurements)
+    unrecorded = sorted({name for record in measurements.records for name in record.unrecorded})
+    level = level.with_inputs(unrecorded, model.family)
     effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
     everything = superset(model.family, effects, model.own) if library else effects
     own = (*model.own, *((level.effect,) if level.effect is not None else ()))
@@ -334,6 +347,7 @@ def make_problem(
         parameters={name: value for name, value in model.values.items() if "." not in name},
         oil=model.oil,
         own=own,
+        unrecorded=unrecorded,
     )
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from rigctl.effects.declaration import Effect, qualified
-from rigctl.effects.record_level import Quantity, RecordLevel, Start
+from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.model.fit.switching import switch_unknowns
 from rigctl.model.measured.groups import first_reading
@@ -92,6 +92,7 @@ def local_unknowns(
         if record.row and quantity.cancels:
             continue
         unknowns.append(LocalUnknown(quantity.name, _quantity(quantity, measurements)))
+    unknowns += [LocalUnknown(one.name, one) for one in _unrecorded(record)]
     unknowns += [LocalUnknown(one.name, one, "switch") for one in switch_unknowns(record)]
     for start in level.starts:
         if record.row and start.how == "rest":  # what a row says is counted from there
@@ -100,6 +101,15 @@ def local_unknowns(
         if one is not None:
             unknowns.append(LocalUnknown(start.state, one, "start"))
     return tuple(unknowns)
+
+
+def _unrecorded(record: MeasuredRecord) -> list[Unknown]:
+    """The inputs that nobody recorded, each the same all through the record, as likely as any it could be."""
+    found = []
+    for name, (low, high) in record.unrecorded.items():
+        prior = Prior(0.5 * (low + high), (high - low) / math.sqrt(12.0))
+        found.append(Unknown(qualified(RECORD, name), prior.mean, low, high, scale=high - low, prior=prior))
+    return found
 
 
 def _quantity(quantity: Quantity, measurements: Measurements) -> Unknown:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,17 @@ import numpy as np
 from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError
 from rigctl.model.inputs import InputSource, input_sources
-from rigctl.model.measured.groups import first_reading, group_numbers
+from rigctl.model.measured.assumed import assumed_notes, assumed_of
+from rigctl.model.measured.conditions import with_conditions
+from rigctl.model.measured.excitation import (
+    Acting,
+    acting,
+    actuator_range,
+    said_sources,
+    unrecorded_actuators,
+)
+from rigctl.model.measured.groups import group_numbers
+from rigctl.model.measured.input_notes import acting_notes, input_noise
 from rigctl.model.measured.notes import notes
 from rigctl.model.measured.observations import observed_records, titles
 from rigctl.model.measured.phases import phases_of
@@ -24,8 +34,6 @@ from rigctl.rig.rig import Rig
 _FEWEST_SAMPLES = 5
 #: of more samples than these some are looked at, but never fewer of a record
 _MOST_SAMPLES, _LEAST_OF_A_RECORD = 500_000, 400
-#: before a channel's name: what it read at the start of a record
-START = "start_"
 
 
 def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
@@ -43,17 +51,19 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     records: list[MeasuredRecord] = []
     every = -(-sum(int(run.info["rows"]) for run in runs) // _MOST_SAMPLES)
     left_out = _thinned_note(every)
+    acts: list[Acting] = []
     for run in runs:
         if run.info["rows"]:
             found = _of_run(model, run, rig, known, every)
-            left_out += _too_short(run, len(found))
-            records += found
+            left_out += [*_too_short(run, len(found)), *assumed_notes(model, run, rig)]
+            records += [record for record, _ in found]
+            acts += [one for _, one in found]
         else:
             records += observed_records(model, run, rig, known)
     _require_records(records, runs)
     present = [k for k in range(len(known)) if any(record.here[:, k].any() for record in records)]
     records = [replace(record, values=record.values[:, present]) for record in records]
-    named = _conditions(records, model, [known[k] for k in present])
+    named = with_conditions(records, model, [known[k] for k in present])
     grouped = [
         replace(record, group=group) for record, group in zip(named, group_numbers(named), strict=True)
     ]
@@ -67,28 +77,34 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         records=tuple(grouped),
         rig=rig,
         runs=tuple(run.id for run in runs),
-        notes=(*left_out, *notes(grouped, outputs)),
+        notes=(*left_out, *acting_notes(model, rig, grouped, acts), *notes(grouped, outputs)),
+        input_noise=input_noise(model, rig, grouped),
     )
     return as_table(measured, runs, titles(model.family.name))
 
 
 def _of_run(
     model: Model, run: Run, rig: Rig | None, outputs: Sequence[str], every: int
-) -> list[MeasuredRecord]:
+) -> list[tuple[MeasuredRecord, Acting]]:
     if rig is None:
         raise RigctlError(
             f"the model '{model.name}' names no rig, so that commands and channels cannot be told",
             hint="Add 'rig: …' to the model file",
         )
     given = {name: value for name, value in model.values.items() if name in _input_names(model)}
-    sources = input_sources(model.family, rig, given)
+    every_source = input_sources(model.family, rig, given)
+    units = [_input_unit(source, rig) for source in every_source]
+    sources = said_sources(every_source, assumed_of(run))
     _require_commands(model, run, rig, sources)
-    units = [_input_unit(source, rig) for source in sources]
-    return [
-        _measured(model, run, _thinned(record, every), sources, units, outputs)
-        for record in run.each(run.usable)
-        if record.time.size >= _FEWEST_SAMPLES
-    ]
+    found = []
+    for record in run.each(run.usable):
+        if record.time.size >= _FEWEST_SAMPLES:
+            # lines are those of all samples: what is picked of a fast input would be another one
+            acts = acting(record, run, rig, sources)
+            picked = _thinned(record, every)
+            knots = record.time - float(record.time[0])
+            found.append((_measured(model, run, picked, acts, knots, units, outputs), acts))
+    return found
 
 
 def _thinned(record: Record, every: int) -> Record:
@@ -121,69 +137,32 @@ def _measured(
     model: Model,
     run: Run,
     record: Record,
-    sources: Sequence[InputSource],
+    found: Acting,
+    knots: np.ndarray,
     units: Sequence[str],
     outputs: Sequence[str],
 ) -> MeasuredRecord:
-    origin = float(record.time[0])
-    times, half, rows = _commands(record, sources, origin)
-    inputs = np.array([[source.of(row) for source in sources] for row in rows])
-    for place, source in enumerate(sources):
-        if source.channel is not None and source.channel in record.channels:
-            inputs[:, place] = _typical(record.channels[source.channel], source.value)
-    samples = record.time - origin
+    samples = record.time - float(record.time[0])
     nothing = np.full(samples.size, np.nan)
-    phase, names = phases_of(samples, times, inputs, model.family, units)
+    phase, names = phases_of(samples, found.times, found.commanded, model.family, units)
     return MeasuredRecord(
         run=run.id,
         index=record.index,
         label=f"{run.id}/{record.index}",
         times=samples,
-        switch_times=times,
-        switch_half=half,
-        inputs=inputs,
+        switch_times=found.times,
+        switch_half=found.half,
+        inputs=found.rows,
         values=np.column_stack([record.channels.get(name, nothing) for name in outputs]),
         condition=dict(record.sweep),
         group=0,
         phase=phase,
         phases=names,
+        along=found.along,
+        knots=knots,
+        lines=found.lines,
+        unrecorded=found.unrecorded,
     )
-
-
-def _typical(values: np.ndarray, otherwise: float) -> float:
-    present = values[np.isfinite(values)]
-    return float(np.median(present)) if present.size else otherwise
-
-
-def _commands(
-    record: Record, sources: Sequence[InputSource], origin: float
-) -> tuple[np.ndarray, np.ndarray, list[dict[str, float]]]:
-    """(times from the first sample, half-widths, actuators' values): the first at the first sample.
-
-    A command given at the moment of the first sample holds from there on, whatever that sample says; what
-    is given at one moment is one command. A rig's commands that were not recorded stay at 0.
-    """
-    used = {name for source in sources for name, _ in source.actuators}
-    now = dict.fromkeys(used, 0.0)
-    for name in used & set(record.commands):
-        present = record.commands[name][np.isfinite(record.commands[name])]
-        now[name] = float(present[0]) if present.size else 0.0
-    times, half, rows = [0.0], [0.0], [dict(now)]
-    last = float(record.time[-1])
-    for switch in sorted(record.switches, key=lambda one: one.time):
-        if switch.actuator not in used or not origin <= switch.time <= last:
-            continue
-        now[switch.actuator] = switch.value
-        if switch.time == origin:
-            rows[0] = dict(now)
-        elif switch.time - origin == times[-1]:
-            half[-1] = max(half[-1], switch.uncertainty)
-            rows[-1] = dict(now)
-        elif rows[-1] != now:
-            times.append(switch.time - origin)
-            half.append(switch.uncertainty)
-            rows.append(dict(now))
-    return np.array(times), np.array(half), rows
 
 
 def _input_unit(source: InputSource, rig: Rig) -> str:
@@ -209,20 +188,28 @@ def _require_channels(model: Model, runs: Sequence[Run], known: Sequence[str]) -
 
 
 def _require_commands(model: Model, run: Run, rig: Rig, sources: Sequence[InputSource]) -> None:
-    """What was commanded must be known: a valve that is taken as shut would look like missing physics.
+    """What moves or drives the bench must be known: no prior stands in for it.
 
-    Heaters that no column tells of are off.
+    An input beside it that nobody recorded is an unknown of each record, where the rig says its range.
     """
-    heat = {item.name for item in model.family.inputs if item.role == "heat"}
-    wanted = [name for source in sources if source.input not in heat for name, _ in source.actuators]
-    absent = [name for name in dict.fromkeys(wanted) if name not in run.layout.commands]
+    roles = {item.name: item.role for item in model.family.inputs}
+    wanted: list[str] = []
+    driven = [source for source in sources if source.actuators and roles[source.input] != "heat"]
+    nothing = all(unrecorded_actuators(source, run) for source in driven)
+    for source in driven:
+        absent = unrecorded_actuators(source, run)
+        low_high = [actuator_range(rig.actuators[name]) for name in absent]
+        ranged = all(np.isfinite(low) and np.isfinite(high) for low, high in low_high)
+        if nothing or roles[source.input] is not None or not ranged:
+            wanted += absent
+    absent = list(dict.fromkeys(wanted))
     if absent:
         columns = " and ".join(f"'{name} [{rig.actuators[name].display_unit}]'" for name in absent)
         raise RigctlError(
             f"{run.id} does not tell {' and '.join(absent)}, which the model '{model.name}' needs",
             value=", ".join(run.layout.commands) or "no command at all",
             expected=f"{columns} too",
-            hint="'rigctl import' the file with it",
+            hint=f"'rigctl import' the file with it, or say what it was: '--assume {absent[0]}=…'",
         )
 
 
@@ -262,37 +249,3 @@ def _ids(runs: Sequence[Run]) -> str:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _conditions(
-    records: Sequence[MeasuredRecord], model: Model, outputs: Sequence[str]
-) -> list[MeasuredRecord]:
-    """Records that no sweep tells apart are told apart by what was commanded, and where they began."""
-    if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
-        return list(records)
-    named = []
-    for record in records:
-        extra = {
-            item.name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
-            for k, item in enumerate(model.family.inputs)
-        }
-        first = next((c for c in range(len(outputs)) if record.here[:, c].any()), None)
-        if first is not None and record.times.size > 1:
-            extra[f"{START}{outputs[first]}"] = first_reading(record, first)
-        named.append(replace(record, condition={**record.condition, **extra}))
-    differing = {name for name in named[0].condition if len({record.condition[name] for record in named}) > 1}
-    return [
-        replace(
-            record, condition={name: record.condition[name] for name in record.condition if name in differing}
-        )
-        for record in named
-    ]
-
-
-def condition_text(condition: Mapping[str, float], units: Mapping[str, str]) -> str:
-    """A condition in words: ``oil 40 degC, supply 30 bar``."""
-    from rigctl.units import show
-
-    return ", ".join(
-        f"{name} {show(value, units[name])}" for name, value in condition.items() if name in units
-    )

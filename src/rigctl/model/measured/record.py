@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.engine.excitation import Ramps
 from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
@@ -33,6 +35,9 @@ class MeasuredRecord:
     phases: the stretches' names.
     row: a row of a table: single values at one operating point, whose course in time nobody recorded.
     beside: of a row, what its other columns say, SI.
+    along: the places of the inputs that change steadily; what `inputs` says of them is their middle.
+    knots, lines: (k) times and (k, along) values between which they are straight lines.
+    unrecorded: of the inputs that nobody recorded, the lowest and the highest value, SI; 0 in `inputs`.
     """
 
     run: str
@@ -49,6 +54,15 @@ class MeasuredRecord:
     phases: tuple[str, ...]
     row: bool = False
     beside: Mapping[str, float] = field(default_factory=dict)
+    along: tuple[int, ...] = ()
+    knots: Floats = field(default_factory=lambda: np.empty(0), repr=False)
+    lines: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    unrecorded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @cached_property
+    def ramps(self) -> Ramps | None:
+        """The inputs that change steadily, as the engine takes them."""
+        return Ramps(np.array(self.along), self.knots, self.lines) if self.along else None
 
     @property
     def here(self) -> NDArray[np.bool_]:
@@ -70,6 +84,7 @@ class Measurements:
     notes: what a reader should know of how the data were taken.
     columns: of a table, the unit that each of its columns is written in.
     titles: of a table, the column that an output was read from where it has another name, e.g. ``stroke``.
+    input_noise: standard deviation of a reading, SI, of the inputs that change steadily, where it is known.
     """
 
     outputs: tuple[str, ...]
@@ -81,6 +96,7 @@ class Measurements:
     notes: tuple[str, ...] = ()
     columns: Mapping[str, str] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)
+    input_noise: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def table(self) -> bool:

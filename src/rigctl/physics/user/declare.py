@@ -100,7 +100,13 @@ def _state(name: str, field: StateField) -> StateVariable:
 def _input(name: str, field: InputField) -> InputVariable:
     unit = _unit(field.value)
     return InputVariable(
-        name, si_unit(unit), field.value.si, field.meaning, role=field.role, difference=_difference(unit)
+        name,
+        si_unit(unit),
+        field.value.si,
+        field.meaning,
+        role=field.role,
+        difference=_difference(unit),
+        hold=field.hold,
     )
 
 

@@ -45,6 +45,11 @@ class InputField(_Part):
         default=None,
         description="the rig's role whose actuator commands it; else the actuator of its own name does",
     )
+    hold: Literal["previous", "linear"] | None = Field(
+        default=None,
+        description="between two values: the previous one, or a straight line; when left out, commands hold "
+        "and measured channels are lines",
+    )
     delay: Formula | None = Field(
         default=None, description="the time until its switches act; may use `before` and `after`"
     )

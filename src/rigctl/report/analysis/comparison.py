@@ -50,7 +50,7 @@ def comparison_sections(comparison: Comparison) -> list[Section]:
 
 
 def _condition(model: ModelComparison, k: int) -> str:
-    from rigctl.model.measured.read import condition_text
+    from rigctl.model.measured.conditions import condition_text
 
     record = model.fit.problem.records[k]
     return condition_text(record.condition, variable_units(model.fit.problem.measurements)) or record.label

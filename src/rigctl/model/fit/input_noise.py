@@ -1,0 +1,85 @@
+"""What the noise of measured inputs adds to the noise of the outputs.
+
+A measured input acts with its noise, which the model turns into an error of what it says: of a slow bench
+hardly any, of a channel that follows the input at once all of it. The model is simulated with more of that
+noise, and by how much its outputs move is added to their noise, ``σ² = σ_y² + σ_u²``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.model.fit.problem import Problem
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+_DRAWS = 4
+#: below this share of a channel's noise what inputs add is not looked at
+_SHARE = 0.1
+
+
+def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) -> Problem:
+    """The problem with what its inputs' noise adds, as the model says at these values."""
+    measurements = problem.measurements
+    noisy = {
+        measurements.inputs.index(name): sigma for name, sigma in measurements.input_noise.items() if sigma
+    }
+    if not any(place in noisy for record in problem.records for place in record.along):
+        return problem
+    plain = problem.simulate(shared, local)
+    squares = [np.zeros(len(measurements.outputs)) for _ in problem.records]
+    generator = np.random.Generator(np.random.PCG64(0))
+    for _ in range(_DRAWS):
+        records = []
+        for record in problem.records:
+            sigma = np.array([noisy.get(place, 0.0) for place in record.along])
+            more = generator.standard_normal(record.lines.shape) * sigma
+            records.append(replace(record, lines=record.lines + more))
+        moved = replace(problem, measurements=replace(measurements, records=tuple(records)))
+        found = moved.simulate(shared, local)
+        if not (plain.ok and found.ok):
+            return problem
+        for place, (before, after) in enumerate(zip(plain.outputs, found.outputs, strict=True)):
+            squares[place] += np.square((after - before)[:, problem.channels]).mean(axis=0) / _DRAWS
+    extra = [
+        np.where(np.sqrt(square) > _SHARE * sigma.mean(axis=0), np.sqrt(square), 0.0)
+        for square, sigma in zip(squares, problem.sigma, strict=True)
+    ]
+    if not any(one.any() for one in extra):
+        return problem
+    return replace(problem, extra=tuple(extra)).whitened()
+
+
+def input_noise_notes(problem: Problem) -> Iterator[str]:
+    """How noisy the measured inputs are, and what of that is seen in the outputs."""
+    measurements = problem.measurements
+    for name, sigma in measurements.input_noise.items():
+        unit = _unit(problem, name)
+        yield f"noise of the input {name}: {show(sigma, unit, difference=True, digits=2)} a reading"
+    if problem.extra is None:
+        return
+    largest = np.max(np.array(problem.extra), axis=0)
+    shown = [
+        f"{name} {show(float(size), unit, difference=True, digits=2)}"
+        for name, unit, size in zip(measurements.outputs, measurements.units, largest, strict=True)
+        if size > 0.0
+    ]
+    if shown:
+        yield (
+            f"the noise of the measured inputs moves {', '.join(shown)} by what the model says: it counts as "
+            "noise of these channels"
+        )
+
+
+def _unit(problem: Problem, name: str) -> str:
+    rig = problem.measurements.rig
+    if rig is not None and name in rig.channels:
+        return rig.channels[name].unit
+    unit = next(item.unit for item in problem.model.family.inputs if item.name == name)
+    return unit if math.isfinite(parse_unit(unit).factor) else "1"

@@ -1,0 +1,99 @@
+"""A record's condition: what was set for it, and nothing that noise could have made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rigctl.model.measured.groups import first_reading
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.model.model import Model
+from rigctl.units import show
+
+#: before a channel's name: where it began, of records that no command tells apart
+START = "start_"
+#: starts differ on purpose beyond this share of all that the channel reads, and so many sigmas of a reading
+_DIFFERENT, _SIGMAS = 0.05, 20.0
+#: a measured input is an operating point where records differ by so many times what varies within them
+_BETWEEN = 3.0
+
+
+def with_conditions(
+    records: Sequence[MeasuredRecord], model: Model, outputs: Sequence[str]
+) -> list[MeasuredRecord]:
+    """Records that no sweep tells apart are told apart by what was commanded, and where they began.
+
+    A start is a condition only where it was another one on purpose: readings at the beginning of a record
+    have their noise, and would make a condition of it.
+    """
+    if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
+        return list(records)
+    extra = [dict(_commanded(record, model)) for record in records]
+    for name, values in _started(records, outputs).items():
+        for one, value in zip(extra, values, strict=True):
+            one[f"{START}{name}"] = value
+    named = [
+        replace(record, condition={**record.condition, **more})
+        for record, more in zip(records, extra, strict=True)
+    ]
+    differing = {
+        name
+        for name in named[0].condition
+        if len({record.condition.get(name) for record in named}) > 1
+        and not _within_noise(records, model, name)
+    }
+    return [
+        replace(
+            record, condition={name: value for name, value in record.condition.items() if name in differing}
+        )
+        for record in named
+    ]
+
+
+def _commanded(record: MeasuredRecord, model: Model) -> dict[str, float]:
+    """Of each input, the largest that it was."""
+    return {
+        item.name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
+        for k, item in enumerate(model.family.inputs)
+        if item.name not in record.unrecorded
+    }
+
+
+def _within_noise(records: Sequence[MeasuredRecord], model: Model, name: str) -> bool:
+    """Whether a measured input differs less between records than it does within them."""
+    names = [item.name for item in model.family.inputs]
+    if name not in names:
+        return False
+    place = names.index(name)
+    along = [record.lines[:, record.along.index(place)] for record in records if place in record.along]
+    if not along:
+        return False
+    middles = [float(np.median(values)) for values in along]
+    within = float(np.median([np.percentile(values, 84) - np.percentile(values, 16) for values in along]))
+    return float(np.ptp(middles)) < _BETWEEN * 0.5 * within
+
+
+def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[str, list[float]]:
+    """Where the first channel that has a reading began, where that differs on purpose."""
+    place = next((c for c in range(len(outputs)) if records[0].here[:, c].any()), None)
+    if place is None or any(record.times.size < 2 for record in records):
+        return {}
+    starts = np.array([first_reading(record, place) for record in records])
+    present = [record.values[record.here[:, place], place] for record in records]
+    every = np.concatenate(present)
+    changes = np.concatenate([np.abs(np.diff(values)) for values in present if values.size > 1] or [[0.0]])
+    sigma = float(np.median(changes)) / 0.954  # of the differences of two readings, each with this sigma
+    least = max(_DIFFERENT * float(np.ptp(every)), _SIGMAS * sigma)
+    known = starts[np.isfinite(starts)]
+    if not known.size or float(np.ptp(known)) <= least:
+        return {}
+    return {outputs[place]: starts.tolist()}
+
+
+def condition_text(condition: Mapping[str, float], units: Mapping[str, str]) -> str:
+    """A condition in words: ``oil 40 degC, supply 30 bar``."""
+    return ", ".join(
+        f"{name} {show(value, units[name])}" for name, value in condition.items() if name in units
+    )

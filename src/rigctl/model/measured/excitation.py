@@ -1,0 +1,255 @@
+"""What acted on the bench in one record: commands in steps, measured inputs as lines, and what nobody knows.
+
+A command holds until the next one; a measured input (the room's temperature, a supply, a load) is a straight
+line from each of its readings to the next. A family may say otherwise of an input (``hold``). What neither
+the run nor the user says is not zero: it is an unknown of the record, within what the rig allows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.dataset.run import Record, Run
+from rigctl.model.inputs import InputSource
+from rigctl.noise import find_spikes
+from rigctl.rig.actuator import Actuator
+from rigctl.rig.rig import Rig
+
+Floats = NDArray[np.float64]
+
+#: what an actuator with positions can be, SI
+_POSITIONS = {"switch": (0.0, 1.0), "directional_valve": (-1.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What a record's inputs were.
+
+    Attributes
+    ----------
+    times: (switches) s from the first sample, rising; the first is 0.
+    half: (switches) half-widths of these times.
+    rows: (switches, inputs) SI, from each of these times on.
+    commanded: (switches, inputs) the same with the middle of what was measured in its place, for names.
+    lines: (n, r) at the samples, of the inputs at the places `along`, which change steadily.
+    along: places among the inputs.
+    unrecorded: of inputs that nobody recorded, the lowest and the highest value, SI.
+    bridged, spikes: by input, how many readings of it are missing, and how many were spikes.
+    """
+
+    times: Floats
+    half: Floats
+    rows: Floats
+    commanded: Floats
+    lines: Floats
+    along: tuple[int, ...]
+    unrecorded: Mapping[str, tuple[float, float]]
+    bridged: Mapping[str, int]
+    spikes: Mapping[str, int]
+
+
+def said_sources(sources: Sequence[InputSource], assumed: Mapping[str, float]) -> list[InputSource]:
+    """The sources with what a user says of their inputs or actuators, SI, in place of what was recorded."""
+    found = []
+    for source in sources:
+        if source.input in assumed:
+            found.append(replace(source, value=assumed[source.input], actuators=(), channel=None, said=True))
+            continue
+        known = sum(factor * assumed[name] for name, factor in source.actuators if name in assumed)
+        rest = tuple((name, factor) for name, factor in source.actuators if name not in assumed)
+        said = source.said or len(rest) < len(source.actuators)
+        found.append(replace(source, value=source.value + known, actuators=rest, said=said))
+    return found
+
+
+def unrecorded_actuators(source: InputSource, run: Run) -> list[str]:
+    """The actuators of an input of whose commands a run has nothing."""
+    return [name for name, _ in source.actuators if name not in run.layout.commands]
+
+
+def actuator_range(actuator: Actuator) -> tuple[float, float]:
+    """What an actuator can be told, SI; infinite where its rig file has no limit."""
+    if actuator.kind in _POSITIONS:
+        return _POSITIONS[actuator.kind]
+    low, high = actuator.low, actuator.high
+    return (-math.inf if low is None else low, math.inf if high is None else high)
+
+
+def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -> Acting:
+    """What the inputs were in a record of `run`, in the order of `sources`; times from its first sample."""
+    builder = _Builder(record, run, rig, len(sources))
+    for place, source in enumerate(sources):
+        if source.actuators:
+            builder.commanded(place, source)
+        elif source.channel is not None:
+            builder.measured(place, source)
+        else:
+            builder.constant(place, source.value)
+    builder.straighten()
+    times, half, rows = builder.rows()
+    commanded = rows.copy()
+    for place, source in enumerate(sources):
+        if not source.actuators:
+            commanded[:, place] = np.median(commanded[:, place])
+    lines = builder.lines
+    return Acting(
+        times=times - float(record.time[0]),
+        half=half,
+        rows=rows,
+        commanded=commanded,
+        lines=np.column_stack(list(lines.values())) if lines else np.empty((record.time.size, 0)),
+        along=tuple(lines),
+        unrecorded=builder.unrecorded,
+        bridged=builder.bridged,
+        spikes=builder.spikes,
+    )
+
+
+class _Builder:
+    """Collects what changes when, on the record's own axis of time."""
+
+    def __init__(self, record: Record, run: Run, rig: Rig, inputs: int) -> None:
+        self._record, self._run, self._rig = record, run, rig
+        self._first = np.zeros(inputs)
+        #: time, half-width, place, value
+        self._changes: list[tuple[float, float, int, float]] = []
+        self.lines: dict[int, Floats] = {}
+        self.unrecorded: dict[str, tuple[float, float]] = {}
+        self.bridged: dict[str, int] = {}
+        self.spikes: dict[str, int] = {}
+
+    def constant(self, place: int, value: float) -> None:
+        self._first[place] = value
+
+    def commanded(self, place: int, source: InputSource) -> None:
+        """An input of actuators: their commands, or anything that they can be told where none is there."""
+        absent = unrecorded_actuators(source, self._run)
+        if absent:
+            self.unrecorded[source.input] = _span(source, absent, self._rig)
+        elif source.hold == "linear":
+            self.lines[place] = source.value + _sum(source, self._record)
+        else:
+            self.switched(place, source)
+
+    def measured(self, place: int, source: InputSource) -> None:
+        """An input of a channel: its readings, else what is said of it, or what it can be."""
+        readings = self.readings(source)
+        if readings is None:
+            span = _said_range(source, self._rig)
+            if span is not None:
+                self.unrecorded[source.input] = span
+            else:
+                self.constant(place, source.value)
+        elif source.hold == "previous":
+            self.steps(place, readings)
+        else:
+            self.lines[place] = readings
+
+    def straighten(self) -> None:
+        """A line that never changes is a constant; of the others the middle stands among the commands."""
+        for place, values in list(self.lines.items()):
+            self.constant(place, float(np.median(values)))
+            if np.ptp(values) == 0.0:
+                del self.lines[place]
+
+    def switched(self, place: int, source: InputSource) -> None:
+        """The actuators' commands: what they were at the first sample, and every switch.
+
+        A command given at the moment of the first sample holds from there on, whatever that sample says.
+        """
+        record = self._record
+        now = {name: _first(record.commands[name]) for name, _ in source.actuators}
+        self._first[place] = last = source.of(now)
+        begin, end = float(record.time[0]), float(record.time[-1])
+        for switch in sorted(record.switches, key=lambda one: one.time):
+            if switch.actuator not in now or not begin <= switch.time <= end:
+                continue
+            now[switch.actuator] = switch.value
+            value = source.of(now)
+            if switch.time == begin:
+                self._first[place] = last = value
+            elif value != last:
+                self._changes.append((switch.time, switch.uncertainty, place, value))
+                last = value
+
+    def steps(self, place: int, readings: Floats) -> None:
+        """Readings that hold until the next one."""
+        self._first[place] = readings[0]
+        for k in (np.flatnonzero(np.diff(readings)) + 1).tolist():
+            self._changes.append((float(self._record.time[k]), 0.0, place, float(readings[k])))
+
+    def readings(self, source: InputSource) -> Floats | None:
+        """What the input's channel read, gaps and spikes bridged; None where it has no reading."""
+        assert source.channel is not None  # noqa: S101 - asked for inputs with a channel only
+        values = self._record.channels.get(source.channel)
+        if values is None or not np.isfinite(values).any():
+            return None
+        time = self._record.time
+        spikes = _impossible(values) & find_spikes(time, values[:, None])[:, 0]
+        good = np.isfinite(values) & ~spikes
+        if not good.any():
+            good = np.isfinite(values)
+        missing = int((~np.isfinite(values)).sum())
+        if missing:
+            self.bridged[source.input] = missing
+        if spikes.any():
+            self.spikes[source.input] = int(spikes.sum())
+        return np.asarray(np.interp(time, time[good], values[good]))
+
+    def rows(self) -> tuple[Floats, Floats, Floats]:
+        """Times, half-widths and rows: what changes at one moment is one command."""
+        times, half, rows = [float(self._record.time[0])], [0.0], [self._first]
+        for time, width, place, value in sorted(self._changes, key=lambda one: one[0]):
+            if time != times[-1]:
+                times.append(time)
+                half.append(width)
+                rows.append(rows[-1].copy())
+            half[-1] = max(half[-1], width)
+            rows[-1][place] = value
+        return np.array(times), np.array(half), np.array(rows)
+
+
+def _impossible(values: Floats) -> NDArray[np.bool_]:
+    """Far outside of nearly all that was read: an input may really jump, and back."""
+    present = values[np.isfinite(values)]
+    low, high = np.percentile(present, [1.0, 99.0])
+    width = float(high - low)
+    return np.asarray(np.isfinite(values) & ((values < low - width) | (values > high + width)))
+
+
+def _first(values: Floats) -> float:
+    present = values[np.isfinite(values)]
+    return float(present[0]) if present.size else 0.0
+
+
+def _sum(source: InputSource, record: Record) -> Floats:
+    total = np.zeros(record.time.size)
+    for name, factor in source.actuators:
+        values = record.commands[name]
+        good = np.isfinite(values)
+        total += factor * (np.interp(record.time, record.time[good], values[good]) if good.any() else 0.0)
+    return total
+
+
+def _span(source: InputSource, absent: Sequence[str], rig: Rig) -> tuple[float, float]:
+    """Between what an input was whose actuators nobody recorded."""
+    low = high = source.value
+    for name, factor in source.actuators:
+        if name not in absent:
+            continue
+        ends = [factor * end for end in actuator_range(rig.actuators[name])]
+        low, high = low + min(ends), high + max(ends)
+    return low, high
+
+
+def _said_range(source: InputSource, rig: Rig) -> tuple[float, float] | None:
+    """Between what a measured input was that this record lacks; None where the rig or the model says it."""
+    if source.said or source.channel is None:
+        return None
+    span = rig.channels[source.channel].range
+    return None if span is None or not math.isfinite(span[1] - span[0]) else (float(span[0]), float(span[1]))

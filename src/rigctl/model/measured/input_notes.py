@@ -1,0 +1,71 @@
+"""What is worth knowing of a record's inputs: which were measured, how noisily, and which nobody recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rigctl.model.measured.excitation import Acting
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.model.model import Model
+from rigctl.noise import NoiseRecord, estimate_noise
+from rigctl.rig.rig import Rig
+from rigctl.units import show
+
+
+def input_unit(model: Model, rig: Rig | None, name: str) -> str:
+    """What an input is shown in: its channel's unit, or its SI one."""
+    if rig is not None and name in rig.channels:
+        return rig.channels[name].unit
+    return next(item.unit for item in model.family.inputs if item.name == name)
+
+
+def input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
+    """Standard deviation of a reading of each input that changes steadily, SI, where the data tell it."""
+    found = {}
+    for place in sorted({place for record in records for place in record.along}):
+        name = model.family.inputs[place].name
+        measured = [record for record in records if place in record.along]
+        readings = [
+            NoiseRecord(
+                record.knots,
+                record.lines[:, [record.along.index(place)]],
+                number,
+                np.zeros(record.knots.size, dtype=np.intp),
+            )
+            for number, record in enumerate(measured)
+        ]
+        channel = rig.channels.get(name) if rig is not None else None
+        known = {name: float(channel.noise)} if channel is not None and channel.noise else {}
+        noise = estimate_noise(readings, (name,), known=known).channels[0]
+        if not noise.guessed or known:
+            found[name] = noise.sigma
+    return found
+
+
+def acting_notes(
+    model: Model, rig: Rig | None, records: Sequence[MeasuredRecord], acts: Sequence[Acting]
+) -> Iterator[str]:
+    """Measured inputs act as they were measured; what was not recorded is unknown."""
+    names = [item.name for item in model.family.inputs]
+    along = dict.fromkeys(names[place] for record in records for place in record.along)
+    for name in along:
+        yield f"{name} acts as it was measured: straight lines between its readings"
+        bridged, spikes = (
+            sum(one.get(name, 0) for one in counts)
+            for counts in ([act.bridged for act in acts], [act.spikes for act in acts])
+        )
+        if bridged:
+            yield f"{bridged} readings of {name} are missing: it is taken as a straight line across them"
+        if spikes:
+            yield f"{spikes} readings of {name} are spikes: it is taken as a straight line across them"
+    for name in dict.fromkeys(name for record in records for name in record.unrecorded):
+        own = [record.unrecorded[name] for record in records if name in record.unrecorded]
+        low, high = own[0]
+        unit = input_unit(model, rig, name)
+        yield (
+            f"not recorded: {name}, in {len(own)} of {len(records)} records; it is an unknown of each of "
+            f"them, the same all through it, between {show(low, unit)} and {show(high, unit)}. If it is "
+            f"known, '--assume {name}=…' says so"
+        )

@@ -1,0 +1,178 @@
+"""Inputs that were measured, or that nobody recorded: benches made with NumPy and SciPy alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from commands import answer, refusal, told
+from rigctl.cli.init import create_project
+
+Floats = NDArray[np.float64]
+
+ROOM = """
+family: {name}
+states:
+  body: {{start: 20 degC, scale: 10 mK, rate: (room - body)/lag}}
+inputs:
+  room: {{value: 20 degC{hold}}}
+  pressure: {{value: 0 bar}}
+parameters:
+  lag: {{value: 200 s, bounds: [1 s, 10000 s]}}
+  opening: {{value: 0.08 l/(min*bar), bounds: [0.001 l/(min*bar), 10 l/(min*bar)]}}
+outputs:
+  body: {{unit: degC, formula: body}}
+  flow: {{unit: l/min, formula: opening*pressure}}
+"""
+RIG = """
+name: {name}
+model: families/{name}.yaml
+channels:
+  body: {{unit: degC, quantity: temperature, noise: 0.02 K}}
+  flow: {{unit: l/min, quantity: other, noise: 0.02 l/min}}
+  room: {{unit: degC, quantity: temperature}}
+  pressure: {{unit: bar, quantity: pressure}}
+backend: {{kind: simulated}}
+monitor_rate: 1 Hz
+"""
+MODEL = """
+model: families/{name}.yaml
+rig: rigs/{name}.yaml
+parameters:
+  lag: {{value: 200 s, fit: true}}
+  opening: {{value: 0.08 l/(min*bar), fit: true}}
+"""
+
+
+def project(folder: Path, name: str, rows: list[str], hold: str = "") -> None:
+    create_project(folder)
+    for kind, text in (("families", ROOM), ("rigs", RIG), ("models", MODEL)):
+        (folder / kind).mkdir(exist_ok=True)
+        (folder / kind / f"{name}.yaml").write_text(text.format(name=name, hold=hold), encoding="utf-8")
+    head = "time [s],record,body [degC],flow [l/min],room [degC],pressure [bar]"
+    (folder / "log.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
+
+
+def lagging(times: Floats, room: Floats, lag: float, steps: bool) -> Floats:
+    """What follows a piecewise linear, or a held, input with one lag: exact from sample to sample."""
+    found = np.empty_like(times)
+    found[0] = room[0]
+    for k in range(times.size - 1):
+        step = times[k + 1] - times[k]
+        slope = 0.0 if steps else (room[k + 1] - room[k]) / step
+        settled = room[k + 1] if not steps else room[k]
+        decay = np.exp(-step / lag)
+        found[k + 1] = settled - slope * lag + (found[k] - room[k] + slope * lag) * decay
+    return found
+
+
+def rows_of(steps: bool, pressure_noise: float = 0.0, seed: int = 1) -> list[str]:
+    generator = np.random.default_rng(seed)
+    rows = []
+    for record in range(1, 5):
+        times = (np.arange(400) * 7.5 + generator.uniform(0.0, 6.0, 400)).round(2)
+        knots = np.linspace(0.0, 3000.0, 16)
+        room = np.interp(times, knots, 20.0 + generator.uniform(-5.0, 5.0, 16)).round(3)
+        if steps:
+            room = np.round(room)
+        pressure = 20.0 + 10.0 * np.sin(times / 300.0 + record)
+        body = lagging(times, room, 310.0, steps) + generator.normal(0.0, 0.02, 400)
+        flow = 0.1 * pressure + generator.normal(0.0, 0.02, 400)
+        read = pressure + generator.normal(0.0, 1.0, 400) * pressure_noise
+        for k in range(400):
+            cells = [f"{room[k]:g}" if k % 37 != 5 or steps else "", f"{read[k]:.5f}"]
+            rows.append(f"{times[k]:.2f},{record},{body[k]:.5f},{flow[k]:.5f},{cells[0]},{cells[1]}")
+    return rows
+
+
+@pytest.mark.parametrize("steps", [False, True])
+def test_measured_inputs_act_as_they_were_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: bool
+) -> None:
+    project(tmp_path, "bench", rows_of(steps), ", hold: previous" if steps else "")
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/bench.yaml")
+    found = answer("compare", "latest", "--model", "models/bench.yaml")
+    assert found["adequate"], found["statement"]
+    assert found["channels"]["flow"]["r2"] > 0.999
+    assert found["parameters"]["lag"]["value"] == pytest.approx(310.0, rel=0.01)
+    assert found["parameters"]["opening"]["value"] == pytest.approx(0.1 / 60e3 / 1e5, rel=1e-3)
+    lines = [note for note in found["notes"] if "acts as it was measured" in note]
+    assert len(lines) == (1 if steps else 2)
+    assert steps or any("44 readings of room are missing" in note for note in found["notes"])
+
+
+def test_the_noise_of_an_input_counts_where_it_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project(tmp_path, "bench", rows_of(False, pressure_noise=0.5))
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/bench.yaml")
+    found = answer("compare", "latest", "--model", "models/bench.yaml")
+    assert found["adequate"], found["statement"]
+    assert found["channels"]["flow"]["nrmse"] == pytest.approx(1.0, abs=0.15)
+    assert found["channels"]["body"]["rmse"] == pytest.approx(0.02, rel=0.2)
+    assert any("noise of the measured inputs moves flow" in note for note in found["notes"])
+
+
+def board(folder: Path, second: Floats, *, recorded: bool, seed: int = 3) -> None:
+    """Four records of the shipped board's own equations, solved by hand; heater 2 constant in each."""
+    create_project(folder)
+    generator = np.random.default_rng(seed)
+    times = np.arange(0.0, 900.0, 2.0)
+    head = "time [s],record,heater_1 [%]," + "heater_2 [%]," * recorded
+    lines = [head + "temperature_1 [degC],temperature_2 [degC]"]
+    for number, power in enumerate(second, start=1):
+        steps = np.where(times >= 60.0, 20.0 * number, 0.0)
+        first, other = 23.0, 23.0
+        for k, time in enumerate(times):
+            read = np.array([first, other]) + generator.normal(0.0, 0.1, 2)
+            own = f"{power:g}," * recorded
+            lines.append(f"{time:g},{number},{steps[k]:g},{own}{read[0]:.4f},{read[1]:.4f}")
+            decay = np.exp(-0.0152 / 2.0 * 2.0)
+            ends = [23.0 + 1.05 * steps[k] / 100.0 / 0.0152, 23.0 + 0.96 * power / 100.0 / 0.0152]
+            first, other = ends[0] + (first - ends[0]) * decay, ends[1] + (other - ends[1]) * decay
+    (folder / "log.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
+def test_what_was_not_recorded_is_unknown_and_not_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board(tmp_path, np.array([10.0, 35.0, 20.0, 5.0]), recorded=False)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
+    asked = ("compare", "latest", "--model", "models/heater-board.yaml")
+    found = answer(*asked)
+    assert found["adequate"], found["statement"]
+    (note,) = [note for note in found["notes"] if note.startswith("not recorded: heater_2")]
+    assert "in 4 of 4 records" in note
+    off = answer(*asked, "--assume", "heater_2=0")
+    assert not off["adequate"]
+    assert any("assumed" in note and "heater_2 0 %" in note for note in off["notes"])
+
+
+def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    board(tmp_path, np.array([0.0, 0.0, 0.0, 0.0]), recorded=False)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
+    asked = ("compare", "latest", "--model", "models/heater-board.yaml")
+    assert answer(*asked, "--assume", "heater_2=0 %")["adequate"]
+    assert "did you mean 'heater_2'" in refusal(*asked, "--assume", "heater2=0")
+    assert "out of range" in refusal(*asked, "--assume", "heater_2=120")
+    assert "a name and a value" in refusal(*asked, "--assume", "heater_2")
+
+
+def test_conditions_are_what_was_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same command in every record: their first readings differ by noise, and make no condition."""
+    board(tmp_path, np.zeros(4), recorded=True)
+    text = (tmp_path / "log.csv").read_text(encoding="utf-8")
+    for level in (20, 60, 80):
+        text = text.replace(f",{level},0,", ",40,0,")
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
+    found = answer("compare", "latest", "--model", "models/heater-board.yaml")
+    assert "start_temperature" not in str(found)
