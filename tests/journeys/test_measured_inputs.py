@@ -113,7 +113,10 @@ def test_the_noise_of_an_input_counts_where_it_is_seen(
     told("import", "log.csv", "--rig", "rigs/bench.yaml")
     found = answer("compare", "latest", "--model", "models/bench.yaml")
     assert found["adequate"], found["statement"]
-    assert found["channels"]["flow"]["nrmse"] == pytest.approx(1.0, abs=0.15)
+    # smoothed, the input brings no bias (errors in variables); what is slow of its noise still counts
+    assert 0.3 < found["channels"]["flow"]["nrmse"] < 1.0
+    assert found["parameters"]["opening"]["value"] == pytest.approx(0.1 / 60e3 / 1e5, rel=2e-3)
+    assert any("smoothed over" in note for note in found["notes"])
     assert found["channels"]["body"]["rmse"] == pytest.approx(0.02, rel=0.2)
     assert any("noise of the measured inputs moves flow" in note for note in found["notes"])
 

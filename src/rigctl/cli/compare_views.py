@@ -51,6 +51,7 @@ def show_comparison(found: Comparison) -> None:
         show_rows(model)
     out.print(_channels(model))
     out.print(_tests(model))
+    show_record_level(model)
     if not model.adequate:
         places = [place for place in model.where if place.by == "condition"] if model.rows else model.where
         out.print(_places(places))
@@ -62,6 +63,26 @@ def show_statement(model: ModelComparison) -> None:
     """What a comparison says in one sentence, green where it agrees."""
     colour = "green" if model.adequate else "red"
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
+
+
+def show_record_level(model: ModelComparison) -> None:
+    """What each record has of its own, by quantity, and what of it is evidence."""
+    out = console()
+    if not model.record_level:
+        return
+    made = table("each record's own", "known beforehand", "lowest", "mean", "highest", "records")
+    for column in made.columns[2:]:
+        column.justify = "right"
+    for one in model.record_level:
+        values = one.values
+        mark = "[red]" if one.statement else ""
+        cells = [one.shown(float(value)) for value in (values.min(), values.mean(), values.max())]
+        made.add_row(f"{mark}{escape(one.meaning)}", escape(one.prior), *map(escape, cells), str(values.size))
+    out.print(made)
+    for one in model.record_level:
+        if one.statement and one.statement not in model.statement:
+            text = one.statement[0].upper() + one.statement[1:]
+            out.print(f"  {escape(text)}.", soft_wrap=True)
 
 
 def _few(labels: Sequence[str], most: int = 6) -> str:

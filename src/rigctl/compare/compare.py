@@ -15,6 +15,7 @@ from rigctl.compare.fitting import Data, Tell, fit_to_data, read_runs, tell_nobo
 from rigctl.compare.linearise import linearise
 from rigctl.compare.localise import Place, localise, worst_stretches
 from rigctl.compare.projected import project
+from rigctl.compare.record_level import RecordQuantity, record_level
 from rigctl.compare.result import Choice, Comparison, ModelComparison
 from rigctl.compare.scores import screen
 from rigctl.compare.slots import slot_evidence
@@ -128,6 +129,7 @@ def _located(found: ModelComparison) -> ModelComparison:
     fitted, tests = found.fit, found.adequacy
     where = (*localise(found.linearisation, found.cells), *worst_stretches(fitted))
     directions, slots, rows = trends(fitted), slot_evidence(fitted), table_rows(fitted)
+    own = () if rows else record_level(fitted)
     direction = sentence(directions)
     return replace(
         found,
@@ -136,13 +138,24 @@ def _located(found: ModelComparison) -> ModelComparison:
         slots=slots,
         statement=table_statement(found.name, tests, rows, direction)
         if rows
-        else _statement(found.name, tests.adequate, tests.p_value, where, direction),
+        else _statement(found.name, tests.adequate, tests.p_value, where, direction, own),
         rows=rows,
         findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
+        record_level=own,
     )
 
 
-def _statement(name: str, adequate: bool, p: float, where: Sequence[Place], direction: str) -> str:
+def _statement(
+    name: str,
+    adequate: bool,
+    p: float,
+    where: Sequence[Place],
+    direction: str,
+    own: Sequence[RecordQuantity] = (),
+) -> str:
+    suspicious = next((quantity.statement for quantity in own if quantity.statement), "")
+    if adequate and suspicious:
+        return f"{name} agrees with the measurements within their noise (p = {p:.2g}), but {suspicious}"
     if adequate:
         return (
             f"{name} agrees with the measurements within their noise (p = {p:.2g}): "

@@ -14,6 +14,7 @@ from rigctl.compare.direction import Trend
 from rigctl.compare.linearise import Linearisation
 from rigctl.compare.localise import Place
 from rigctl.compare.projected import Projected
+from rigctl.compare.record_level import RecordQuantity
 from rigctl.compare.scores import Screening
 from rigctl.compare.slots import SlotEvidence
 from rigctl.compare.table_rows import TableRow
@@ -44,6 +45,7 @@ class ModelComparison:
     whole: the same data with the whole library at its null, for those who look further.
     excluded: effects that were not looked at.
     rows: of a table, every value beside the model's; findings: what they say, a sentence each.
+    record_level: what each record has of its own, by quantity, what is evidence of something first.
     """
 
     name: str
@@ -61,6 +63,7 @@ class ModelComparison:
     excluded: frozenset[str] = frozenset()
     rows: tuple[TableRow, ...] = ()
     findings: tuple[str, ...] = ()
+    record_level: tuple[RecordQuantity, ...] = ()
 
     @property
     def adequate(self) -> bool:
@@ -104,6 +107,8 @@ class ModelComparison:
             "slots": [slot.document() for slot in self.slots],
             "rows": [row.document() for row in self.rows],
             "findings": list(self.findings),
+            "record_level": [row for quantity in self.record_level for row in quantity.rows()],
+            "record_level_summary": [quantity.document() for quantity in self.record_level],
             "statement": self.statement,
         }
 

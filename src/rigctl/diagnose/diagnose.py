@@ -86,6 +86,7 @@ def diagnose_comparison(
     ]
     drift = _drift(before, best)
     evidence: list[str] = power_text(before.projected) if before.adequate else []
+    evidence += [quantity.statement for quantity in before.record_level if quantity.statement]
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
     remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)

@@ -59,15 +59,16 @@ class Start:
     state: of the family.
     how: "measured" starts at what the channel of the same name first reads, and is free; "set" is a share
         of an input at the start, with a prior; "rest" is known to within `rest`, around what the channel
-        reads where that is farther from 0, else around its value `at_rest`.
+        reads where that is farther from 0, else around its value `at_rest`; "given" is known to within
+        `rest` around the family's start, as is one that is "measured" where nothing was read.
     input, share, spread: for "set": the state starts at share·input, with a standard deviation spread·input.
-    rest: for "rest", SI.
+    rest: for "rest" and "given", SI.
     at_rest: for "rest", the state's value there, of the other states and the model's parameters, SI; 0 when
         left out.
     """
 
     state: str
-    how: Literal["measured", "set", "rest"]
+    how: Literal["measured", "set", "rest", "given"]
     input: str = ""
     share: float = 1.0
     spread: float = 0.0
@@ -190,12 +191,19 @@ def _known() -> Mapping[str, RecordLevel]:
 def record_level(family: ModelFamily) -> RecordLevel:
     """What differs between records of a family.
 
-    A family that says nothing starts every state from the channel of its name.
+    A family that says nothing starts every state from the channel of its name; what no channel says is
+    unknown where the family gives its start a standard deviation.
     """
     found = _known().get(family.name)
     if found is None:
         read = {output.name for output in family.outputs}
-        found = RecordLevel(starts=tuple(Start(s.name, "measured") for s in family.states if s.name in read))
+        found = RecordLevel(
+            starts=tuple(
+                Start(s.name, "measured" if s.name in read else "given", rest=s.start_std)
+                for s in family.states
+                if s.name in read or s.start_std > 0.0
+            )
+        )
     effect = found.effect or _nothing(family)
     return replace(found, effect=replace(effect, parameters=(*effect.parameters, _SWITCHING)))
 

@@ -32,6 +32,7 @@ class StateVariable:
     rate: its derivative.
     start: its value at the start of a record when nothing else is known.
     difference: a temperature that is an interval.
+    start_std: how far records begin from `start`, one standard deviation; 0 where they all begin there.
     """
 
     name: str
@@ -41,6 +42,7 @@ class StateVariable:
     start: float
     meaning: str
     difference: bool = False
+    start_std: float = 0.0
 
 
 @dataclass(frozen=True)

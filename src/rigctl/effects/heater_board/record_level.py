@@ -27,6 +27,6 @@ _EFFECT = Effect(
 
 RECORD_LEVEL = RecordLevel(
     effect=_EFFECT,
-    quantities=(Quantity("room", "temperature of the room", _room),),
+    quantities=(Quantity("room", "the room's temperature, less what is written down", _room),),
     starts=(Start("temperature_1", "measured"), Start("temperature_2", "measured")),
 )

@@ -245,18 +245,34 @@ def _sized(problem: Problem, found: FitResult) -> Problem | None:
 def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, tuple[str, ...]]:
     """The problem without the shared unknowns that act on no reading: they keep their values."""
     inner = problem.only(fitted)
-    start = np.array([unknown.start for unknown in inner.shared])
-    local = [np.array([unknown.start for unknown in own]) for own in inner.local_unknowns()]
-    blocks = inner.evaluate(start, local, derivatives=True)
-    if isinstance(blocks, Refused):
+    squares = _shared_squares(inner, 0.0)
+    if squares is not None and not squares.all():
+        # what a record has of its own may be what it acts by: a store that begins at rest shows no rate
+        moved = _shared_squares(inner, 1.0)
+        squares = None if moved is None else squares + moved
+    if squares is None:
         return problem, ()
+    silent = [u.name for u, s in zip(problem.shared, squares, strict=True) if s == 0.0 and u.prior is None]
+    kept = [unknown for unknown in problem.shared if unknown.name not in silent]
+    return (problem.with_shared(kept) if silent else problem), tuple(silent)
+
+
+def _shared_squares(problem: Problem, moved: float) -> Floats | None:
+    """Sums of squares of the shared unknowns' columns, the records' own ones `moved` by that share of their
+    sizes; None where the model has no value there."""
+    start = np.array([unknown.start for unknown in problem.shared])
+    local = [
+        np.array([min(max(u.start + moved * u.size, u.lower), u.upper) for u in own])
+        for own in problem.local_unknowns()
+    ]
+    blocks = problem.evaluate(start, local, derivatives=True)
+    if isinstance(blocks, Refused):
+        return None
     squares = np.zeros(start.size)
     for block in blocks:
         if block.shared is not None:
             squares += np.square(block.shared).sum(axis=0)
-    silent = [u.name for u, s in zip(problem.shared, squares, strict=True) if s == 0.0 and u.prior is None]
-    kept = [unknown for unknown in problem.shared if unknown.name not in silent]
-    return (problem.with_shared(kept) if silent else problem), tuple(silent)
+    return squares
 
 
 def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unknown]]:

@@ -2,12 +2,12 @@
 
 A measured input acts with its noise, which the model turns into an error of what it says: of a slow bench
 hardly any, of a channel that follows the input at once all of it. The model is simulated with more of that
-noise, and by how much its outputs move is added to their noise, ``σ² = σ_y² + σ_u²``.
+noise, and by how much its outputs move is added to their noise, ``σ² = σ_y² + σ_u²``. That is so for one that
+was smoothed as well: what is left of its noise is as large as before where it is slow, and only there.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.model.fit.problem import Problem
-from rigctl.units import parse_unit, show
+from rigctl.units import show
 
 Floats = NDArray[np.float64]
 
@@ -57,11 +57,8 @@ def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) 
 
 
 def input_noise_notes(problem: Problem) -> Iterator[str]:
-    """How noisy the measured inputs are, and what of that is seen in the outputs."""
+    """What of the measured inputs' noise is seen in the outputs."""
     measurements = problem.measurements
-    for name, sigma in measurements.input_noise.items():
-        unit = _unit(problem, name)
-        yield f"noise of the input {name}: {show(sigma, unit, difference=True, digits=2)} a reading"
     if problem.extra is None:
         return
     largest = np.max(np.array(problem.extra), axis=0)
@@ -75,11 +72,3 @@ def input_noise_notes(problem: Problem) -> Iterator[str]:
             f"the noise of the measured inputs moves {', '.join(shown)} by what the model says: it counts as "
             "noise of these channels"
         )
-
-
-def _unit(problem: Problem, name: str) -> str:
-    rig = problem.measurements.rig
-    if rig is not None and name in rig.channels:
-        return rig.channels[name].unit
-    unit = next(item.unit for item in problem.model.family.inputs if item.name == name)
-    return unit if math.isfinite(parse_unit(unit).factor) else "1"

@@ -122,12 +122,9 @@ def _start(
 ) -> Unknown | None:
     if start.how == "measured":
         reading = _first(start.state, record, measurements)
-        return (
-            Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
-            if math.isfinite(reading)
-            else None
-        )
-    if start.how == "rest":
+        if math.isfinite(reading):
+            return Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
+    if start.how != "set" and start.rest > 0.0:
         mean = found[start.state]
         return Unknown(start.state, mean, scale=start.rest, prior=Prior(mean, start.rest))
     if start.how == "set" and start.spread > 0.0:

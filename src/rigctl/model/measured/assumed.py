@@ -63,13 +63,13 @@ def read_assumption(text: str, model: Model) -> tuple[str, float]:
 def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
     """That an input was not recorded, and what was said of it."""
     units = {item.name: item.unit for item in model.family.inputs}
-    if rig is not None:
-        units |= {name: actuator.display_unit for name, actuator in rig.actuators.items()}
-    said = {name: value for name, value in assumed_of(run).items() if name in units}
-    if not said:
-        return []
-    values = ", ".join(f"{name} {show(value, units[name])}" for name, value in said.items())
-    return [f"assumed of {run.id}, not recorded: {values}"]
+    actuators = rig.actuators if rig is not None else {}
+    shown = [
+        f"{name} {actuators[name].show(value) if name in actuators else show(value, units[name])}"
+        for name, value in assumed_of(run).items()
+        if name in actuators or name in units
+    ]
+    return [f"assumed of {run.id}, not recorded: {', '.join(shown)}"] if shown else []
 
 
 def _bare(value: str) -> bool:

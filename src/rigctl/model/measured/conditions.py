@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigctl.model.measured.groups import first_reading
+from rigctl.dataset.conditions import cluster
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.units import show
@@ -80,7 +80,7 @@ def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[
     place = next((c for c in range(len(outputs)) if records[0].here[:, c].any()), None)
     if place is None or any(record.times.size < 2 for record in records):
         return {}
-    starts = np.array([first_reading(record, place) for record in records])
+    starts = np.array([_first(record, place) for record in records])
     present = [record.values[record.here[:, place], place] for record in records]
     every = np.concatenate(present)
     changes = np.concatenate([np.abs(np.diff(values)) for values in present if values.size > 1] or [[0.0]])
@@ -89,7 +89,13 @@ def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[
     known = starts[np.isfinite(starts)]
     if not known.size or float(np.ptp(known)) <= least:
         return {}
-    return {outputs[place]: starts.tolist()}
+    return {outputs[place]: cluster(starts.tolist(), least)}
+
+
+def _first(record: MeasuredRecord, place: int) -> float:
+    """The first reading: those after it may already be on the way to somewhere else."""
+    values = record.values[record.here[:, place], place]
+    return float(values[0]) if values.size else float("nan")
 
 
 def condition_text(condition: Mapping[str, float], units: Mapping[str, str]) -> str:

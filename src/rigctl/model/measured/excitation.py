@@ -39,6 +39,7 @@ class Acting:
     lines: (n, r) at the samples, of the inputs at the places `along`, which change steadily.
     along: places among the inputs.
     unrecorded: of inputs that nobody recorded, the lowest and the highest value, SI.
+    absent: the actuators of these inputs.
     bridged, spikes: by input, how many readings of it are missing, and how many were spikes.
     """
 
@@ -49,6 +50,7 @@ class Acting:
     lines: Floats
     along: tuple[int, ...]
     unrecorded: Mapping[str, tuple[float, float]]
+    absent: Mapping[str, tuple[str, ...]]
     bridged: Mapping[str, int]
     spikes: Mapping[str, int]
 
@@ -105,6 +107,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
         lines=np.column_stack(list(lines.values())) if lines else np.empty((record.time.size, 0)),
         along=tuple(lines),
         unrecorded=builder.unrecorded,
+        absent=builder.absent,
         bridged=builder.bridged,
         spikes=builder.spikes,
     )
@@ -120,6 +123,7 @@ class _Builder:
         self._changes: list[tuple[float, float, int, float]] = []
         self.lines: dict[int, Floats] = {}
         self.unrecorded: dict[str, tuple[float, float]] = {}
+        self.absent: dict[str, tuple[str, ...]] = {}
         self.bridged: dict[str, int] = {}
         self.spikes: dict[str, int] = {}
 
@@ -131,6 +135,7 @@ class _Builder:
         absent = unrecorded_actuators(source, self._run)
         if absent:
             self.unrecorded[source.input] = _span(source, absent, self._rig)
+            self.absent[source.input] = tuple(absent)
         elif source.hold == "linear":
             self.lines[place] = source.value + _sum(source, self._record)
         else:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rigctl.model.measured.excitation import Acting
 from rigctl.model.measured.record import MeasuredRecord
+from rigctl.model.measured.smoothing import smoothed, window_of
 from rigctl.model.model import Model
 from rigctl.noise import NoiseRecord, estimate_noise
 from rigctl.rig.rig import Rig
@@ -21,7 +23,43 @@ def input_unit(model: Model, rig: Rig | None, name: str) -> str:
     return next(item.unit for item in model.family.inputs if item.name == name)
 
 
-def input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
+@dataclass(frozen=True)
+class Steady:
+    """The records with their measured inputs smoothed where they can be.
+
+    Attributes
+    ----------
+    noise: by input, the standard deviation of a reading, SI, where the data tell it.
+    notes: on it.
+    """
+
+    records: tuple[MeasuredRecord, ...]
+    noise: dict[str, float]
+    notes: tuple[str, ...]
+
+
+def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> Steady:
+    """Take as much of the noise of measured inputs out as their readings allow."""
+    found, kept, notes = list(records), dict[str, float](), []
+    for name, sigma in _input_noise(model, rig, records).items():
+        place = [item.name for item in model.family.inputs].index(name)
+        own = [(k, record.along.index(place)) for k, record in enumerate(found) if place in record.along]
+        lines = [found[k].lines[:, column] for k, column in own]
+        window = window_of([found[k].knots for k, _ in own], lines, sigma)
+        kept[name] = sigma
+        text = f"a reading of the input {name} has noise of "
+        text += show(sigma, input_unit(model, rig, name), difference=True, digits=2)
+        if window > 1:
+            text += f": it is smoothed over {window} readings"
+            for (k, column), line in zip(own, lines, strict=True):
+                changed = found[k].lines.copy()
+                changed[:, column] = smoothed(found[k].knots, line, window)
+                found[k] = replace(found[k], lines=changed)
+        notes.append(text)
+    return Steady(tuple(found), kept, tuple(notes))
+
+
+def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
     """Standard deviation of a reading of each input that changes steadily, SI, where the data tell it."""
     found = {}
     for place in sorted({place for record in records for place in record.along}):
@@ -67,5 +105,11 @@ def acting_notes(
         yield (
             f"not recorded: {name}, in {len(own)} of {len(records)} records; it is an unknown of each of "
             f"them, the same all through it, between {show(low, unit)} and {show(high, unit)}. If it is "
-            f"known, '--assume {name}=…' says so"
+            f"known, '--assume {_written(name, acts)}=…' says so"
         )
+
+
+def _written(name: str, acts: Sequence[Acting]) -> str:
+    """What is not recorded as the rig calls it: the actuator, where it is one."""
+    absent = next((act.absent[name] for act in acts if name in act.absent), ())
+    return absent[0] if len(absent) == 1 else name

@@ -20,7 +20,7 @@ from rigctl.model.measured.excitation import (
     unrecorded_actuators,
 )
 from rigctl.model.measured.groups import group_numbers
-from rigctl.model.measured.input_notes import acting_notes, input_noise
+from rigctl.model.measured.input_notes import acting_notes, steady_inputs
 from rigctl.model.measured.notes import notes
 from rigctl.model.measured.observations import observed_records, titles
 from rigctl.model.measured.phases import phases_of
@@ -67,6 +67,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     grouped = [
         replace(record, group=group) for record, group in zip(named, group_numbers(named), strict=True)
     ]
+    steady = steady_inputs(model, rig, grouped)
     outputs = tuple(known[k] for k in present)
     if any(run.info["rows"] for run in runs):
         left_out += _unrecorded([name for name in known if name not in outputs])
@@ -74,11 +75,16 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         outputs=outputs,
         units=tuple(_unit(model, rig, name) for name in outputs),
         inputs=tuple(item.name for item in model.family.inputs),
-        records=tuple(grouped),
+        records=steady.records,
         rig=rig,
         runs=tuple(run.id for run in runs),
-        notes=(*left_out, *acting_notes(model, rig, grouped, acts), *notes(grouped, outputs)),
-        input_noise=input_noise(model, rig, grouped),
+        notes=(
+            *left_out,
+            *acting_notes(model, rig, grouped, acts),
+            *steady.notes,
+            *notes(grouped, outputs),
+        ),
+        input_noise=steady.noise,
     )
     return as_table(measured, runs, titles(model.family.name))
 

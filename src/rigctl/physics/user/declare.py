@@ -88,12 +88,15 @@ def _difference(unit: str) -> bool:
 
 
 def _state(name: str, field: StateField) -> StateVariable:
-    unit = _unit(field.start)
+    unit = _unit(field.start.value)
     scale = in_dimension(field.scale, unit, difference=True)
     if not scale > 0.0:
         raise RigctlError("the scale must be greater than zero", value=str(field.scale))
+    std = 0.0 if field.start.std is None else in_dimension(field.start.std, unit, difference=True)
+    if field.start.std is not None and not std > 0.0:
+        raise RigctlError("the standard deviation must be greater than zero", value=str(field.start.std))
     return StateVariable(
-        name, si_unit(unit), scale, unwritten, field.start.si, field.meaning, _difference(unit)
+        name, si_unit(unit), scale, unwritten, field.start.value.si, field.meaning, _difference(unit), std
     )
 
 

@@ -28,10 +28,39 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class _OrValue(_Part):
+    """A quantity alone, which is the `value` of the mapping."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _value_alone(cls, written: object) -> object:
+        return written if isinstance(written, Mapping | _OrValue) else {"value": written}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A quantity alone, or the mapping."""
+        mapping = handler.resolve_ref_schema(handler(schema))
+        properties: dict[str, Any] = mapping["properties"]
+        return {"anyOf": [properties["value"], mapping]}
+
+
+class StartField(_OrValue):
+    """Where a state begins: ``20 degC``, or ``{value: 20 degC, std: 3 K}`` where records differ."""
+
+    value: AnyQuantity = Field(description="with its unit")
+    std: AnyQuantity | None = Field(
+        default=None,
+        description="how far a record may begin from it, one standard deviation: an unknown of each record "
+        "in which no channel of the state's name says it",
+    )
+
+
 class StateField(_Part):
     """A quantity with a derivative. Its unit is that of `start`."""
 
-    start: AnyQuantity = Field(description="its value when nothing else is known, with its unit")
+    start: StartField = Field(description="its value when nothing else is known, with its unit")
     scale: AnyQuantity = Field(description="a change of it that matters, for the solver's tolerance")
     rate: Formula = Field(description=f"its derivative: a formula {_FORMULA}")
     meaning: str = Field(default="", description="what it is")
@@ -64,25 +93,11 @@ class ParameterField(_Part):
     meaning: str = Field(default="", description="its symbol and what it stands for")
 
 
-class ConstantField(_Part):
+class ConstantField(_OrValue):
     """A number that no fit changes: ``9.80665 m/s^2``, or ``{value: 50 mm, meaning: bore}``."""
 
     value: AnyQuantity = Field(description="with its unit; a rig file may have its own of the same name")
     meaning: str = Field(default="", description="what it is")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _value_alone(cls, written: object) -> object:
-        return written if isinstance(written, Mapping | ConstantField) else {"value": written}
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """A quantity alone, or the mapping."""
-        mapping = handler.resolve_ref_schema(handler(schema))
-        properties: dict[str, Any] = mapping["properties"]
-        return {"anyOf": [properties["value"], mapping]}
 
 
 class FormulaField(_Part):

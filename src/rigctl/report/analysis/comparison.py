@@ -5,6 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from rigctl.compare.localise import variable_units
+from rigctl.compare.record_level import RecordQuantity
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
@@ -76,6 +77,22 @@ def _model(model: ModelComparison) -> dict[str, object]:
             one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement
         ],
         "held_out": bool(model.fit.held_out),
+        "own": [_own(one) for one in model.record_level],
+        "suspicious": [
+            one.statement
+            for one in model.record_level
+            if one.statement and one.statement not in model.statement
+        ],
+    }
+
+
+def _own(one: RecordQuantity) -> dict[str, object]:
+    values = one.values
+    return {
+        "meaning": one.meaning,
+        "prior": one.prior,
+        "cells": [one.shown(float(value)) for value in (values.min(), values.mean(), values.max())],
+        "count": values.size,
     }
 
 
