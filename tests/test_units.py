@@ -16,6 +16,8 @@ from rigctl.units import (
     _COMMON,
     _NAMED,
     DIMENSIONLESS,
+    SPELLINGS,
+    UNITS_OF,
     Dimension,
     convert,
     describe,
@@ -52,6 +54,20 @@ from rigctl.units import (
         ("-.5 mm", "m", -0.5e-3),
         ("1 day", "s", 86400.0),
         ("1900 J/(kg*K)", "m^2/s^2/K", 1900.0),
+        ("2 Nm", "J", 2.0),
+        ("3 mN·m", "N*m", 3e-3),
+        ("4 1/Nm", "1/(N*m)", 4.0),
+        ("1.2 kΩ", "V/A", 1200.0),
+        ("5 Ohm", "ohm", 5.0),
+        ("6 m³/h", "m^3/s", 6.0 / 3600.0),
+        ("7 W/(m²·K)", "kg/s^3/K", 7.0),
+        ("60 U/min", "rad/s", 2.0 * math.pi),
+        ("60 1/min", "Hz", 1.0),
+        ("8 µm", "m", 8e-6),
+        ("90 °", "1", 0.5 * math.pi),
+        ("2 Ah", "C", 7200.0),
+        ("9 s⁻¹", "Hz", 9.0),
+        ("25 Celsius", "K", 298.15),
     ],
 )
 def test_quantities_are_read_into_si(text: str, unit: str, si: float) -> None:
@@ -211,3 +227,22 @@ def test_a_bound_is_reached_in_any_unit() -> None:
     assert onto_bound(read_si("0.06 l/min", "m^3/s"), 1e-6, 1e-2) == 1e-6
     assert onto_bound(1.0000000000000002e-2, 1e-6, 1e-2) == 1e-2
     assert onto_bound(1.1e-2, 1e-6, 1e-2) == 1.1e-2
+
+
+@pytest.mark.parametrize("quantity", sorted(UNITS_OF))
+def test_the_units_that_are_listed_are_of_one_dimension(quantity: str) -> None:
+    assert len({parse_unit(unit).dimension for unit in UNITS_OF[quantity]}) == 1
+
+
+@pytest.mark.parametrize(("written", "read"), SPELLINGS.items())
+def test_other_spellings_are_what_they_stand_for(written: str, read: str) -> None:
+    one, other = parse_unit(written), parse_unit(read)
+    assert (one.dimension, one.factor, one.offset) == (other.dimension, other.factor, other.offset)
+
+
+@pytest.mark.parametrize(
+    ("written", "nearest"), [("BAR", "bar"), ("rmp", "rpm"), ("ohmm", "ohm"), ("kpa", "kPa")]
+)
+def test_an_unknown_unit_suggests_one(written: str, nearest: str) -> None:
+    with pytest.raises(RigctlError, match=f"did you mean '{nearest}'"):
+        parse_unit(written)

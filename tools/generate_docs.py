@@ -22,6 +22,7 @@ def pages() -> Iterator[tuple[Path, str]]:
 
     from rigctl.effects.generic.page import generic_page
     from rigctl.effects.page import effects_page
+    from rigctl.files.units_page import units_page
     from rigctl.physics.families import FAMILIES
     from rigctl.procedure.steps_page import steps_page
     from rigctl.rig.rig_page import rig_page
@@ -30,6 +31,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     yield DOCS / "reference" / "commands.md", commands_page()
     yield DOCS / "reference" / "procedure-steps.md", steps_page()
     yield DOCS / "reference" / "rig-file.md", rig_page()
+    yield DOCS / "reference" / "units.md", units_page()
     yield DOCS / "reference" / "run-states.md", run_states_page()
     engine = DOCS / "explanation" / "engine.md"
     yield engine, with_figures(engine)

@@ -69,9 +69,97 @@ _NAMED = {
     "V": "a voltage, e.g. '5 V'",
     "W": "a power, e.g. '1000 W'",
     "N": "a force, e.g. '100 N'",
+    "A": "a current, e.g. '2 A'",
+    "ohm": "a resistance, e.g. '1.2 ohm'",
+    "H": "an inductance, e.g. '1 mH'",
+    "kg": "a mass, e.g. '2 kg'",
+    "N*m": "a torque or an energy, e.g. '0.5 N*m' or '2 kJ'",
 }
 
-_TOKEN = re.compile(r"[^\W\d]\w*|°[CF]|%|1(?!\d)|\*\*|[*/^()]|-?\d+")
+#: units by what they are of, as the documentation lists them; multiples (mV, kN) and products work as well
+UNITS_OF: Mapping[str, tuple[str, ...]] = {
+    "plain number": ("1", "%", "count"),
+    "time": ("s", "ms", "min", "h", "day"),
+    "length": ("m", "mm", "cm", "um", "km", "inch"),
+    "area": ("m^2", "mm^2", "cm^2"),
+    "volume": ("m^3", "l", "ml", "cm^3"),
+    "angle": ("rad", "mrad", "deg"),
+    "speed": ("m/s", "mm/s", "km/h"),
+    "acceleration": ("m/s^2", "mm/s^2"),
+    "speed of rotation": ("rad/s", "rpm", "deg/s"),
+    "frequency": ("Hz", "kHz", "1/s"),
+    "mass": ("kg", "g", "t"),
+    "moment of inertia": ("kg*m^2", "g*cm^2"),
+    "force": ("N", "kN", "mN"),
+    "torque": ("N*m", "mN*m"),
+    "stiffness": ("N/m", "N/mm"),
+    "torsional stiffness": ("N*m/rad",),
+    "damping": ("N*s/m",),
+    "friction of rotation": ("N*m*s/rad",),
+    "pressure": ("Pa", "bar", "mbar", "kPa", "MPa", "psi"),
+    "flow": ("m^3/s", "l/min", "ml/min", "m^3/h"),
+    "flow of mass": ("kg/s", "g/s", "kg/h"),
+    "density": ("kg/m^3", "g/cm^3"),
+    "dynamic viscosity": ("Pa*s", "mPa*s"),
+    "kinematic viscosity": ("m^2/s", "cSt"),
+    "temperature": ("K", "degC", "degF"),
+    "power": ("W", "kW", "mW"),
+    "energy": ("J", "kJ", "kWh", "Wh"),
+    "heat capacity": ("J/K", "kJ/K"),
+    "specific heat": ("J/(kg*K)", "kJ/(kg*K)"),
+    "heat conductance": ("W/K",),
+    "heat transfer coefficient": ("W/(m^2*K)",),
+    "voltage": ("V", "mV", "kV"),
+    "current": ("A", "mA"),
+    "resistance": ("ohm", "mohm", "kohm"),
+    "inductance": ("H", "mH", "uH"),
+    "capacitance": ("F", "uF", "nF"),
+    "charge": ("C", "A*h", "mA*h"),
+    "motor constant": ("N*m/A", "V*s/rad"),
+}
+
+#: other spellings of single names, and what they are read as
+SPELLINGS: Mapping[str, str] = {
+    "Ohm": "ohm",
+    "Ohms": "ohm",
+    "Ω": "ohm",
+    "kΩ": "kohm",
+    "mΩ": "mohm",
+    "kOhm": "kohm",
+    "sec": "s",
+    "secs": "s",
+    "°": "deg",
+    "RPM": "rpm",
+    "Nm": "(N*m)",
+    "mNm": "(mN*m)",
+    "kNm": "(kN*m)",
+    "Ah": "(A*h)",
+    "mAh": "(mA*h)",
+    "lpm": "(l/min)",
+    "LPM": "(l/min)",
+    "L": "l",
+    "Volt": "V",
+    "Volts": "V",
+    "Amp": "A",
+    "Amps": "A",
+    "Watt": "W",
+    "Watts": "W",
+    "Newton": "N",
+    "Kelvin": "K",
+    "Celsius": "degC",
+    "mL": "ml",
+}
+
+#: signs and what they are read as
+_SIGNS = str.maketrans({"·": "*", "⋅": "*", "×": "*", "µ": "u", "μ": "u", "−": "-", "Ω": "Ω"})
+_RAISED = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+#: units of whole texts: turns a minute, as German data sheets write them
+_WHOLE = {"U/min": "rpm", "u/min": "rpm", "rev/min": "rpm", "r/min": "rpm"}
+
+_LONGEST = 80
+_WORD = re.compile(r"([^\W\d]\w*|°(?![CF]))")
+_TOKEN = re.compile(r"[^\W\d]\w*|°[CF]?|%|1(?!\d)|\*\*|[*/^()]|-?\d+")
 _QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
 
 
@@ -162,8 +250,9 @@ def parse_unit(text: str) -> Unit:
     RigctlError
         the text is no unit; names the nearest one.
     """
-    tokens = _TOKEN.findall(text)
-    if len(text) > 80 or "".join(tokens) != "".join(text.split()):
+    spelt = _plain_spelling(text) if len(text) <= _LONGEST else text
+    tokens = _TOKEN.findall(spelt)
+    if len(text) > _LONGEST or "".join(tokens) != "".join(spelt.split()):
         raise _unknown_unit(text)
     if not tokens:
         return replace(_name_to_unit("1"), text="")
@@ -172,6 +261,20 @@ def parse_unit(text: str) -> Unit:
         raise _unknown_unit(text)
     offset = _name_to_unit(tokens[0]).offset if len(tokens) == 1 else 0.0
     return Unit(text, dimension, factor, offset)
+
+
+def _plain_spelling(text: str) -> str:
+    """The unit as the grammar spells it: ``N·m²`` is ``N*m^2``, ``Nm`` is ``N*m``, ``U/min`` is ``rpm``."""
+    if text.isascii() and text in _COMMON:
+        return text
+    text = _WHOLE.get(text.strip(), text)
+    text = _RAISED.sub(lambda match: "^" + match.group().translate(_LOWERED), text.translate(_SIGNS))
+    parts = _WORD.split(text)
+    if not any(part in SPELLINGS for part in parts):
+        return text
+    whole = [SPELLINGS.get(part, part) for part in parts]
+    # alone, parentheses would only be in the way
+    return whole[1].strip("()") if len(whole) == 3 and not (whole[0] or whole[2]) else "".join(whole)
 
 
 def _read_product(tokens: list[str], text: str) -> tuple[float, Dimension, list[str]]:
@@ -228,20 +331,15 @@ def _name_to_unit(name: str) -> Unit:
 
 
 def _unknown_unit(text: str) -> RigctlError:
-    known = (
-        *_COMMON,
-        "mm^2",
-        "cm^3",
-        "N*s/m",
-        "degF",
-        "rpm",
-        "percent",
-    )
+    listed = {unit for units in UNITS_OF.values() for unit in units}
+    known = [name for name in dict.fromkeys((*_COMMON, *listed, "percent")) if name]
+    usual = [name for name in (*_COMMON, "mm^2", "cm^3", "N*s/m", "degF", "rpm", "ohm") if name]
+    same = [name for name in known if name.casefold() == text.strip().casefold()]
     return RigctlError(
         "unknown unit",
         value=text,
         expected="a unit such as bar, degC, l/min or N*s/m",
-        nearest=nearest_name(text, [name for name in known if name]),
+        nearest=same[0] if same else nearest_name(text, usual) or nearest_name(text, known),
     )
 
 

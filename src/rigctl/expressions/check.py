@@ -28,7 +28,7 @@ from rigctl.expressions.nodes import (
     Not,
     Variable,
 )
-from rigctl.expressions.types import BOOLEAN, NUMBER, ValueType
+from rigctl.expressions.types import BOOLEAN, NUMBER, TableType, ValueType
 
 Kind: TypeAlias = TypingLiteral["point", "difference"] | None
 
@@ -60,13 +60,15 @@ def infer(node: Node, types: Mapping[str, ValueType]) -> Typed:  # noqa: PLR0911
         case Literal() | Constant():
             return _literal(node)
         case Name(name):
-            return Typed(node, _look_up("name", name, types))
+            return Typed(node, _value_type(name, types))
         case Variable(name):
             return Typed(node, _look_up("variable", f"${name}", types))
         case Negative(operand):
             return _negative(infer(operand, types))
         case Binary(operator, left, right):
             return _binary(operator, infer(left, types), infer(right, types))
+        case Call("table", arguments):
+            return _table(arguments, types)
         case Call(function, arguments):
             return _call(function, [infer(argument, types) for argument in arguments])
         case Comparison(operands, operators):
@@ -110,6 +112,33 @@ def _look_up(kind: str, name: str, types: Mapping[str, ValueType]) -> ValueType:
         dollars = name.startswith("$")
         raise unknown_name(kind, name, [known for known in types if known.startswith("$") == dollars])
     return types[name]
+
+
+def _value_type(name: str, types: Mapping[str, ValueType]) -> ValueType:
+    found = _look_up("name", name, types)
+    if isinstance(found, TableType):
+        raise RigctlError("a table is looked up", value=name, expected=f"table(x, {name})")
+    return found
+
+
+def _table(arguments: Sequence[Node], types: Mapping[str, ValueType]) -> Typed:
+    """``table(x, name)``: x is of the type that the table is looked up by."""
+    known = [name for name, found in types.items() if isinstance(found, TableType)]
+    written, curve = arguments
+    if not isinstance(curve, Name):
+        raise RigctlError(
+            "table: the second is the name of a table", expected=", ".join(known) or "'tables:'"
+        )
+    found = types.get(curve.name)
+    if not isinstance(found, TableType) or found.over is None:
+        raise unknown_name("table", curve.name, known)
+    x = _number(infer(written, types), "look up")
+    if x.type.dimension != found.over.dimension:
+        raise RigctlError(
+            f"{curve.name} is looked up by {found.over}, not by {x.type}", expected=found.over.wanted
+        )
+    x = fit(x, found.over)
+    return Typed(Call("table", (x.node, curve)), ValueType(found.dimension, found.temperature))
 
 
 def _as_difference(typed: Typed) -> Typed:
@@ -189,6 +218,10 @@ def _call(function: str, arguments: list[Typed]) -> Typed:
 def _smooth(function: str, arguments: list[Typed]) -> Typed:
     """A smooth switch: values of one type, then the width over which the corner is rounded."""
     *values, width = (_number(argument, f"take {function} of") for argument in arguments)
+    if function == "spow" and not values[0].type.dimension.dimensionless:
+        raise RigctlError(
+            f"cannot take spow of {values[0].type}", expected="a plain number: divide by a reference first"
+        )
     values, width = _alike("compare", values), _as_difference(width)
     if width.type.dimension != values[0].type.dimension:
         raise RigctlError(

@@ -14,6 +14,7 @@ class Function:
 
     compute: Callable[..., float]
     count: int | None = 1
+    words: str = ""  # what it takes, where that is not a value and a width
 
     def takes(self, count: int) -> bool:
         """Whether it can be called with so many values."""
@@ -22,6 +23,8 @@ class Function:
     @property
     def wants(self) -> str:
         """How many values it takes, in words."""
+        if self.words:
+            return self.words
         return {None: "two values or more", 1: "one value", 2: "a value and a width"}.get(
             self.count, "two values and a width"
         )
@@ -107,6 +110,16 @@ def smooth_sign(x: float, width: float) -> float:
     return math.tanh(divide(x, width))
 
 
+def signed_power(x: float, exponent: float, width: float) -> float:
+    """x·(x² + width²)^((exponent − 1)/2): smooth sign(x)·|x|^exponent."""
+    return x * power(x * x + width * width, 0.5 * (exponent - 1.0))
+
+
+def looked_up(_x: float, _table: float) -> float:
+    """A table has its values in a family of models alone."""
+    return math.nan
+
+
 def smooth_step(x: float, width: float) -> float:
     """(1 + tanh(x/width))/2: 0 below, 1 above."""
     return 0.5 * (1.0 + smooth_sign(x, width))
@@ -135,10 +148,12 @@ SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
         "maximum": Function(maximum, count=3),
         "smooth_sign": Function(smooth_sign, count=2),
         "smooth_step": Function(smooth_step, count=2),
+        "spow": Function(signed_power, count=3, words="a value, an exponent and a width"),
+        "table": Function(looked_up, count=2, words="a value and the name of a table"),
     }
 )
 
 #: the smooth switches
-WITH_WIDTH = frozenset(SMOOTH_FUNCTIONS) - {"tanh", "sin", "cos"}
+WITH_WIDTH = frozenset(SMOOTH_FUNCTIONS) - {"tanh", "sin", "cos", "table"}
 
 ALL_FUNCTIONS: Mapping[str, Function] = MappingProxyType({**FUNCTIONS, **SMOOTH_FUNCTIONS})

@@ -35,6 +35,13 @@ class ValueType:
         return not self.boolean and self.dimension == KELVIN
 
 
+@dataclass(frozen=True)
+class TableType(ValueType):
+    """A look-up table: the type of its values, and what it is looked up by."""
+
+    over: ValueType | None = None
+
+
 KELVIN = parse_unit("K").dimension
 NUMBER = ValueType(DIMENSIONLESS)
 BOOLEAN = ValueType(DIMENSIONLESS, boolean=True)

@@ -15,6 +15,7 @@ from rigctl.errors import unknown_name
 from rigctl.physics.standard_record import StandardRecord
 
 if TYPE_CHECKING:
+    from rigctl.physics.curves import Curve
     from rigctl.physics.scope import Scope
 
 #: an equation: variables of a scope in, a value out
@@ -137,6 +138,7 @@ class ModelFamily:
     options: the variants of the equations, each with its choices; the first is the default.
     rig_names: the parameters that a name of a rig file stands for, where it is not their own.
     standard_record: what effects are tried and drawn on.
+    tables: look-up tables, for `Scope.table`.
     generic: effects that may be missing in any bench are offered at its slots; the shipped families have
         effects of their own instead.
     """
@@ -153,6 +155,7 @@ class ModelFamily:
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig_names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     standard_record: StandardRecord | None = None
+    tables: Mapping[str, Curve] = field(default_factory=dict)
     generic: bool = True
 
     def slot(self, name: str) -> Slot:

@@ -79,6 +79,10 @@ class Scope:
                 return known.graph.constant(value, parse_unit(unit).dimension)
         return value
 
+    def table(self, name: str, x: Scalar) -> Scalar:
+        """The value at x of one of the family's tables."""
+        return self._family.tables[name](self, x)
+
     def rate(self, state: str) -> Scalar:
         """The derivative of a state of the family."""
         key = f"rate of {state}"

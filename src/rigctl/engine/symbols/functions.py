@@ -185,6 +185,17 @@ def minimum(a: Scalar, b: Scalar, width: Scalar) -> Scalar:
 
 
 @overload
+def signed_power(x: Expr, y: Scalar, width: Scalar) -> Expr: ...
+@overload
+def signed_power(x: float, y: float, width: float) -> float: ...
+@overload
+def signed_power(x: Scalar, y: Scalar, width: Scalar) -> Scalar: ...
+def signed_power(x: Scalar, y: Scalar, width: Scalar) -> Scalar:
+    """``x * (x**2 + width**2)**((y - 1)/2)``: smooth sign(x)·|x|**y, of a dimensionless x."""
+    return x * power(x * x + _width(width, x) ** 2, 0.5 * (y - 1.0))
+
+
+@overload
 def smooth_sign(x: Expr, width: Scalar) -> Expr: ...
 @overload
 def smooth_sign(x: float, width: float) -> float: ...

@@ -28,10 +28,11 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "maximum": symbols.maximum,
     "smooth_sign": symbols.smooth_sign,
     "smooth_step": symbols.smooth_step,
+    "spow": symbols.signed_power,
 }
 
 
-def lower(node: Node, m: Scope, look_up: LookUp) -> Scalar:
+def lower(node: Node, m: Scope, look_up: LookUp) -> Scalar:  # noqa: PLR0911 - one for each kind
     """The value of a checked tree: symbols, or a plain number where the scope holds plain numbers.
 
     `look_up` says what each name stands for; ``pi`` is known without it.
@@ -47,6 +48,8 @@ def lower(node: Node, m: Scope, look_up: LookUp) -> Scalar:
             return -lower(operand, m, look_up)
         case Binary(operator, left, right):
             return _binary(operator, lower(left, m, look_up), lower(right, m, look_up))
+        case Call("table", (x, Name(name))):
+            return m.table(name, lower(x, m, look_up))
         case Call(function, arguments):
             result: Scalar = _FUNCTIONS[function](*(lower(each, m, look_up) for each in arguments))
             return result

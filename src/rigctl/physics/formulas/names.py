@@ -24,6 +24,7 @@ def variable_types(family: ModelFamily) -> Mapping[str, ValueType]:
     named = (*family.states, *family.inputs, *family.definitions)
     types = {item.name: type_of_unit(item.unit, difference=item.difference) for item in named}
     types |= {p.name: ValueType(parse_unit(p.unit).dimension) for p in family.parameters}
+    types |= {name: curve.type for name, curve in family.tables.items()}
     return types | dict.fromkeys(CONSTANTS, NUMBER)
 
 

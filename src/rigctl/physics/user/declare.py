@@ -9,6 +9,7 @@ from typing import TypeVar
 from rigctl.errors import RigctlError
 from rigctl.files.quantity import in_dimension
 from rigctl.files.reader import Reader
+from rigctl.physics.curves import Curve
 from rigctl.physics.family import (
     Definition,
     InputVariable,
@@ -30,6 +31,7 @@ from rigctl.physics.user.schema import (
     ParameterField,
     SlotField,
     StateField,
+    TableField,
 )
 from rigctl.units import Quantity, parse_unit
 
@@ -37,7 +39,7 @@ Field = TypeVar("Field")
 Declared = TypeVar("Declared")
 
 #: the parts of a file whose names formulas may use
-_NAMED = ("states", "inputs", "parameters", "constants", "definitions", "slots")
+_NAMED = ("states", "inputs", "parameters", "constants", "definitions", "slots", "tables")
 
 
 def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
@@ -56,6 +58,7 @@ def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
         definitions=_each(reader, "definitions", written.definitions, _definition),
         slots=_each(reader, "slots", written.slots, _slot),
         outputs=_each(reader, "outputs", written.outputs, _output),
+        tables={curve.name: curve for curve in _each(reader, "tables", written.tables, _table)},
         generic=written.generic_effects,
     )
 
@@ -137,6 +140,19 @@ def _definition(name: str, field: FormulaField) -> Definition:
 
 def _output(name: str, field: FormulaField) -> OutputVariable:
     return OutputVariable(name, si_unit(field.unit), unwritten, field.meaning)
+
+
+def _table(name: str, field: TableField) -> Curve:
+    over, unit = parse_unit(field.over), parse_unit(field.unit)
+    return Curve(
+        name,
+        field.over,
+        field.unit,
+        tuple(over.to_si(x) for x, _ in field.points),
+        tuple(unit.to_si(y) for _, y in field.points),
+        field.kind,
+        field.meaning,
+    )
 
 
 def _slot(name: str, field: SlotField) -> Slot:

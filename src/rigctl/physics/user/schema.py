@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    GetJsonSchemaHandler,
+    model_validator,
+)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -17,6 +26,15 @@ from rigctl.files.refusal import refusal
 #: what a model file can name; states, inputs and outputs are named as the bench names its channels
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Formula = Annotated[str, Field(min_length=1)]
+
+
+def _as_text(written: object) -> object:
+    """A plain number is a formula too: ``rate: 1``."""
+    number = isinstance(written, int | float) and not isinstance(written, bool)
+    return repr(written) if number else written
+
+
+FormulaOrNumber = Annotated[Formula, BeforeValidator(_as_text, json_schema_input_type=str | float)]
 
 #: of a standard record: more would make trying an effect slow
 _MOST_SAMPLES = 20_000
@@ -62,7 +80,7 @@ class StateField(_Part):
 
     start: StartField = Field(description="its value when nothing else is known, with its unit")
     scale: AnyQuantity = Field(description="a change of it that matters, for the solver's tolerance")
-    rate: Formula = Field(description=f"its derivative: a formula {_FORMULA}")
+    rate: FormulaOrNumber = Field(description=f"its derivative: a formula {_FORMULA}")
     meaning: str = Field(default="", description="what it is")
 
 
@@ -106,8 +124,30 @@ class FormulaField(_Part):
     unit: str = Field(
         description="of its value; a temperature in degC is a point on the scale, in K a difference"
     )
-    formula: Formula = Field(description=f"a formula {_FORMULA}")
+    formula: FormulaOrNumber = Field(description=f"a formula {_FORMULA}")
     meaning: str = Field(default="", description="what it is")
+
+
+class TableField(_Part):
+    """A look-up table: a curve through points, used as ``table(x, name)``."""
+
+    over: str = Field(description="the unit of what it is looked up by")
+    unit: str = Field(description="the unit of its values; a temperature in degC is a point on the scale")
+    points: tuple[tuple[FiniteFloat, FiniteFloat], ...] = Field(
+        min_length=2, max_length=200, description="[x, y] in these units, x rising"
+    )
+    kind: Literal["cubic", "linear"] = Field(
+        default="cubic",
+        description="between the points: monotone and smooth, or straight with rounded corners",
+    )
+    meaning: str = Field(default="", description="what it is")
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        x = [point[0] for point in self.points]
+        if any(after <= before for before, after in pairwise(x)):
+            raise refusal(RigctlError("the points of a table must have rising x"), ("points",))
+        return self
 
 
 class SlotField(_Part):
@@ -172,6 +212,9 @@ class FamilyFile(_Part):
     )
     definitions: dict[Name, FormulaField] = Field(
         default_factory=dict, description="what several formulas use, in any order"
+    )
+    tables: dict[Name, TableField] = Field(
+        default_factory=dict, description="curves through points, e.g. of a pump or a sensor"
     )
     slots: dict[Name, SlotField] = Field(default_factory=dict, description="where effects may act")
     outputs: dict[BenchName, FormulaField] = Field(
