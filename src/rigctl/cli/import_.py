@@ -12,6 +12,7 @@ import typer
 if TYPE_CHECKING:
     from rigctl.dataset.importing import Imported
     from rigctl.dataset.importing.options import Options
+    from rigctl.rig import Rig
 
 #: so many bad rows are told one by one
 _TOLD = 20
@@ -72,6 +73,13 @@ def import_(
             metavar="WAY", help="What begins a record: command, command:NAME, gap, 'gap:10 s' or column:NAME."
         ),
     ] = None,
+    resample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="STEP|NAME",
+            help="Common times of channels with clocks of their own: a step, '100 ms', or those of a column.",
+        ),
+    ] = None,
     encoding: Annotated[
         str | None, typer.Option(help="Of a text file, e.g. cp1252; found out when left out.")
     ] = None,
@@ -92,6 +100,14 @@ def import_(
     ] = False,
     name: Annotated[
         str | None, typer.Option(help="Name of the records; by default what the file calls them.")
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Show what would be read, as a table and a picture; make no run."),
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="With --dry-run: the picture as a .png or .svg file."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
@@ -122,6 +138,9 @@ def import_(
         choices={
             "dates": dates,
             "zone": zone,
+            "times": times,
+            "split": split,
+            "resample": resample,
             "encoding": encoding,
             "delimiter": delimiter,
             "decimal": decimal,
@@ -130,6 +149,11 @@ def import_(
     )
     paths = [find_file(file) for file in files]
     bench = load_rig(find_file(rig)) if rig is not None else None
+    if dry_run:
+        _show(paths, bench, options, output, as_json=as_json)
+        if save_mapping is not None:
+            save(save_mapping, options)
+        return
     done = import_files(paths, bench, find_project().runs, options, keep_good=keep_good, name=name)
     if save_mapping is not None:
         save(save_mapping, options)
@@ -142,6 +166,30 @@ def import_(
         typer.echo(to_json(document))
     else:
         _lead_on(rig)
+
+
+def _show(
+    paths: list[Path], rig: Rig | None, options: Options, output: Path | None, *, as_json: bool
+) -> None:
+    """What would be read; what is wrong with it goes to stderr."""
+    from rigctl.cli.import_preview import show_preview, write_preview
+    from rigctl.dataset.importing.preview import preview_files
+    from rigctl.files.write import to_json
+
+    preview = preview_files(paths, rig, options)
+    for fault in preview.faults[:_TOLD]:
+        typer.echo(f"bad: {fault.error(paths[0])}", err=True)
+    if preview.bad_rows > _TOLD:
+        typer.echo(f"bad: {preview.bad_rows - _TOLD} more rows", err=True)
+    for note in preview.notes:
+        typer.echo(f"note: {note}", err=True)
+    if output is not None:
+        typer.echo(f"figure: {write_preview(preview, output)}", err=True)
+    if as_json:
+        typer.echo(to_json(preview.as_data()))
+    else:
+        show_preview(preview)
+        typer.echo("Nothing was imported.", err=True)
 
 
 def _options(

@@ -61,7 +61,7 @@ class Checker:
 
     def __init__(self, assigned: Sequence[Assigned], layout: Layout, missing: Sequence[float] = ()) -> None:
         self._missing = np.array([*NO_NUMBER, *missing])
-        self._columns = [column for column in assigned if column.kind != "record"]
+        self._columns = [column for column in assigned if column.kind not in ("record", "clock")]
         self._layout = layout
         self.book = LabelBook()
         self.record_ids: list[int] = []  #: of the records, in the order of the file

@@ -17,7 +17,7 @@ from rigctl.units import Unit, describe, parse_unit
 if TYPE_CHECKING:
     from rigctl.rig import Rig
 
-Kind = Literal["time", "record", "channel", "command", "other"]
+Kind = Literal["time", "record", "clock", "channel", "command", "other"]
 
 #: names that mean the same on every bench, and the unit of their dimension; used where the rig has none
 _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
@@ -36,6 +36,8 @@ _UNKNOWN: Final = "unknown column"
 _TIMES: Final = frozenset(
     ("t", "timestamp", "time_stamp", "datetime", "date_time", "zeit", "uhrzeit", "zeitstempel", "datum_zeit")
 )
+#: how the times of a channel with a clock of its own are called: ``time of temperature_2 [s]``
+_CLOCK: Final = "time of "
 #: as the name of ours: the column is left out
 LEAVE_OUT: Final = "-"
 
@@ -112,7 +114,9 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
     """
     renamed = [_rename(heading, rig, options) for heading in headings]
     for theirs in options.columns:
-        if theirs not in options.may_lack and theirs not in {heading.name for heading in headings}:
+        if theirs in options.may_lack or options.ours(theirs) in ("channel", "value"):
+            continue  # the mapping of many files, or a file with one value in each row
+        if theirs not in {heading.name for heading in headings}:
             raise unknown_name("column", theirs, (heading.name for heading in headings if heading.name))
     samples = any(heading.name == "time" for heading in renamed)
     found: dict[str, Assigned] = {}
@@ -125,9 +129,10 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
         except UnknownColumn as error:
             unknown.append(error)
             continue
-        if column.name in found:
+        key = heading.name if column.kind == "clock" else column.name
+        if key in found:
             raise RigctlError("the column is there twice", value=heading.name, where=heading.where)
-        found[column.name] = column
+        found[key] = column
     if unknown:
         _suggest(unknown, rig, found)
         raise unknown[0] if len(unknown) == 1 else _several_unknown(unknown, rig, samples=samples)
@@ -235,10 +240,10 @@ def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
 
 def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> Assigned:
     name = heading.name
-    if name == "time":
-        return Assigned(name, "time", place, heading, _unit(heading, "s"), "s")
     if name == "record":
         return Assigned(name, "record", place, heading)
+    if name == "time" or name.startswith(_CLOCK):
+        return _clock(place, heading, rig)
     name = on_rig(name, rig) if rig is not None else name
     if rig is not None and name in rig.channels:
         channel = rig.channels[name]
@@ -266,6 +271,18 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
             where=heading.where,
         )
     return Assigned(name, "other", place, heading, parse_unit(heading.unit), heading.unit or "1")
+
+
+def _clock(place: int, heading: Heading, rig: Rig | None) -> Assigned:
+    """The times of all, or of one channel that has a clock of its own; called like that channel."""
+    if heading.name == "time":
+        return Assigned("time", "time", place, heading, _unit(heading, "s"), "s")
+    name = heading.name.removeprefix(_CLOCK).strip()
+    if rig is not None:
+        name = on_rig(name, rig)
+        if name not in (*rig.channels, *rig.actuators, *_COMMON):
+            raise unknown_name("channel with a clock of its own", name, [*rig.channels, *rig.actuators])
+    return Assigned(name, "clock", place, heading, _unit(heading, "s"), "s")
 
 
 def on_rig(name: str, rig: Rig) -> str:

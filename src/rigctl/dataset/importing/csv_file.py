@@ -206,7 +206,7 @@ def _find_time(
     place = ours.index("time")
     heading = headings[place]
     unit = options.unit_of(heading.name) or heading.unit
-    where = replace(heading.where, line=dialect.sample[0].line) if dialect.sample else heading.where
+    where = dialect.place_of(path, place)
     times = dialect.column(place)
     missing = {*NO_VALUE, *options.missing}
     known = [cell for cell in times if cell not in missing]

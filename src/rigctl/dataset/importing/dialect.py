@@ -57,6 +57,14 @@ class Dialect:
     sample: tuple[Row, ...]
     remarks: tuple[str, ...]
 
+    def place_of(self, path: Path, place: int) -> Location:
+        """Where the first cell of a column stands, or its heading in a file without rows."""
+        if not self.sample:
+            return self.headings[place].where
+        first = self.sample[0]
+        written = self.delimiter.join(first.cells)
+        return Location(path, first.line, cell_place(written, self.delimiter, place + 1))
+
     def column(self, place: int) -> list[str]:
         """The cells of a column in the first rows."""
         return [row.cells[place].strip() for row in self.sample if len(row.cells) == len(self.headings)]

@@ -180,6 +180,7 @@ def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
         "damage": list(found.damage),
         "clock": None if found.clock is None else [found.clock.origin, found.clock.epoch],
         "began": found.began,
+        "merged": found.merged,
     }
 
 
@@ -247,6 +248,7 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
         tuple(facts["damage"]),
         None if clock is None else ArrayClock(clock[0], tuple(clock[1]) if clock[1] else None),
         facts["began"],
+        facts["merged"],
     )
     weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
     return found

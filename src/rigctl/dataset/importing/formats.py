@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, cast
 
 from rigctl.dataset.importing.foreign import open_apart
+from rigctl.dataset.importing.long_format import is_long, open_long
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
 from rigctl.errors import RigctlError
@@ -44,6 +45,11 @@ def open_source(path: Path, options: Options) -> Source:
     RigctlError
         the kind of file is unknown, what reads it is not installed, or the file cannot be read.
     """
+    source = _open(path, options)
+    return open_long(source, options) if is_long(source, options) else source
+
+
+def _open(path: Path, options: Options) -> Source:
     module, function = OPENERS[ending_of(path)]
     if module in _APART and isolated:
         return open_apart(path, options, f"{_HERE}.{module}", function)

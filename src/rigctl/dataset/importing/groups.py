@@ -92,6 +92,7 @@ class GroupedFile:
     damage: tuple[str, ...] = ()  #: what its library finds wrong with the file, though it can read it
     clock: ArrayClock | None = None  #: of times that say when it was
     began: int | None = None  #: time zero, where the file says it apart from its times
+    merged: bool = False  #: its groups are parts of one measurement, with times of their own
 
     @property
     def origin(self) -> int | None:
@@ -170,11 +171,13 @@ def open_groups(
         groups, remarks = _with_time(found, options, noun)
         if not groups:
             raise RigctlError("the file has no data", where=Location(path))
-        _check_alike(path, groups, options, noun)
+        merged = _check_alike(path, groups, options, noun)
         headings = _headings(path, groups, noun)
         headings, clock = _find_clock(groups, headings, options)
     chosen = _chosen(reading, {group.name for group in groups})
-    return GroupedFile(path, headings, chosen, noun, remarks, tuple(dict.fromkeys(damage)), clock)
+    return GroupedFile(
+        path, headings, chosen, noun, remarks, tuple(dict.fromkeys(damage)), clock, None, merged
+    )
 
 
 def _find_clock(
@@ -216,21 +219,23 @@ def _with_time(groups: Sequence[Group], options: Options, noun: str) -> tuple[li
     return timed, tuple(f"{noun} '{name}' has no time and is left out" for name in others)
 
 
-def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: str) -> None:
-    """Records have channels in common; groups that have none are parts of one measurement."""
+def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: str) -> bool:
+    """Records have channels in common; groups that have none are parts of one measurement: which it is."""
     own = [
         {options.ours(column.name) for column in group.columns} - {"time", "record", "-"} for group in groups
     ]
-    if len(groups) > 1 and not set.intersection(*own):
+    parts = len(groups) > 1 and not set.intersection(*own)
+    if parts and options.resample is None:
         listed = ", ".join(f"'{group.name}'" for group in groups[:5]) + (", …" if len(groups) > 5 else "")
         raise RigctlError(
             f"its {noun}s have no channel in common: they are no records, but parts of one measurement with "
             "times of their own",
             value=listed,
             expected=f"one {noun} for each record, with the same channels",
-            hint="Bring the channels to the same times first, or write them to a CSV file",
+            hint="Bring the channels to the same times: --resample '100 ms', say",
             where=Location(path),
         )
+    return parts
 
 
 def _headings(path: Path, groups: Sequence[Group], noun: str) -> tuple[Heading, ...]:

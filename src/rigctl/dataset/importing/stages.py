@@ -11,7 +11,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import Assigned, places_of
+from rigctl.dataset.importing.groups import GroupedFile
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.resampling import resample
 from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
 from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source
 from rigctl.errors import Location, RigctlError
@@ -35,7 +37,8 @@ class Stages:
     @property
     def needed(self) -> bool:
         """Whether the rows are changed at all."""
-        return self.options.times != "refuse" or self.options.split is not None
+        said = self.options
+        return said.times != "refuse" or said.split is not None or said.resample is not None
 
     def parts(self, source: Source) -> Iterator[Part]:
         """The rows of a file, as they are to be checked."""
@@ -49,11 +52,16 @@ class Stages:
                     raise _no_column(split.what or "", [*headings, *numeric], source)
                 record = headings[split.what]
         if not self.needed:
+            self._check_clocks(source)
             yield from source.parts(wanted, record)
             return
         self.remarks = []
+        if self.options.resample is None:
+            self._check_clocks(source)
         time = next(column.place for column in self.assigned if column.kind == "time")
-        for whole in _wholes(source, wanted, record):
+        merged = isinstance(source, GroupedFile) and source.merged
+        wholes = _wholes(source, wanted, record, merged=merged)
+        for whole in self._resampled(wholes):
             if self.options.times == "split":
                 done = split_at_restarts(whole, time)
             else:
@@ -61,6 +69,27 @@ class Stages:
             if split is not None:
                 done = split_rows(done, split, self.assigned, headings)
             yield from _slices(done)
+
+    def _check_clocks(self, source: Source) -> None:
+        """Channels with clocks of their own can only be brought to common ones."""
+        clock = next((column for column in self.assigned if column.kind == "clock"), None)
+        if clock is not None:
+            raise RigctlError(
+                f"{clock.name} has a clock of its own",
+                expected="--resample with a step, '100 ms', or the name of a column whose times are taken",
+                where=clock.heading.where.or_else(Location(source.path)),
+            )
+
+    def _resampled(self, wholes: Iterator[Part]) -> Iterator[Part]:
+        """Files or groups at common times, where the caller asks for it."""
+        to = self.options.resample
+        for whole in wholes:
+            if to is None:
+                yield whole
+                continue
+            made, remarks = resample(whole, self.assigned, to)
+            self.remarks += [remark for remark in remarks if remark not in self.remarks]
+            yield made
 
     def _mended(self, part: Part, time: int) -> Part:
         """Rows whose time does not go on left out, or equal times spread."""
@@ -124,8 +153,12 @@ def _slices(part: Part) -> Iterator[Part]:
         yield piece if start == 0 else replace(piece, faults=(), more_faults=0)
 
 
-def _wholes(source: Source, wanted: Sequence[int], record: int | None) -> Iterator[Part]:
+def _wholes(source: Source, wanted: Sequence[int], record: int | None, *, merged: bool) -> Iterator[Part]:
     """All rows of each file, or of each group of a file that has groups, in one part.
+
+    Parameters
+    ----------
+    merged: groups are parts of one measurement, and come as one.
 
     Raises
     ------
@@ -135,6 +168,8 @@ def _wholes(source: Source, wanted: Sequence[int], record: int | None) -> Iterat
     parts: list[Part] = []
     size = 0
     for part in source.parts(wanted, record):
+        if merged:
+            part = replace(part, labels=None, group="")  # noqa: PLW2901 - the same rows
         if parts and (part.path, part.group) != (parts[0].path, parts[0].group):
             yield joined(parts, wanted)
             parts, size = [], 0

@@ -1,0 +1,114 @@
+"""Files with one value in each row: a time, the name of a channel, and its value."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigctl.dataset.importing.headings import split_heading
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import Fault, Heading, Part, Source
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class LongFile:
+    """A file of single values as a table with a column for each channel; held as a whole.
+
+    Parameters
+    ----------
+    times: (n) of the rows, each once, in the order of the file.
+    values: by the name of the channel, (n) each, NaN where it was not sampled.
+    """
+
+    path: Path
+    headings: tuple[Heading, ...]
+    origin: int | None
+    times: NDArray[np.float64]
+    values: tuple[NDArray[np.float64], ...]
+    lines: NDArray[np.int64]
+    faults: tuple[Fault, ...] = ()
+    more_faults: int = 0
+    remarks: tuple[str, ...] = field(default=())
+
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+        """All rows at once."""
+        columns = {place: self.times if place == 0 else self.values[place - 1] for place in wanted}
+        yield Part(columns, self.lines, None, self.faults, more_faults=self.more_faults)
+
+
+def is_long(source: Source, options: Options) -> bool:
+    """Whether the caller says that a column holds names of channels, and another their values."""
+    ours = {options.ours(heading.name) for heading in source.headings}
+    return {"channel", "value"} <= ours
+
+
+def open_long(source: Source, options: Options) -> LongFile:
+    """The same file as a table with a column for each channel.
+
+    Raises
+    ------
+    RigctlError
+        it has no time, or tells records apart.
+    """
+    import numpy as np
+
+    ours = [options.ours(heading.name) for heading in source.headings]
+    if "time" not in ours or "record" in ours:
+        raise RigctlError(
+            "a file with one value in each row",
+            value=", ".join(heading.name for heading in source.headings),
+            expected="columns mapped to time, channel and value, and none to record (--split)",
+            where=Location(source.path),
+        )
+    time, value, channel = (ours.index(name) for name in ("time", "value", "channel"))
+    names: dict[str, int] = {}
+    times, values, codes, lines = [], [], [], []
+    faults: list[Fault] = []
+    more = 0
+    for part in source.parts([time, value], channel):
+        labels = part.labels
+        if labels is None:
+            continue
+        known = [names.setdefault(text.strip(), len(names)) for text in labels.texts]
+        codes.append(np.array(known, dtype=np.int64)[labels.codes])
+        times.append(part.columns[time])
+        values.append(part.columns[value])
+        lines.append(part.lines)
+        faults += part.faults
+        more += part.more_faults
+    names.pop("", None)
+    every = np.concatenate(times) if times else np.zeros(0)
+    which = np.concatenate(codes) if codes else np.zeros(0, dtype=np.int64)
+    found = np.concatenate(values) if values else np.zeros(0)
+    where = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
+    moments, first, inverse = np.unique(every, return_index=True, return_inverse=True)
+    table = []
+    for code in names.values():
+        column = np.full(len(moments), np.nan)
+        here = which == code
+        column[inverse[here]] = found[here]
+        table.append(column)
+    heading = source.headings[time]
+    unit = options.unit_of(source.headings[value].name) or source.headings[value].unit
+    headings = [heading]
+    for name in names:
+        plain, own = split_heading(name)
+        headings.append(Heading(plain or name, own or unit, Location(source.path)))
+    return LongFile(
+        source.path,
+        tuple(headings),
+        source.origin,
+        moments,
+        tuple(table),
+        where[first],
+        tuple(faults),
+        more,
+        source.remarks,
+    )

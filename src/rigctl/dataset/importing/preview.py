@@ -1,0 +1,209 @@
+"""What an import would read, without making a run: its columns, its records, and the course of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from rigctl.dataset.importing.bring_in import remarks_of, take
+from rigctl.dataset.importing.formats import stem_of
+from rigctl.dataset.importing.observations import Observations
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.samples import Samples, checked
+from rigctl.dataset.importing.survey import RecordFacts
+from rigctl.dataset.importing.table import Fault
+from rigctl.dataset.importing.times import instant
+from rigctl.units import parse_unit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rigctl.rig import Rig
+
+#: points of a course: enough for a picture
+_POINTS: Final = 480
+
+
+@dataclass(frozen=True)
+class ColumnPreview:
+    """One column that would be read.
+
+    Parameters
+    ----------
+    theirs, written: its name and its unit in the file.
+    ours, kind, unit: its name here, what it is (time, channel, command, other), the unit it is kept in.
+    values, missing: numbers of each.
+    low, high: in `unit`; None where there is no value.
+    course: (2, points) smallest and largest value of equal stretches of rows, in `unit`, NaN for none.
+    """
+
+    theirs: str
+    written: str
+    ours: str
+    kind: str
+    unit: str
+    values: int
+    missing: int
+    low: float | None
+    high: float | None
+    course: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RecordPreview:
+    """One record that would be made: times in s of the run."""
+
+    name: str
+    start: float
+    end: float
+    rows: int
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What an import would read.
+
+    Parameters
+    ----------
+    started: when the data begin; None where they do not say it.
+    faults: what is wrong with the first of the `bad_rows`.
+    times: (points) of the courses: the middle of each stretch, s; numbers of rows where time begins again.
+    elapsed: `times` are times.
+    """
+
+    columns: tuple[ColumnPreview, ...]
+    records: tuple[RecordPreview, ...]
+    rows: int
+    started: datetime | None
+    bad_rows: int
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...]
+    times: NDArray[np.float64]
+    elapsed: bool = True
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data, without the courses."""
+        names = ("theirs", "written", "ours", "kind", "unit", "values", "missing", "low", "high")
+        return {
+            "rows": self.rows,
+            "records": [vars(record) for record in self.records],
+            "columns": [{name: getattr(column, name) for name in names} for column in self.columns],
+            "started": None if self.started is None else self.started.isoformat(),
+            "bad_rows": self.bad_rows,
+            "notes": list(self.notes),
+        }
+
+
+def preview_files(paths: Sequence[Path], rig: Rig | None, options: Options) -> Preview:
+    """Read files as an import would, and make nothing.
+
+    Raises
+    ------
+    RigctlError
+        a file cannot be read, or a column is unknown.
+    """
+    taken = take(paths, rig, options, keep_good=True)
+    found = taken.found
+    said = remarks_of(taken, rig, options)
+    origin = taken.source.origin
+    started = None if origin is None else instant(origin, options.zone)
+    columns: tuple[ColumnPreview, ...]
+    times: NDArray[np.float64]
+    records: tuple[RecordPreview, ...]
+    if isinstance(taken, Observations):
+        columns, times, records = _observed(taken), np.zeros(0), ()
+    else:
+        columns, times, records = _sampled(taken)
+    elapsed = not np.any(np.diff(times) <= 0.0)
+    if not elapsed:  # time begins again with a record
+        times = np.asarray(
+            (np.arange(len(times)) + 0.5) * max(found.rows / len(times), 1.0), dtype=np.float64
+        )
+    faults = tuple(found.faults)
+    return Preview(columns, records, found.rows, started, found.bad_rows, faults, said, times, elapsed)
+
+
+def _observed(taken: Observations) -> tuple[ColumnPreview, ...]:
+    made = []
+    for column in taken.assigned:
+        if column.unit is None:
+            continue
+        written = [part.columns[column.place] for part in taken.parts]
+        values = np.concatenate(written) if written else np.zeros(0)
+        si = values * column.unit.factor + (0.0 if column.difference else column.unit.offset)
+        shown = _shown(si, column.shown, difference=column.difference)
+        made.append(
+            _column(column.heading.name, column.heading.unit, column.name, column.kind, column.shown, shown)
+        )
+    return tuple(made)
+
+
+def _sampled(
+    taken: Samples,
+) -> tuple[tuple[ColumnPreview, ...], NDArray[np.float64], tuple[RecordPreview, ...]]:
+    """The columns, the times of their courses and the records; goes through the file as writing would."""
+    width = max(-(-taken.rows // _POINTS), 1)
+    points = -(-taken.rows // width)
+    order = list(taken.layout.columns)
+    lows, highs = np.full((points, len(order)), np.nan), np.full((points, len(order)), np.nan)
+    counts, row = np.zeros(len(order), dtype=np.int64), 0
+    spans: dict[int, list[float]] = {}
+    headings = taken.source.headings
+    for part in taken.kept or checked(taken.source, taken.stages, taken.checker()):
+        bins = (row + np.arange(len(part.block))) // width
+        for place in np.unique(bins).tolist():
+            here = part.block[bins == place]
+            lows[place] = np.fmin(lows[place], np.fmin.reduce(here, axis=0))
+            highs[place] = np.fmax(highs[place], np.fmax.reduce(here, axis=0))
+        counts += (~np.isnan(part.block)).sum(axis=0)
+        row += len(part.block)
+        for stretch in part.stretches:
+            if stretch.record >= 0:
+                times = part.block[stretch.start : stretch.stop, 0]
+                span = spans.setdefault(stretch.record, [float(times[0]), float(times[-1]), 0.0])
+                span[1], span[2] = float(times[-1]), span[2] + len(times)
+    made = []
+    for column in taken.assigned:
+        if column.kind in ("record", "clock"):
+            continue
+        place = order.index(column.name)
+        course = np.vstack([lows[:, place], highs[:, place]])
+        shown = _shown(course, column.shown, difference=column.difference)
+        heading = headings[column.place]
+        entry = _column(heading.name, heading.unit, column.name, column.kind, column.shown, shown)
+        count = int(counts[place])
+        made.append(ColumnPreview(**{**vars(entry), "values": count, "missing": taken.rows - count}))
+    middle = 0.5 * (lows[:, 0] + highs[:, 0])
+    stem = stem_of(taken.source.path)
+    records = tuple(
+        RecordPreview(_name(facts, stem), span[0], span[1], int(span[2]))
+        for facts, span in zip(taken.found.records, [spans[key] for key in sorted(spans)], strict=True)
+    )
+    return tuple(made), middle, records
+
+
+def _name(facts: RecordFacts, stem: str) -> str:
+    """What the record would be called."""
+    return facts.label if isinstance(facts.label, str) else stem
+
+
+def _shown(si: NDArray[np.float64], unit: str, *, difference: bool) -> NDArray[np.float64]:
+    parsed = parse_unit(unit)
+    return (si - (0.0 if difference else parsed.offset)) / parsed.factor
+
+
+def _column(
+    theirs: str, written: str | None, ours: str, kind: str, unit: str, values: NDArray[np.float64]
+) -> ColumnPreview:
+    """A column of some values, its course where they have two rows."""
+    present = values[~np.isnan(values)]
+    low, high = (float(present.min()), float(present.max())) if len(present) else (None, None)
+    course = values if values.ndim == 2 else np.vstack([values, values])
+    return ColumnPreview(
+        theirs, written or "", ours, kind, unit, len(present), len(values) - len(present), low, high, course
+    )

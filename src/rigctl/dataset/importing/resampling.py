@@ -1,0 +1,166 @@
+"""Channels that were sampled by clocks of their own, brought to common times.
+
+What is measured is interpolated between its samples, a command holds until the next one. Nothing is made up
+before the first sample of a channel, behind its last one, or in a gap of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from rigctl.dataset.importing.columns import Assigned
+from rigctl.dataset.importing.splitting import stretches
+from rigctl.dataset.importing.table import Labels, Part
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.units import parse_quantity, read_si
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: a step of a channel's times this much longer than usual is a gap
+_GAP: Final = 5.0
+#: more rows than this are a step given in the wrong unit
+_MOST_ROWS: Final = 50_000_000
+
+
+@dataclass(frozen=True)
+class _Series:
+    """The samples of one column: rising times, values, and the lines where they stand."""
+
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    lines: NDArray[np.int64]
+
+    @property
+    def step(self) -> float:
+        """The usual step of time."""
+        import numpy as np
+
+        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else float("inf")
+
+
+def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, list[str]]:
+    """The rows of a whole file at common times, and what is worth knowing of it.
+
+    Parameters
+    ----------
+    to: a step of time, ``10 ms``, or the name of the column whose times are taken.
+
+    Raises
+    ------
+    RigctlError
+        it is neither, or there would be too many rows.
+    """
+    import numpy as np
+
+    time = next(column for column in assigned if column.kind == "time")
+    scale = time.unit.factor if time.unit is not None else 1.0
+    known = [column for column in assigned if column.kind in ("channel", "command")]
+    leading = _leading(to, known)
+    step = None if leading is not None else read_si(to, "s") / scale
+    if step is not None and step <= 0.0:
+        raise RigctlError("--resample: not a step of time", value=to, expected="more than 0 s")
+    clocks = {column.name: column for column in assigned if column.kind == "clock"}
+    pieces: list[dict[int, NDArray[np.float64]]] = []
+    lines: list[NDArray[np.int64]] = []
+    codes: list[NDArray[np.int64]] = []
+    texts: list[str] = []
+    usual: dict[str, float] = {}
+    for start, stop, text in stretches(part):
+        series = {c.name: _series(part, slice(start, stop), c, time, clocks) for c in known}
+        usual |= {name: one.step for name, one in series.items() if len(one.times) > 1}
+        grid = series[leading.name].times if leading is not None else _grid(series, step or 0.0)
+        piece = {c.place: _at(grid, series[c.name], hold=c.kind == "command") for c in known}
+        piece[time.place] = grid
+        piece |= {clock.place: np.full(len(grid), np.nan) for clock in clocks.values()}
+        pieces.append(piece)
+        lines.append(_lines_at(grid, series))
+        codes.append(np.full(len(grid), len(texts), dtype=np.int64))
+        texts.append(text or "0")
+    columns = {place: np.concatenate([piece[place] for piece in pieces]) for place in part.columns if pieces}
+    named = part.labels is not None and part.labels.named
+    made = replace(
+        part,
+        columns=columns,
+        lines=np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64),
+        labels=None if part.labels is None else Labels(np.concatenate(codes), tuple(texts), named),
+    )
+    slow = [f"{name} (usually every {usual[name] * scale:.4g} s)" for name in usual]
+    where = f"those of {leading.name}" if leading is not None else f"every {to}"
+    return made, [f"brought to common times, {where}, interpolated between samples: {', '.join(slow)}"]
+
+
+def _leading(to: str, known: Sequence[Assigned]) -> Assigned | None:
+    """The column whose times are taken; None where `to` is a step."""
+    found = next((column for column in known if to in (column.name, column.heading.name)), None)
+    if found is not None:
+        return found
+    try:
+        parse_quantity(to)
+    except RigctlError:
+        raise unknown_name("column to resample by", to, [column.name for column in known]) from None
+    return None
+
+
+def _series(
+    part: Part, rows: slice, column: Assigned, time: Assigned, clocks: Mapping[str, Assigned]
+) -> _Series:
+    import numpy as np
+
+    clock = clocks.get(column.name)
+    times = part.columns[(clock or time).place][rows]
+    if clock is not None and clock.unit is not None and time.unit is not None:
+        times = times * (clock.unit.factor / time.unit.factor)
+    values, lines = part.columns[column.place][rows], part.lines[rows]
+    good = ~(np.isnan(times) | np.isnan(values))
+    order = np.argsort(times[good], kind="stable")
+    times, values, lines = times[good][order], values[good][order], lines[good][order]
+    rising = np.concatenate([[True], np.diff(times) > 0.0]) if len(times) else np.zeros(0, dtype=bool)
+    return _Series(times[rising], values[rising], lines[rising])
+
+
+def _grid(series: Mapping[str, _Series], step: float) -> NDArray[np.float64]:
+    """Multiples of a step, from the first sample of any column to the last."""
+    import numpy as np
+
+    ends = [(one.times[0], one.times[-1]) for one in series.values() if len(one.times)]
+    if not ends:
+        return np.zeros(0)
+    first = np.ceil(min(start for start, _ in ends) / step - 1e-9)
+    last = np.floor(max(stop for _, stop in ends) / step + 1e-9)
+    if last - first > _MOST_ROWS:
+        raise RigctlError(
+            "--resample: too many rows", value=f"{last - first:.0f}", expected=f"at most {_MOST_ROWS}"
+        )
+    return np.asarray(np.arange(first, last + 1.0) * step)
+
+
+def _at(grid: NDArray[np.float64], series: _Series, *, hold: bool) -> NDArray[np.float64]:
+    """The values of a column at other times."""
+    import numpy as np
+
+    if not len(series.times):
+        return np.full(len(grid), np.nan)
+    before = np.searchsorted(series.times, grid, side="right") - 1
+    if hold:
+        return np.where(before >= 0, series.values[np.maximum(before, 0)], np.nan)
+    found = np.interp(grid, series.times, series.values, left=np.nan, right=np.nan)
+    inside = (before >= 0) & (before < len(series.times) - 1)
+    at = np.minimum(np.maximum(before, 0), max(len(series.times) - 2, 0))
+    if len(series.times) > 1:
+        wide = (series.times[at + 1] - series.times[at]) > _GAP * series.step
+        found = np.where(inside & wide & (grid > series.times[at]), np.nan, found)
+    return np.asarray(found)
+
+
+def _lines_at(grid: NDArray[np.float64], series: Mapping[str, _Series]) -> NDArray[np.int64]:
+    """The line of the last sample before each time, of the column that has most."""
+    import numpy as np
+
+    best = max(series.values(), key=lambda one: len(one.times))
+    if not len(best.times):
+        return np.zeros(len(grid), dtype=np.int64)
+    return best.lines[np.maximum(np.searchsorted(best.times, grid, side="right") - 1, 0)]
