@@ -25,6 +25,8 @@ from rigctl.physics.scope import Scope
 
 #: a lag is regular down to this share of the family's shortest time
 _RESOLUTION = 1e-3
+#: exponent of Bouc and Wen's law: 1 is a gradual turn, infinity play; it must be odd
+_SHARP = 5
 
 
 def at_reading(family: ModelFamily, place: Reading, sizes: Magnitudes) -> Iterator[Effect]:
@@ -176,31 +178,38 @@ class _Made:
         )
 
     def hysteresis(self) -> Effect:
+        """Play: while the truth turns the reading stays. Its side at the start is unknown."""
         pace = self.span / self.time
+
+        def side(p: Own) -> Scalar:
+            return p.play + p.side
 
         def rate(m: Scope, p: Own) -> Scalar:
             speed = self.place.rate(m)
-            return (speed - speed * sign(speed, constant_like(1e-3 * pace, speed)) * p.play) / p.distance
+            size = speed * sign(speed, constant_like(1e-3 * pace, speed))
+            return (speed - size * side(p) ** _SHARP) / p.distance
 
         return self.effect(
             "hysteresis",
             f"The reading {self.name} hangs behind: play, or hysteresis of the sensor.",
-            f"w = −b·z, dz/dt = (d{self.name}/dt − |d{self.name}/dt|·z)/s",
-            lambda m, p: -(p.size * p.play),
+            f"w = c − b·z, dz/dt = (d{self.name}/dt − |d{self.name}/dt|·z^{_SHARP})/s",
+            lambda m, p: p.zero - p.size * side(p),
             (
                 one_sign("size", self.unit, 0.01 * self.span, "b, half of the play"),
+                either_sign("zero", self.unit, 0.01 * self.span, "c, where in the play it was zeroed"),
                 shape(
                     "distance",
                     self.unit,
                     0.02 * self.span,
-                    "s, over which it turns",
+                    "s, over which it turns; b where it is play",
                     within=f"length of {self.name}",
-                    shares=(0.005, 0.02, 0.1),
+                    shares=(0.003, 0.01, 0.03, 0.1),
                 ),
+                shape("side", "1", 0.0, "z where a record begins", grid=(-1.0, 1.0), low=-1.0, high=1.0),
             ),
             "The same value is read differently on the way up and on the way down.",
-            states=(EffectState("play", "1", 0.1, rate, "z, which side of the play, −1 to 1"),),
-            confused=("lag",),
+            states=(EffectState("play", "1", 0.1, rate, "z less where it began, z from −1 to 1"),),
+            confused=("lag", "offset"),
             needs="reversals",
         )
 
