@@ -60,7 +60,7 @@ class JournalWriter:
         self._width = len(columns)
         self._frame_bytes = _FRAME_BYTES - _FRAME_BYTES % (8 * len(columns))
         self._waiting = bytearray()
-        self._file = path.open("xb", buffering=0)
+        self._file = path.open("x+b", buffering=0)
         self._whole = 0  # bytes of the file that are whole frames
         self._frames = self._rows = 0
         first = json.dumps({**facts, "columns": list(columns)}, ensure_ascii=False).encode("utf-8")
@@ -113,6 +113,20 @@ class JournalWriter:
         """Close the file without flushing; idempotent."""
         self._file.close()
 
+    def in_place(self) -> bool:
+        """False when what is written arrives in no folder any more: it was deleted, moved or unmounted."""
+        return same_file(self._file, self.path)
+
+    def take_over(self, other: JournalWriter, *, read_back: bool) -> None:
+        """Go on where another journal cannot, with all that it has, or with what still waits."""
+        content = everything_in(other._file) if read_back else None
+        if content is not None:
+            self._file.seek(0)
+            write_fully(self._file, content)
+            self._whole = len(content)
+        self._frames, self._rows = other._frames, other._rows
+        self._waiting = bytearray(other._waiting)
+
     def _write(self, *parts: bytes | bytearray | memoryview) -> None:
         """Write all parts or none: a frame torn by a full disk would hide every later one."""
         try:
@@ -134,6 +148,25 @@ def write_fully(file: Any, part: bytes | bytearray | memoryview) -> None:
         if not more:
             raise OSError("no bytes could be written")
         written += more
+
+
+def same_file(file: Any, path: Path) -> bool:
+    """Whether an open file is the one that a path leads to."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        return False
+
+
+def everything_in(file: Any) -> bytes | None:
+    """What an open file holds, even one that was deleted; None where it cannot be read any more."""
+    try:
+        file.seek(0)
+        content: bytes = file.read()
+        file.seek(0, os.SEEK_END)
+    except OSError:
+        return None
+    return content
 
 
 def _frame_header(number: int, first_row: int, payload: bytes | memoryview) -> bytes:

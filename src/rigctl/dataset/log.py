@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
-from rigctl.dataset.journal import write_fully
+from rigctl.dataset.journal import everything_in, same_file, write_fully
 from rigctl.errors import ExitCode, Location, RigctlError
 
 NAME: Final = "log.jsonl"
@@ -70,7 +70,7 @@ class LogWriter:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._waiting: list[bytes] = []
-        self._file = path.open("ab", buffering=0)
+        self._file = path.open("a+b", buffering=0)
         self._whole = whole_length(path)
         self._file.truncate(self._whole)
 
@@ -104,6 +104,19 @@ class LogWriter:
     def close(self) -> None:
         """Close the file without flushing; idempotent."""
         self._file.close()
+
+    def in_place(self) -> bool:
+        """False when what is written arrives in no folder any more."""
+        return same_file(self._file, self.path)
+
+    def take_over(self, other: LogWriter, *, read_back: bool, otherwise: bytes) -> None:
+        """Go on where another log cannot; with all that it has, or `otherwise` and what still waits."""
+        content = everything_in(other._file) if read_back else None
+        content = otherwise if content is None else content
+        self._file.truncate(0)
+        write_fully(self._file, content)
+        self._whole = len(content)
+        self._waiting = list(other._waiting)
 
 
 def whole_length(path: Path) -> int:

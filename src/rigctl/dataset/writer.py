@@ -62,6 +62,7 @@ class RunWriter:
             {"run": header.id, "session": session.number, "offset": session.offset},
         )
         self._pack_row = self._journal.append
+        self._session = session
         self._next_record = session.next_record
         self._record = -1
         self._record_rows = 0
@@ -245,8 +246,8 @@ class RunWriter:
         if self._record < 0:
             raise ValueError("no record is open")
         closed = {"state": "closed", "record": self._record, "outcome": outcome}
-        self.event(time, "record", **closed, rows=self._record_rows)
         self._record = -1
+        self.event(time, "record", **closed, rows=self._record_rows)
         if self._failure is None:
             self.flush(sync=monotonic() >= self._synced + _SYNC_AFTER)
 
@@ -303,6 +304,62 @@ class RunWriter:
         finally:
             self._lock.release()
         return self.folder
+
+    @property
+    def closed(self) -> bool:
+        """True once `close` has been called."""
+        return self._closed
+
+    def warnings(self) -> Sequence[str]:
+        """What is to be said of the disk since the last call: nothing, whoever calls waits for it."""
+        return ()
+
+    @property
+    def next_record(self) -> int:
+        """Index that the next record will have."""
+        return self._next_record
+
+    def in_place(self) -> bool:
+        """False when the run's folder was deleted, moved or unmounted under this writer."""
+        return self._journal.in_place() and self._log.in_place()
+
+    def successor(self, folder: Path, *, read_back: bool) -> RunWriter:
+        """A writer that goes on with this session in another folder, which must not exist.
+
+        Parameters
+        ----------
+        folder: of the same name as this run's.
+        read_back: whether what was written is copied from the open files. Where it cannot be read, or must
+            not be tried since the disk hangs, only what still waits goes on there.
+
+        Raises
+        ------
+        RigctlError, OSError
+            that folder cannot be written to either.
+        """
+        folder.mkdir(parents=True)
+        named = self.header.to_json()
+        write_info(folder, {**named, "status": RUNNING, "reason": None})
+        begun = log.protected_line({"time": 0.0, "kind": "run", "header": named})
+        (folder / log.NAME).write_bytes(begun + b"\n")
+        session = _Session(self._session.number, self._session.offset, self._next_record)
+        writer = RunWriter(folder, lock_folder(folder), self.header, session)
+        writer._journal.take_over(self._journal, read_back=read_back)
+        # a line that is no line of a log: what stood there is lost, and counted as such
+        facts = {"time": 0.0, "kind": "session", **_session_facts(self.header, session)}
+        gone = b"\n".join([begun, log.protected_line(facts), b"(earlier lines)", b""])
+        writer._log.take_over(self._log, read_back=read_back, otherwise=gone)
+        writer._record, writer._record_rows = self._record, self._record_rows
+        writer._last_row, writer._last_event = self._last_row, self._last_event
+        return writer
+
+    def release(self) -> None:
+        """Let the files and the folder go as they are, for a successor goes on; never raises."""
+        self._closed = True
+        for file in (self._journal, self._log):
+            with suppress(OSError):
+                file.close()
+        self._lock.release()
 
     def discard(self) -> None:
         """Give up a run that has just been made, folder and all: for data that comes in whole or not at all.
@@ -365,20 +422,23 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
         raise
 
 
+def _session_facts(header: RunHeader, session: _Session) -> dict[str, Any]:
+    """What the log says of a session at its beginning."""
+    facts = header.to_json()
+    return {
+        "session": session.number,
+        "offset": session.offset,
+        **{key: facts[key] for key in ("started", "operator", "backend", "clock", "seed", "versions")},
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
 def _begin(folder: Path, header: RunHeader, session: _Session) -> RunWriter:
     """Take the folder's lock, open the two files and say that a session begins."""
     lock = lock_folder(folder)
     try:
         writer = RunWriter(folder, lock, header, session)
-        facts = header.to_json()
-        writer.event(
-            0.0,
-            "session",
-            session=session.number,
-            offset=session.offset,
-            **{key: facts[key] for key in ("started", "operator", "backend", "clock", "seed", "versions")},
-            written=datetime.now(UTC).isoformat(timespec="seconds"),
-        )
+        writer.event(0.0, "session", **_session_facts(header, session))
         writer.flush()
         if session.number:
             write_info(folder, {**read_info(folder), "status": RUNNING, "reason": None})

@@ -21,10 +21,12 @@ from rigctl.dataset import (
     new_run_id,
     source_of_rig,
 )
+from rigctl.dataset.background import BackgroundWriter
 from rigctl.errors import RigctlError
 from rigctl.planning.rates import refuse_rates
 from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig
+from rigctl.runner.aside import beside
 from rigctl.runner.drive import RESPONSE
 from rigctl.runner.lock import RigLock
 from rigctl.runner.operator import Operator
@@ -165,11 +167,12 @@ def carry_out(
     controls = list(how.controls)
     if lock is not None:
         lock.run = writer.folder
-        controls.append(lock)
+        controls.append(beside(lock, backend.clock))
+    real = math.isfinite(backend.clock.speed)  # nobody waits for a disk in virtual time
     return run(
         plan,
         backend,
-        writer,
+        BackgroundWriter(writer) if real else writer,
         operator=how.operator,
         controls=controls,
         observer=how.observer,

@@ -14,6 +14,7 @@ from rigctl.backends.protocol import Sample
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 from rigctl.procedure import Plan, expand, parse_procedure
 from rigctl.rig import Rig
+from rigctl.runner.aside import beside
 from rigctl.runner.control import send
 from rigctl.runner.interlocks import Alarm, Interlocks
 from rigctl.runner.launch import UNREAL, Launch, held, opened
@@ -82,7 +83,7 @@ def jog(
     """
     plan = _plan_of_jog(rig, actuator, value, duration)
     with held(rig, f"'rigctl jog {actuator}'", how) as lock, opened(rig, how) as backend:
-        controls = [*how.controls, *([lock] if lock is not None else [])]
+        controls = [*how.controls, *([beside(lock, backend.clock)] if lock is not None else [])]
         result = run(
             plan,
             backend,

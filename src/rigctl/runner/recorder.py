@@ -57,6 +57,10 @@ class Recorder(Protocol):
         """End the open record."""
         ...
 
+    def warnings(self) -> Sequence[str]:
+        """What is to be said of the disk since the last call."""
+        ...
+
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path | None:
         """End the run; `unconfirmed` names the outputs that may still be on."""
         ...
@@ -105,6 +109,10 @@ class Unrecorded:
 
     def close_record(self, time: float, outcome: str) -> None:
         """There are no records here."""
+
+    def warnings(self) -> Sequence[str]:
+        """There is no disk here."""
+        return ()
 
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> None:
         """Nothing to close."""

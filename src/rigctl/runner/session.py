@@ -10,6 +10,7 @@ from pathlib import Path
 from rigctl.backends.protocol import Backend
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.procedure.plan import Plan
+from rigctl.runner.aside import beside
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
 from rigctl.runner.control import ControlFile
@@ -130,7 +131,9 @@ class _Session:
             finish=lambda: self._lifecycle.send("finish"),
             completed=self._resume.completed,
         )
-        self._controls: list[Control] = [ControlFile(writer.folder)] if writer.folder is not None else []
+        self._controls: list[Control] = []
+        if writer.folder is not None:
+            self._controls.append(beside(ControlFile(writer.folder), backend.clock))
         self._observer: Observer | None = None
         self._secured: Ending | None = None
         self._first: Ending | None = None
@@ -271,6 +274,9 @@ class _Session:
 
     def _tick(self) -> None:
         """Tell whoever looks on; one that fails is not told again."""
+        for text in self._writer.warnings():
+            self._bench.event("note", text)
+            self._sampling.note(self._bench.now, "note", text)
         if self._observer is None and not self._controls:
             return
         view = self._view()

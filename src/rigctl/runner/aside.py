@@ -1,0 +1,80 @@
+"""Requests and heartbeats in files, looked after by a thread: a slow disk must not hold up the loop."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+
+from rigctl.clock import Clock
+from rigctl.runner.requests import Control, Order
+from rigctl.runner.view import View
+
+_LOOK = 0.05  # s of wall time between two looks
+_ENDS_WITHIN = 2.0  # s; a disk that hangs must not keep the program from ending
+
+
+class Aside:
+    """A `Control` whose every method returns at once; `control` is used by its thread only.
+
+    Signs of life still come from the loop: what `publish` was not called for is not published.
+    """
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+        self._orders: deque[Order] = deque()
+        self._answers: deque[tuple[Order, str]] = deque()
+        self._view: View | None = None
+        self._wake = threading.Event()
+        self._ended = False
+        self._thread = threading.Thread(target=self._work, name="requests", daemon=True)
+        self._thread.start()
+
+    def poll(self) -> Sequence[Order]:
+        """Requests that have come since the last call."""
+        found = []
+        while self._orders:
+            found.append(self._orders.popleft())
+        return found
+
+    def acknowledge(self, order: Order, message: str) -> None:
+        """Tell the one who asked, soon."""
+        self._answers.append((order, message))
+        self._wake.set()
+
+    def publish(self, view: View) -> None:
+        """Publish the newest view; one that was not published in time is left out."""
+        self._view = view
+
+    def close(self) -> None:
+        """Publish what is left and end; waits for a disk that hangs no longer than two seconds."""
+        self._ended = True
+        self._wake.set()
+        self._thread.join(_ENDS_WITHIN)
+
+    def _work(self) -> None:
+        while True:
+            ending = self._ended
+            with suppress(Exception):  # neither files nor locks may end a run
+                self._once()
+            if ending:
+                break
+            self._wake.wait(_LOOK)
+            self._wake.clear()
+        with suppress(Exception):
+            self._control.close()
+
+    def _once(self) -> None:
+        view, self._view = self._view, None
+        if view is not None:
+            self._control.publish(view)
+        while self._answers:
+            self._control.acknowledge(*self._answers.popleft())
+        self._orders.extend(self._control.poll())
+
+
+def beside(control: Control, clock: Clock) -> Control:
+    """The control in a thread of its own where time is real; in virtual time nobody waits for a disk."""
+    return Aside(control) if math.isfinite(clock.speed) else control

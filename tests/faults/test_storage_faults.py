@@ -1,0 +1,53 @@
+"""A runs folder that is deleted under a run in real time: said at once, and the samples go elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rigctl.dataset import open_run, verify
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="open files cannot be deleted there")
+def test_a_runs_folder_that_is_deleted_ends_the_run_and_names_where_the_samples_are(tmp_path: Path) -> None:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    text = (
+        "procedure: p\nrig: rigs/heater-board.yaml\nsteps:\n  - set: {heater_1: 60 %}\n"
+        "  - record: {name: r, rate: 100 Hz}\n    do: [wait: 1 h]\n"
+    )
+    (tmp_path / "p.yaml").write_text(text, encoding="utf-8")
+    home = str(tmp_path / "home")
+    with subprocess.Popen(
+        [sys.executable, "-m", "rigctl", "simulate", "p.yaml", "--speed", "1x", "--json"],
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": home, "XDG_DATA_HOME": home},
+    ) as run:
+        try:
+            while not list((tmp_path / "runs").glob("2*/samples.journal")):
+                time.sleep(0.02)
+                assert run.poll() is None, run.communicate()
+            time.sleep(4.0)
+            (tmp_path / "runs").rename(tmp_path / "gone")  # in one step: the run writes files all the time
+            shutil.rmtree(tmp_path / "gone", ignore_errors=True)
+            out, err = run.communicate(timeout=120)
+        finally:
+            run.kill()
+    answer = json.loads(out)
+    assert (answer["exit_code"], answer["status"], answer["unconfirmed"]) == (1, "failed", None), err
+    assert "the run's folder is gone; samples are kept in" in answer["reason"]
+    kept = Path(answer["path"])
+    assert home in str(kept)
+    assert verify(kept).good
+    samples = open_run(kept).samples(record=0)
+    assert float(samples["time"].iloc[-1] - samples["time"].iloc[0]) > 0.5
