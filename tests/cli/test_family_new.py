@@ -152,3 +152,44 @@ def test_mistakes(empty: Path, arguments: list[str], said: str) -> None:
 def test_nothing_is_overwritten() -> None:
     told("family", "new", "x", "--template", "heater")
     assert "already there" in refusal("family", "new", "x", "--template", "motor")
+
+
+def test_a_logger_s_own_dates_signs_and_words(empty: Path) -> None:
+    def row(k: int) -> str:
+        speed = f"{1000.0 * (1.0 - np.exp(-max(0, k - 10) / 8.0)):.2f}".replace(".", ",")
+        return f"2026-03-01 10:00:{k / 2:04.1f};{'6,0' if k > 10 else '0,0'};{speed};Motor kalt"
+
+    text = "\n".join(["Zeit;Spannung (V);Drehzahl (U/min);Notiz", *map(row, range(100))]) + "\n"
+    (empty / "log.csv").write_text(text, encoding="utf-8")
+    done = answer("family", "new", "antrieb", "--csv", "log.csv", "--template", "motor")
+    assert {c["name"]: c["role"] for c in done["columns"]} == {"spannung": "input", "drehzahl": "output"}
+    assert done["fit"]["outputs"]["drehzahl"]["rmse"] < 10.0
+    follow(done["next"][:1])
+    assert open_run("latest").record(0).channels["drehzahl"].size == 100
+
+
+def test_names_that_mean_something_else_are_changed_and_mapped(empty: Path) -> None:
+    rows = [f"{k},{k // 10 % 2},{np.sin(k):.3f},{k % 3}" for k in range(40)]
+    (empty / "n.csv").write_text(
+        "\n".join(["time [s],rest [V],pi [V],Pi [V]", *rows]) + "\n", encoding="utf-8"
+    )
+    done = answer("family", "new", "names", "--csv", "n.csv", "--no-fit")
+    assert [c["name"] for c in done["columns"]] == ["rest_value", "pi_value", "pi_value_2"]
+    follow(done["next"][:1])
+
+
+def test_records_of_a_file_are_kept_apart(empty: Path) -> None:
+    def row(r: int, k: int) -> str:
+        y = 20.0 + 5.0 * (r + 1) * (1.0 - np.exp(-max(0, k - 5) / 8.0))
+        return f"{0.5 * k},{r},{r + 1 if k > 5 else 0},{y:.3f}"
+
+    rows = [row(r, k) for r in range(3) for k in range(60)]
+    (empty / "r.csv").write_text(
+        "\n".join(["time [s],record,u [V],y [degC]", *rows]) + "\n", encoding="utf-8"
+    )
+    done = answer("family", "new", "steps", "--csv", "r.csv", "--no-fit")
+    model = (empty / done["model"]).read_text(encoding="utf-8")
+    assert float(model.partition("time_constant: {value: ")[2].partition(" ")[0]) == pytest.approx(
+        4.0, rel=0.15
+    )
+    assert float(model.partition("gain: {value: ")[2].partition(" ")[0]) == pytest.approx(5.0, rel=0.05)

@@ -38,7 +38,7 @@ class FirstFit:
     def lines(self) -> list[str]:
         """What a person reads."""
         found = [
-            f"first fit: {name} within {value:.3g} {self.units[name]} (RMSE), "
+            f"first fit: {name} within {f'{value:.3g} {self.units[name]}'.strip()} (RMSE), "
             f"{value / self.span[name]:.1%} of its range"
             for name, value in self.rmse.items()
             if self.span[name] > 0.0

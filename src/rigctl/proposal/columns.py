@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rigctl.dataset.importing.table import Heading, Part, Source
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.physics.formulas import reserved_names
 from rigctl.units import Unit, parse_unit
 
 Floats = NDArray[np.float64]
@@ -122,6 +123,9 @@ def read_table(path: Path, units: Mapping[str, str]) -> Table:
     from rigctl.dataset.importing.options import Options
 
     source = open_source(path, Options())
+    clock = next((h.name for h in source.headings if h.name.strip().casefold() in _TIMES), None)
+    if clock is not None:  # it may be written as a date, which only a time is read from
+        source = open_source(path, Options(columns={clock: "time"}))
     found = [_heading(heading, units) for heading in source.headings]
     _check_units(units, found)
     lower = [heading.plain.strip().casefold() for heading in found]
@@ -129,6 +133,7 @@ def read_table(path: Path, units: Mapping[str, str]) -> Table:
     record = next((place for place, name in enumerate(lower) if name in _RECORDS), None)
     unused = {place for place, heading in enumerate(source.headings) if heading.spent or not heading.name}
     wanted = [place for place in range(len(found)) if place != record and place not in unused]
+    everything, wanted = wanted, _with_numbers(source, wanted)
     values, codes = _rows(source, wanted, record)
     times = None
     if time is not None:
@@ -136,9 +141,12 @@ def read_table(path: Path, units: Mapping[str, str]) -> Table:
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
     columns, renamed = list[Column](), list[str]()
     if time is not None and (found[time].name.casefold() != "time" or not found[time].stated):
-        renamed.append(f"{found[time].name}=time [{found[time].unit or 's'}]")
-    if record is not None and found[record].name != "record":
+        unit = "" if source.headings[time].seconds else f" [{found[time].unit or 's'}]"
+        renamed.append(f"{found[time].name}=time{unit}")
+    if record is not None and found[record].name.casefold() != "record":
         renamed.append(f"{found[record].name}=record")
+    numbers = set(wanted)
+    renamed += [f"{found[place].name}=-" for place in everything if place not in numbers]
     for place in wanted:
         if place == time:
             continue
@@ -193,6 +201,16 @@ def _check_units(units: Mapping[str, str], found: Iterable[_Heading]) -> None:
             raise unknown_name("--unit: column", name, known)
 
 
+def _with_numbers(source: Source, wanted: list[int]) -> list[int]:
+    """The columns that hold numbers: one of texts would make every row unreadable."""
+
+    def readable(places: list[int]) -> bool:
+        part = next(iter(source.parts(places, None)), None)
+        return part is not None and len(part.lines) > 0
+
+    return wanted if readable(wanted) else [place for place in wanted if readable([place])]
+
+
 def _rows(
     source: Source, wanted: list[int], record: int | None
 ) -> tuple[dict[int, Floats], NDArray[np.int64]]:
@@ -232,13 +250,16 @@ def _plain_name(text: str) -> str:
     """A name that an expression can use: ``Motor Speed`` is ``motor_speed``."""
     name = re.sub(r"[^a-z0-9]+", "_", text.strip().casefold()).strip("_")
     name = name if name[:1].isalpha() else f"channel_{name}".strip("_")
-    return f"{name}_value" if name in _RESERVED else name[:60]
+    return f"{name}_value" if name in _RESERVED or name in reserved_names() else name[:60]
 
 
-#: what formulas and tables mean by these
+#: what tables, formulas and the templates themselves mean by these
 _RESERVED: Final = frozenset(
     (  # noqa: SIM905
         "time record and or not true false abs min max sqrt exp log tanh first last mean std duration total "
-        "factor before after rate"
+        "factor before after rate total constant option table rest gain time_constant natural_frequency "
+        "damping_ratio drive mass damping stiffness extra_force resistance motor_constant inertia friction "
+        "inductance extra_torque voltage_error pump_gain corner gravity discharge_coefficient heat_capacity "
+        "conductance extra_heat rated_power at_rest linear quadratic loss"
     ).split(" ")
 )
