@@ -47,6 +47,22 @@ def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
     same_samples(strokes, open_run(again["path"]))
 
 
+def test_an_mdf_file_says_when_its_data_were_measured_and_not_when_it_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from asammdf import MDF
+
+    monkeypatch.setattr(formats, "isolated", False)
+    Path("log.csv").write_text("time,position [mm]\n2020-05-01T12:00:00Z,1\n2020-05-01T12:00:01Z,2\n")
+    first = answer("import", "log.csv", *RIG)
+    answer("export", first["run"], "-o", "out.mf4")
+    with MDF("out.mf4") as made:
+        assert made.header.start_time.timestamp() == 1588334400.0
+    again = open_run(answer("import", "out.mf4", *RIG)["path"])
+    assert again.header.started == open_run(first["path"]).header.started
+    assert again.record(0).time.tolist() == [0.0, 1.0]
+
+
 @pytest.mark.parametrize("ending", ["tdms", "mf4"])
 def test_a_large_file_is_read_piece_by_piece(
     strokes: Run, ending: str, monkeypatch: pytest.MonkeyPatch

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from asammdf import MDF, Signal
 from hypothesis import HealthCheck, given, settings
@@ -188,3 +190,30 @@ def test_a_file_that_was_cut_off(tmp_path: Path, rig: Rig, hurried: None) -> Non
     path.write_bytes(content[: len(content) // 2])
     assert "log.mf4: " in refusal(path, rig)
     assert not list(Path(tempfile.gettempdir()).glob("rigctl-import-*/facts.json"))
+
+
+def test_a_mat_file_that_crashes_the_library(tmp_path: Path, rig: Rig) -> None:
+    """Found by changing bytes of a sound file: SciPy ends the interpreter over it, signal 7 or 11."""
+    path = tmp_path / "log.mat"
+    path.write_bytes((HERE / "crashes_scipy.mat").read_bytes())
+    assert "log.mat: the file is" in refusal(path, rig)
+
+
+@given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=6))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_parquet_file_with_changed_bytes_is_a_run_or_one_message(
+    rig: Rig, changes: list[tuple[int, int]]
+) -> None:
+    stream = io.BytesIO()
+    times = np.arange(50) * 0.01
+    pq.write_table(pa.table({"time [s]": times, "position [mm]": np.sin(times)}), stream)
+    content = bytearray(stream.getvalue())
+    for place, byte in changes:
+        content[place % len(content)] = byte
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.parquet"
+        path.write_bytes(content)
+        try:
+            import_file(path, rig, Path(folder) / "runs", options=Options(resample="20 ms"))
+        except RigctlError as problem:
+            assert str(problem)

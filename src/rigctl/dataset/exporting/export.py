@@ -78,7 +78,7 @@ def export_run(
     if wanted not in TABLES:
         raise unknown_name("table", wanted, TABLES)
     require_output(path, force=overwrite, option="--overwrite")
-    content = _table(run, wanted, records)
+    content = _table(run, wanted, records).replace_schema_metadata({"started": run.info["started"]})
     disarmed = 0
     if disarm and suffix == ".csv":
         content, disarmed = disarmed_texts(content)

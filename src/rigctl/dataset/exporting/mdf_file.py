@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,10 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
     except ImportError as problem:
         raise missing_extra("mdf", "asammdf", path) from problem
 
+    started = (table.schema.metadata or {}).get(b"started")
     with path.open("wb") as file, MDF(version="4.10") as made:
+        if started is not None:  # else the file would say that it was measured when it was written
+            made.header.start_time = datetime.fromisoformat(started.decode("utf-8"))
         for piece in pieces(table, names, title):
             times = next(column.values for column in piece.columns if column.name == "time")
             signals = [

@@ -138,7 +138,7 @@ def _reading(path: Path) -> Iterator[pq.ParquetFile]:
     try:
         with pq.ParquetFile(path) as file:
             yield file
-    except (OSError, pa.ArrowException) as problem:
+    except (OSError, pa.ArrowException, ValueError, LookupError) as problem:  # names that are no text, too
         missing = isinstance(problem, FileNotFoundError)
         what = "there is no such file" if missing else "the file is no Parquet file, or it is damaged"
         raise RigctlError(what, where=Location(path)) from problem

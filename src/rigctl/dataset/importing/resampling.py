@@ -80,7 +80,9 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
         lines.append(_lines_at(grid, series))
         codes.append(np.full(len(grid), len(texts), dtype=np.int64))
         texts.append(text or "0")
-    columns = {place: np.concatenate([piece[place] for piece in pieces]) for place in part.columns if pieces}
+    if not pieces:  # no rows, only what is wrong with the file
+        return part, []
+    columns = {place: np.concatenate([piece[place] for piece in pieces]) for place in part.columns}
     named = part.labels is not None and part.labels.named
     made = replace(
         part,
