@@ -11,15 +11,19 @@ from rigctl.model.measured.noise import noise_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 
 
-def record(index: int, values: np.ndarray, *, row: bool = False) -> MeasuredRecord:
+def record(
+    index: int, values: np.ndarray, *, row: bool = False, switched: float | None = None
+) -> MeasuredRecord:
+    """One a second; its input goes to 1 at the time `switched`."""
+    times = np.zeros(1) if switched is None else np.array([0.0, switched])
     return MeasuredRecord(
         run="r",
         index=index,
         label=f"r/{index + 1}",
         times=np.arange(float(values.size)),
-        switch_times=np.zeros(1),
-        switch_half=np.zeros(1),
-        inputs=np.zeros((1, 1)),
+        switch_times=times,
+        switch_half=np.zeros(times.size),
+        inputs=np.arange(float(times.size))[:, None],
         values=values[:, None],
         condition={"oil": 300.0 + index},
         group=index,
@@ -40,7 +44,12 @@ def test_spikes_and_edges_are_counted_in_the_records_that_were_chosen() -> None:
         values[0][place] += 0.02
     values[1][200] += 0.02
     values[2][200:] += 0.05  # an edge within one sample
-    noise = noise_of(measured([record(k, one) for k, one in enumerate(values)]))
+    switched = (None, None, 200.0)
+    noise = noise_of(
+        measured(
+            [record(k, one, switched=at) for k, (one, at) in enumerate(zip(values, switched, strict=True))]
+        )
+    )
     channel = noise.model.channels[0]
     assert (channel.masked, channel.statement.endswith("; 4 spikes masked")) == (4, True)
     assert channel.edges > 0

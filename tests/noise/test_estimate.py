@@ -44,6 +44,7 @@ def test_sigma_and_correlation_are_unbiased(bench_truth, rho: float) -> None:
         records = bench_truth.measured(seed, rho)
         noise = estimate_noise(records, NAMES)
         assert {channel.source for channel in noise.channels} == {"quiet"}
+        assert [channel.law for channel in noise.channels] == [None] * len(NAMES)
         assert not noise.guessed
         sigmas.append(noise.sigma / SIGMA)
         rhos.append([channel.correlation for channel in noise.channels])

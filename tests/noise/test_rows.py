@@ -115,7 +115,7 @@ def test_whitening_divides_by_the_share_of_each_value() -> None:
     noise = NoiseModel((ChannelNoise("nu", 1e-6, share=0.01),), 1.0)
     values = np.array([[85e-6], [9e-6], [0.0]])
     ok = np.array([[True], [True], [False]])
-    whitener = whiten(noise, np.arange(3.0), ok, values)
+    whitener = whiten(noise, np.arange(3.0), ok, sigma=noise.sigma_at(values))
     assert whitener(np.array([[0.85e-6], [0.18e-6], [1.0]])) == pytest.approx([1.0, 2.0])
     assert whitener.log_determinant == pytest.approx(2.0 * np.log(0.85e-6 * 0.09e-6))
     assert noise.sigma_at(values)[:, 0] == pytest.approx([0.85e-6, 0.09e-6, 1e-6])

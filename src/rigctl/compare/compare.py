@@ -173,15 +173,15 @@ def _notes(fitted: FitResult) -> list[str]:
     """What is to be known of the data and the fit before a verdict is believed."""
     problem = fitted.problem
     spikes = [
-        f"1 spike of {channel.name} was masked: it counts in no fit and no test"
-        if channel.masked == 1
-        else f"{channel.masked} spikes of {channel.name} were masked: they count in no fit and no test"
+        f"{channel.masked} {'spike' if channel.masked == 1 else 'spikes'} of {channel.name} "
+        f"{'was' if channel.masked == 1 else 'were'} masked: "
+        f"{'it counts' if channel.masked == 1 else 'they count'} in no fit and no test"
         for channel in problem.noise.channels
         if channel.masked
     ]
     edges = [
-        f"{channel.edges} readings of {channel.name} lie on edges that are shorter than the sampling: they "
-        "tell of the moment more than of the value, and are left out"
+        f"{channel.edges} readings of {channel.name} lie on edges beside a switch that are shorter than "
+        "the sampling: dominated by timing error; masked"
         for channel in problem.noise.channels
         if channel.edges
     ]

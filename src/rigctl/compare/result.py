@@ -24,6 +24,7 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
 from rigctl.noise import ChannelNoise
+from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -196,12 +197,29 @@ def _channel(
         **in_unit(error, unit),
         "noise_share": noise.share or None,
         "noise_source": noise.source,
+        "noise_guessed": noise.guessed,
+        "noise_growth": _growth(noise, unit),
         "masked": noise.masked,
+        "masked_share": noise.masked / max(1, noise.masked + noise.edges + error.count),
         "on_edges": noise.edges,
         "nrmse": error.nrmse,
         "chi2_reduced": error.chi2_reduced,
         "r2": _finite(error.r2),
         "heldout_rmse": None if held_out is None else in_unit(held_out, unit)["rmse"],
+    }
+
+
+def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:
+    """How the noise grows with level and rate, in the channel's unit; None where it does not."""
+    law = noise.law
+    if law is None:
+        return None
+    shown = parse_unit(unit)
+    return {
+        "at_rest": law.floor / shown.factor,
+        "per_level": law.level,
+        "per_rate_s": law.rate,
+        "from_level": (law.origin - shown.offset) / shown.factor,
     }
 
 

@@ -1,7 +1,7 @@
 """Noise of the measurements, learned without a model: arrays in, arrays out."""
 
 from rigctl.noise.edges import find_edges
-from rigctl.noise.estimate import estimate_noise, usual_spacing
+from rigctl.noise.estimate import estimate_noise, spikes_of, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
@@ -26,6 +26,7 @@ __all__ = [
     "recounted",
     "row_noise",
     "same_reading",
+    "spikes_of",
     "usual_spacing",
     "whiten",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.spikes import find_spikes_in_records
 from rigctl.noise.statements import channel_statement, model_statement
+from rigctl.noise.variance import smooth_course, variance_law
 
 #: a sigma below this share of the values' size is rounding, not noise
 _ROUNDING = 1e-12
@@ -55,7 +57,7 @@ def estimate_noise(
     """
     if not records or any(record.values.shape[1] != len(names) for record in records):
         raise ValueError(f"need records with {len(names)} channels each")
-    masks = list(spikes) if spikes is not None else find_spikes_in_records(records)
+    masks = list(spikes) if spikes is not None else spikes_of(records)
     ok = [np.isfinite(record.values) & ~mask for record, mask in zip(records, masks, strict=True)]
     spacing = usual_spacing(records)
     channels = tuple(
@@ -65,6 +67,31 @@ def estimate_noise(
         for i, name in enumerate(names)
     )
     return NoiseModel(channels, spacing, model_statement(channels))
+
+
+def spikes_of(records: Sequence[NoiseRecord]) -> list[NDArray[np.bool_]]:
+    """The spikes of every record, (n, channels); on the scale of their surroundings where noise grows.
+
+    Where the noise is wider in motion, on the scale of the rest much of it would be taken for spikes.
+    """
+    masks = find_spikes_in_records(records)
+    if not records:
+        return masks
+    nearby = find_spikes_in_records(records, local=True)
+    ok = [np.isfinite(record.values) & ~mask for record, mask in zip(records, nearby, strict=True)]
+    spacing = usual_spacing(records)
+    for channel in range(records[0].values.shape[1]):
+        if sum(int(mask[:, channel].sum()) for mask in masks) == sum(
+            int(m[:, channel].sum()) for m in nearby
+        ):
+            continue
+        step = find_step(
+            [record.values[good[:, channel], channel] for record, good in zip(records, ok, strict=True)]
+        )
+        if variance_law(records, ok, channel, spacing, step=step) is not None:
+            for mask, other in zip(masks, nearby, strict=True):
+                mask[:, channel] = other[:, channel]
+    return masks
 
 
 def usual_spacing(records: Sequence[NoiseRecord]) -> float:
@@ -104,7 +131,39 @@ def _channel_noise(
         )
     else:
         noise = _without_windows(records, ok, channel, name, step, known, masked, size)
+    noise = _with_law(noise, records, ok, channel, spacing)
     return noise.stated(channel_statement(noise, known))
+
+
+def _with_law(
+    noise: ChannelNoise,
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+) -> ChannelNoise:
+    """With how the noise grows with level and rate, where the data show that it does."""
+    if noise.guessed:
+        return noise
+    law = variance_law(
+        records,
+        ok,
+        channel,
+        spacing,
+        correlation=noise.correlation,
+        white=noise.white,
+        step=noise.step,
+    )
+    if law is None:
+        return noise
+    each = [
+        law.sigma(*smooth_course(record.times, np.where(kept[:, channel], record.values[:, channel], np.nan)))
+        for record, kept in zip(records, ok, strict=True)
+        if kept[:, channel].any()
+    ]
+    typical = float(np.sqrt(np.mean(np.concatenate(each) ** 2)))
+    degrees = min(noise.degrees, law.degrees) if noise.degrees else law.degrees
+    return replace(noise, sigma=typical, law=law, degrees=degrees)
 
 
 def _with_steps(sigma: float, step: float) -> tuple[float, float]:

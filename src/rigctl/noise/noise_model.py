@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.noise.variance import VarianceLaw, smooth_course
+
 #: where a channel's noise was learned, best first
 Source = Literal["replicates", "quiet", "differences", "rig", "assumed"]
 
@@ -36,9 +38,11 @@ class ChannelNoise:
         signal there is no such part.
     degrees: of freedom behind sigma: a whitened sum of squares over n rows, divided by n, is distributed like
         F(n, degrees), not χ²(n)/n; 0 when guessed.
-    edges: samples on edges that the sampling does not resolve, left out (see `edges.find_edges`).
+    edges: samples on edges beside a switch that the sampling does not resolve, left out (`edges.find_edges`).
     share: where it is not 0, the standard deviation of a value is this share of its size, and sigma is that
         of a typical one.
+    law: how the standard deviation grows with the channel's level and rate; sigma is then the root of the
+        mean square over the readings.
     """
 
     name: str
@@ -54,6 +58,7 @@ class ChannelNoise:
     degrees: int = 0
     edges: int = 0
     share: float = 0.0
+    law: VarianceLaw | None = None
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0 and np.isfinite(self.sigma)):
@@ -67,8 +72,15 @@ class ChannelNoise:
         """The same noise with another statement."""
         return replace(self, statement=statement)
 
-    def sigma_at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard deviation (SI) of each value; that of a typical one where a value is 0 or missing."""
+    def sigma_at(
+        self, values: NDArray[np.float64], times: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Standard deviation (SI) of each value; that of a typical one where a value is 0 or missing.
+
+        Noise with a `law` wants the whole course of a record and its `times`.
+        """
+        if self.law is not None and times is not None:
+            return self.law.sigma(*smooth_course(times, values))
         own = self.share * np.abs(values)
         return np.where(own > 0.0, own, self.sigma)
 
@@ -108,9 +120,11 @@ class NoiseModel:
         """(channels) SI, standard deviation of one sample of each channel."""
         return np.array([channel.sigma for channel in self.channels])
 
-    def sigma_at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sigma_at(
+        self, values: NDArray[np.float64], times: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
         """(n, channels) SI, standard deviation of each value (n, channels)."""
-        columns = [channel.sigma_at(values[:, i]) for i, channel in enumerate(self.channels)]
+        columns = [channel.sigma_at(values[:, i], times) for i, channel in enumerate(self.channels)]
         return np.stack(columns, axis=1) if columns else np.empty(values.shape)
 
     @property

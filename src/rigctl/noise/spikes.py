@@ -20,8 +20,14 @@ _HALF = LONGEST_SPIKE + 1
 #: the scale around a sample is taken from this many samples to either side, and weighs so much
 _NEAR = 6
 _NEAR_WEIGHT = 0.4
+#: and, where noise grows with what is measured, from so many, which see enough of it to weigh in full
+_WIDE = 25
 #: a spike is off the lines through its neighbours by this share of the threshold at least
 _OFF_LINE = 0.4
+#: one spike in so many readings, and they are the logger's habit: none in a thousand of normal noise
+_COMMON = 200
+#: a rate beside switches that is not this many times the rate elsewhere is the same one
+_ALIKE = 2.0
 #: samples worked on at a time
 _CHUNK = 65536
 #: a deviation of fewer converter steps than this is the converter's
@@ -58,22 +64,33 @@ def find_spikes(
 
     Source: Pearson, *Mining Imperfect Data* (2005), ch. 3; Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
     """
-    found = np.zeros(values.shape, bool)
     guarded = _after_switches(phase) if phase is not None else np.zeros(times.size, bool)
+    return np.asarray(_departures(values) & ~guarded[:, None])
+
+
+def _departures(values: NDArray[np.float64], local: bool = False) -> NDArray[np.bool_]:
+    """Samples that leave the signal and come back, whatever is switched there."""
+    found = np.zeros(values.shape, bool)
     for channel in range(values.shape[1]):
         finite = np.flatnonzero(np.isfinite(values[:, channel]))
         if finite.size > 2 * _HALF + 1:
-            found[finite, channel] = _spikes(values[finite, channel])
-    return np.asarray(found & ~guarded[:, None])
+            found[finite, channel] = _spikes(values[finite, channel], local)
+    return found
 
 
-def find_spikes_in_records(records: Sequence[NoiseRecord]) -> list[NDArray[np.bool_]]:
+def find_spikes_in_records(records: Sequence[NoiseRecord], *, local: bool = False) -> list[NDArray[np.bool_]]:
     """`find_spikes` of every record, less what happens in most of them at the same sample of the same phase.
 
     A departure that comes back in more than half of at least four records belongs to the bench, not to the
-    converter. The first and the last sample of a record are not excused by that.
+    converter. The first and the last sample of a record are not excused by that. Where spikes are common (one
+    reading in `_COMMON`), they do not keep away from switches: those right after a switch are taken out too,
+    unless they are more frequent there than elsewhere, and thus the bench's.
+
+    Parameters
+    ----------
+    local: the scale is that of the surroundings, for noise that is wider in some places than in others.
     """
-    masks = [find_spikes(record.times, record.values, record.phase) for record in records]
+    masks = _guarded_as_needed(records, local)
     counts: dict[tuple[int, int, int], int] = {}
     places = [_places(record, mask) for record, mask in zip(records, masks, strict=True)]
     for place in places:
@@ -86,6 +103,27 @@ def find_spikes_in_records(records: Sequence[NoiseRecord]) -> list[NDArray[np.bo
             if counts[key] > len(records) / 2 and 0 < sample < mask.shape[0] - 1:
                 mask[sample, channel] = False
     return masks
+
+
+def _guarded_as_needed(records: Sequence[NoiseRecord], local: bool) -> list[NDArray[np.bool_]]:
+    """The departures of each record, those after switches only in channels whose spikes come anywhere."""
+    departures = [_departures(record.values, local) for record in records]
+    guards = [_after_switches(record.phase)[:, None] for record in records]
+    if not records:
+        return []
+    elsewhere = _rate([mask & ~guard for mask, guard in zip(departures, guards, strict=True)], guards, False)
+    beside = _rate([mask & guard for mask, guard in zip(departures, guards, strict=True)], guards, True)
+    common = (elsewhere > 1.0 / _COMMON) & (beside < _ALIKE * elsewhere)
+    return [mask & (~guard | common) for mask, guard in zip(departures, guards, strict=True)]
+
+
+def _rate(
+    masks: Sequence[NDArray[np.bool_]], guards: Sequence[NDArray[np.bool_]], inside: bool
+) -> NDArray[np.float64]:
+    """(channels) the share of the samples beside switches, or of all others, that are marked."""
+    marked = sum(mask.sum(axis=0) for mask in masks)
+    samples = sum(int((guard == inside).sum()) for guard in guards)
+    return np.asarray(marked, float) / max(samples, 1)
 
 
 def _places(
@@ -109,7 +147,7 @@ def _after_switches(phase: NDArray[np.intp]) -> NDArray[np.bool_]:
     return guarded
 
 
-def _spikes(x: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _spikes(x: NDArray[np.float64], local: bool) -> NDArray[np.bool_]:
     from scipy.ndimage import median_filter
 
     along, away, level = _away(x)
@@ -118,6 +156,9 @@ def _spikes(x: NDArray[np.float64]) -> NDArray[np.bool_]:
     scale = np.maximum(
         max(_clipped_scale(away), _clipped_scale(away[_flattest(level)]), floor), _NEAR_WEIGHT * near
     )
+    if local:
+        wide = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _WIDE + 1, mode="mirror"))
+        scale = np.maximum(scale, wide)
     far = np.minimum(np.abs(along), np.abs(away)) > THRESHOLD * scale
     spikes = np.zeros(x.size, bool)
     for first, last in _runs(far):

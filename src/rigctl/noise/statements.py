@@ -22,6 +22,8 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
     if noise.correlation >= 0.05:
         rest = f", {noise.white:.0%} of the variance white" if noise.white else ""
         parts.append(f"neighbouring samples correlated by {noise.correlation:.2f}{rest}")
+    if noise.law is not None:
+        parts.append(_growth(noise))
     if noise.guessed and noise.source == "quiet":
         parts.append("a guess: even the quietest stretches move as slowly as a signal does")
     if noise.step > 0.5 * noise.sigma:
@@ -50,10 +52,23 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
         which = ", ".join(channel.name for channel in guessed)
         why = " and ".join(dict.fromkeys(_FROM[channel.source] for channel in guessed))
         parts.append(f"only guessed for {which}, from {why}")
+    parts += [f"that of {channel.name} {_growth(channel)}" for channel in channels if channel.law is not None]
     masked = sum(channel.masked for channel in channels)
     if masked:
         parts.append(_spikes(masked))
     return "Noise: " + "; ".join(parts)
+
+
+def _growth(noise: ChannelNoise) -> str:
+    """With what the noise grows, and by how much over what it is at rest."""
+    law = noise.law
+    if law is None:
+        return ""
+    terms = [
+        *([f"the level (by {100.0 * law.level:.2g} % of it)"] if law.level else []),
+        *([f"the rate of change (by {law.rate:.2g} s of it)"] if law.rate else []),
+    ]
+    return f"grows with {' and '.join(terms)}: typically {noise.sigma / law.floor:.1f} times that at rest"
 
 
 def recounted(noise: NoiseModel, masked: Sequence[int], edges: Sequence[int]) -> NoiseModel:

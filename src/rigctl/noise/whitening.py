@@ -98,6 +98,7 @@ def whiten(
     ok: NDArray[np.bool_],
     values: NDArray[np.float64] | None = None,
     extra: NDArray[np.float64] | None = None,
+    sigma: NDArray[np.float64] | None = None,
 ) -> Whitener:
     """The whitener of one record.
 
@@ -114,6 +115,7 @@ def whiten(
     ok: (n, channels) the samples to keep: finite, and no spike.
     values: (n, channels) SI, what was read; wanted only by noise that is a share of the value.
     extra: (channels) SI, standard deviation of what is added to the noise of each channel.
+    sigma: (n, channels) SI, the standard deviation of the noise of each reading, where it is known already.
 
     Returns
     -------
@@ -136,10 +138,10 @@ def whiten(
     for i, channel in enumerate(noise.channels):
         samples = np.flatnonzero(ok[:, i])
         places = times[samples] / noise.spacing
-        sigma = channel.sigma_at(values[samples, i])
+        size = channel.sigma_at(values[samples, i]) if sigma is None else sigma[samples, i]
         if extra is not None and extra[i] > 0.0:
-            sigma = np.hypot(sigma, extra[i])
-        each.append(_ChannelWhitener(samples, sigma, innovations(places, channel.correlation, channel.white)))
+            size = np.hypot(size, extra[i])
+        each.append(_ChannelWhitener(samples, size, innovations(places, channel.correlation, channel.white)))
     rows = np.concatenate(
         [np.column_stack([one.samples, np.full(one.samples.size, i)]) for i, one in enumerate(each)]
     )

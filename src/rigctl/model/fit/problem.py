@@ -65,6 +65,8 @@ class Problem:
         found; None for what was measured.
     scatter: (n, outputs, k) of each record, what varies beside its noise and is no unknown, of one standard
         deviation each: see `rigctl.noise.whitening.Whitener.with_scatter`; None where that is not known yet.
+    grown: (n, outputs) of each record, the standard deviation of the noise of each reading, SI, where that
+        grows with what is measured; None where it does not.
     extra: (outputs) of each record, standard deviation of what the noise of measured inputs adds to that of
         the outputs, SI; None where that is nothing.
     """
@@ -83,6 +85,7 @@ class Problem:
     sizes: tuple[Floats, ...] | None = field(default=None, repr=False)
     scatter: tuple[Floats, ...] | None = field(default=None, repr=False)
     extra: tuple[Floats, ...] | None = field(default=None, repr=False)
+    grown: tuple[Floats, ...] | None = field(default=None, repr=False)
 
     @property
     def records(self) -> tuple[MeasuredRecord, ...]:
@@ -154,8 +157,10 @@ class Problem:
         sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
         extra = [None] * len(sizes) if self.extra is None else self.extra
         whiteners = [
-            whiten(self.noise, record.times, good, size, more)
-            for record, good, size, more in zip(self.records, self.ok, sizes, extra, strict=True)
+            whiten(self.noise, record.times, good, size, more, sigma)
+            for record, good, size, more, sigma in zip(
+                self.records, self.ok, sizes, extra, self.grown or [None] * len(sizes), strict=True
+            )
         ]
         if self.scatter is not None:
             whiteners = [
@@ -185,6 +190,7 @@ class Problem:
             sizes=None if self.sizes is None else pick(self.sizes),
             scatter=None if self.scatter is None else pick(self.scatter),
             extra=None if self.extra is None else pick(self.extra),
+            grown=None if self.grown is None else pick(self.grown),
         )
 
     def at_samples(self, chosen: Sequence[NDArray[np.intp]]) -> Problem:
@@ -203,6 +209,7 @@ class Problem:
             ok=tuple(good[at] for good, at in zip(self.ok, chosen, strict=True)),
             sizes=pick(self.sizes),
             scatter=pick(self.scatter),
+            grown=pick(self.grown),
         ).whitened()
 
     def local_unknowns(self) -> list[list[Unknown]]:
@@ -260,7 +267,7 @@ class Problem:
     def sigma(self) -> tuple[Floats, ...]:
         """(n, outputs) of each record, the standard deviation of each reading, SI."""
         sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
-        found = [self.noise.sigma_at(size) for size in sizes]
+        found = list(self.grown or [self.noise.sigma_at(size) for size in sizes])
         if self.extra is not None:
             found = [np.hypot(sigma, more) for sigma, more in zip(found, self.extra, strict=True)]
         return tuple(found)
@@ -352,8 +359,12 @@ def make_problem(
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
     records = measurements.records
+    grown = _grown(noise, records, ok)
     if whiteners is None:
-        whiteners = [whiten(noise, r.times, good, r.values) for r, good in zip(records, ok, strict=True)]
+        whiteners = [
+            whiten(noise, r.times, good, r.values, sigma=sigma)
+            for r, good, sigma in zip(records, ok, grown or [None] * len(records), strict=True)
+        ]
     starts = [start_values(level, record, measurements, usual, model.values) for record in records]
     return Problem(
         model=model,
@@ -370,4 +381,17 @@ def make_problem(
         whiteners=tuple(whiteners),
         base=np.array(system.nominal, dtype=float),
         starts=tuple(np.array([found[name] for name in system.state_names]) for found in starts),
+        grown=grown,
+    )
+
+
+def _grown(
+    noise: NoiseModel, records: Sequence[MeasuredRecord], ok: Sequence[NDArray[np.bool_]]
+) -> tuple[Floats, ...] | None:
+    """(n, outputs) σ of each reading by the smoothed course of its record; None where one holds for all."""
+    if all(channel.law is None for channel in noise.channels):
+        return None
+    return tuple(
+        noise.sigma_at(np.where(good, record.values, np.nan), record.times)
+        for record, good in zip(records, ok, strict=True)
     )

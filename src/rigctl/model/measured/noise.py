@@ -17,11 +17,15 @@ from rigctl.noise import (
     RowNoise,
     estimate_noise,
     find_edges,
-    find_spikes_in_records,
     recounted,
     row_noise,
+    spikes_of,
 )
 from rigctl.units import show
+
+#: an input that changes by more than this share of its range has been switched; one that is written down
+#: sample by sample changes by less
+_LEAST_JUMP = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def noise_of(measurements: Measurements) -> DataNoise:
         )
         for record in measurements.records
     ]
-    spikes = find_spikes_in_records(records)
+    spikes = spikes_of(records)
     ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
     noise = estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes)
     masked = np.array([mask.sum(axis=0) for mask in spikes], dtype=np.intp)
@@ -75,15 +79,24 @@ def noise_of(measurements: Measurements) -> DataNoise:
 
 def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
     """Leave out the samples on edges that the sampling does not resolve, and count them."""
-    sigma = np.array([channel.sigma for channel in noise.model.channels])
-    found = [
-        good & find_edges(record.times, np.where(good, record.values, np.nan), sigma)
-        for record, good in zip(measurements.records, noise.ok, strict=True)
-    ]
-    edges = np.array([mask.sum(axis=0) for mask in found], dtype=np.intp)
-    model = recounted(noise.model, [channel.masked for channel in noise.model.channels], _sums(edges))
+    least = _LEAST_JUMP * _spans(measurements)
+    found = []
+    for record, good in zip(measurements.records, noise.ok, strict=True):
+        jumps = 1 + np.flatnonzero((np.abs(np.diff(record.inputs, axis=0)) > least).any(axis=1))
+        values = np.where(good, record.values, np.nan)
+        sigma = noise.model.sigma_at(values, record.times)
+        edges = find_edges(record.times, values, sigma, record.switch_times[jumps], record.switch_half[jumps])
+        found.append(good & edges)
+    counts = np.array([mask.sum(axis=0) for mask in found], dtype=np.intp)
+    model = recounted(noise.model, [channel.masked for channel in noise.model.channels], _sums(counts))
     ok = tuple(good & ~mask for good, mask in zip(noise.ok, found, strict=True))
-    return replace(noise, model=model, ok=ok, edges=edges)
+    return replace(noise, model=model, ok=ok, edges=counts)
+
+
+def _spans(measurements: Measurements) -> NDArray[np.float64]:
+    """(inputs) how far each input goes over all records."""
+    rows = np.concatenate([record.inputs for record in measurements.records])
+    return np.asarray(np.ptp(rows, axis=0))
 
 
 def _sums(counts: NDArray[np.intp]) -> list[int]:

@@ -1,0 +1,294 @@
+"""Noise that is wider where a channel stands higher, or changes faster, than where it rests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.noise.record import NoiseRecord
+
+Floats = NDArray[np.float64]
+
+#: samples of a block; the signal in it is followed by differences, not by a trend
+BLOCK = 20
+#: orders of the difference that the variance is read from, and of the one that has to agree with it: a smooth
+#: signal leaves much less in the higher one
+_ORDER, _CHECK = 4, 6
+#: the two of a block that shows noise alone lie within this factor of each other
+_AGREE = 1.6
+#: slow noise with less than this of the density of white noise at the highest frequency hardly shows in
+#: differences: what shows there is the signal
+_SEEN = 0.1
+#: blocks below which no law is looked for
+_FEWEST = 12
+#: rise of 2·ln L above which a term is believed: 0.01 % at one degree of freedom
+_PAYS = 15.0
+#: so many blocks at least have to show a sigma that is wider by this factor than at rest
+_WIDER = 1.25
+#: and so large a share of all: a bench that is stirred up rings while it changes fast, and not for long
+_OFTEN, _SOMETIMES = 0.2, 0.05
+#: in the middle of these blocks the variance has to be what the law says, to this factor: a few large ones
+#: among many small ones are a signal, ringing say, that only comes where the channel is fast
+_MIDDLE = 1.5
+#: samples after a switch that no block takes: a signal faster than the sampling looks like noise there
+_GUARD = 10
+#: blocks further out than this quantile of what the law allows hold a signal, and are left out
+_TRIMMED = 1e-3
+_ROUNDS = 6
+_STEPS = 100
+#: samples to either side that a channel's level and slope are averaged over
+_SMOOTHED = 5
+#: of the typical variance of a block, the least that noise is at rest
+_SMALLEST = 1e-6
+
+
+@dataclass(frozen=True)
+class VarianceLaw:
+    """``σ² = floor² + (level·(y − origin))² + (rate·dy/dt)²``.
+
+    Parameters
+    ----------
+    floor: σ at rest, SI.
+    level: σ for each unit of the channel's distance from `origin`.
+    rate: s, σ for each unit per second of its slope.
+    origin: SI, where the channel's level is counted from.
+    degrees: of freedom of the blocks that the law was read from.
+    """
+
+    floor: float
+    level: float
+    rate: float
+    origin: float
+    degrees: int
+
+    def sigma(self, level: Floats, slope: Floats) -> Floats:
+        """σ (SI) at a smooth course of the channel (SI) and its slope (SI/s)."""
+        return np.sqrt(self.floor**2 + (self.level * (level - self.origin)) ** 2 + (self.rate * slope) ** 2)
+
+
+def smooth_course(times: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """A channel's level (SI) and slope (SI/s) at each sample: means over `_SMOOTHED` samples to either side.
+
+    What is missing is bridged by a straight line; a record without a value has level and slope 0.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    present = np.isfinite(values)
+    if not present.any():
+        return np.zeros(values.size), np.zeros(values.size)
+    whole = np.interp(times, times[present], values[present])
+    level = uniform_filter1d(whole, min(2 * _SMOOTHED + 1, whole.size), mode="nearest")
+    return level, np.gradient(level, times) if whole.size > 1 else np.zeros(1)
+
+
+def variance_law(
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+    *,
+    correlation: float = 0.0,
+    white: float = 0.0,
+    step: float = 0.0,
+) -> VarianceLaw | None:
+    """How the noise of one channel grows with its level and its rate; None where it does not.
+
+    The variance of each block of `BLOCK` samples inside a phase is read from fourth differences,
+    ``v = mean (wᵀy)²/(wᵀRw)``, R the correlation of the noise. A smooth signal leaves less the higher the
+    order is, noise the same: blocks whose sixth differences say something else (by a factor of 1.6) show a
+    signal and are left out. What is left is distributed like ``σ²·χ²(ν)/ν``, ν by Satterthwaite, and the law
+    is the one of highest likelihood with no negative term.
+    A term is there where it raises 2·ln L by more than 15 and makes σ wider by a quarter at least.
+
+    Parameters
+    ----------
+    correlation, white: of the noise, as `ChannelNoise` has them.
+    step: SI, of the channel's converter. Noise at rest that is narrower than a step has no law: what the
+        steps make of it depends on the level's place among them.
+
+    Source: Davidian & Carroll, J. Am. Stat. Assoc. 82 (1987) 1079 (variance functions); Gasser, Sroka &
+    Jennen-Steinmetz, Biometrika 73 (1986) 625 (differences).
+    """
+    if (1.0 - white) * (1.0 - correlation) / (1.0 + correlation) + white < _SEEN:
+        return None
+    blocks = _blocks(records, ok, channel, spacing, correlation, white)
+    if blocks is None:
+        return None
+    origin = _origin(blocks.level)
+    levels = (blocks.level - origin) ** 2 + blocks.within
+    terms = np.column_stack([np.ones(levels.size), levels, blocks.slopes])
+    squares, kept = _chosen_terms(terms, blocks)
+    squares[0] = max(squares[0], _SMALLEST * float(np.median(blocks.variance)))
+    if squares[0] < step**2 or not _borne_out(terms, squares, blocks):
+        return None
+    floor, per_level, per_rate = np.sqrt(squares).tolist()
+    return VarianceLaw(floor, per_level, per_rate, origin, int(blocks.degrees * kept.sum()))
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """(blocks) each one's variance (SI²), mean level, mean square of the level about it, and of the slope.
+
+    `degrees` are those of freedom of each variance.
+    """
+
+    variance: Floats
+    level: Floats
+    within: Floats
+    slopes: Floats
+    degrees: float
+
+
+def _blocks(
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+    correlation: float,
+    white: float,
+) -> _Blocks | None:
+    """The blocks that show noise alone; None where there are too few."""
+    weights = [_difference(order, correlation, white) for order in (_ORDER, _CHECK)]
+    found = [
+        _blocks_of(record.times, record.values[:, channel], kept[:, channel], record.phase, spacing, weights)
+        for record, kept in zip(records, ok, strict=True)
+    ]
+    every = np.concatenate(found) if found else np.empty((0, 5))
+    own, check = every[:, 0], every[:, 1]
+    good = (own > 0.0) & (check < _AGREE * own) & (own < _AGREE * check)
+    if good.sum() < _FEWEST:
+        return None
+    variance, _, level, within, slopes = every[good].T
+    return _Blocks(variance, level, within, slopes, _degrees(weights[0], correlation, white))
+
+
+def _blocks_of(
+    times: Floats,
+    values: Floats,
+    ok: NDArray[np.bool_],
+    phase: NDArray[np.intp],
+    spacing: float,
+    weights: Sequence[Floats],
+) -> Floats:
+    """(blocks, 5) of one record: variance by either order, mean, mean square about it and of the slope.
+
+    The latter two are those of the block's quadratic.
+    """
+    if times.size < BLOCK:
+        return np.empty((0, 5))
+    even = np.abs(np.diff(times) - spacing) < 0.1 * spacing
+    joined = ok[1:] & ok[:-1] & even & (np.diff(phase) == 0)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
+    starts = [
+        start
+        for begin, end in ends.reshape(-1, 2).tolist()
+        for start in range(begin + (_GUARD if begin else 0), end + 2 - BLOCK, BLOCK)
+    ]
+    if not starts:
+        return np.empty((0, 5))
+    rows = values[np.array(starts)[:, None] + np.arange(BLOCK)]
+    middle = rows.mean(axis=1)
+    rows = rows - middle[:, None]
+    squares = [
+        np.mean((np.lib.stride_tricks.sliding_window_view(rows, w.size, axis=1) @ w) ** 2, axis=1)
+        for w in weights
+    ]
+    at = (np.arange(BLOCK) - 0.5 * (BLOCK - 1)) * spacing
+    curve = at**2 - np.mean(at**2)
+    slope, bend = rows @ at / float(at @ at), rows @ curve / float(curve @ curve)
+    within = slope**2 * np.mean(at**2) + bend**2 * np.mean(curve**2)
+    return np.column_stack([*squares, middle, within, slope**2 + 4.0 * bend**2 * np.mean(at**2)])
+
+
+@lru_cache(maxsize=16)
+def _difference(order: int, correlation: float, white: float) -> Floats:
+    """Weights of a difference, of variance 1 for noise of variance 1 with that correlation."""
+    weights = np.array([1.0])
+    for _ in range(order):
+        weights = np.convolve(weights, [1.0, -1.0])
+    variance = weights @ _correlations(weights.size, correlation, white) @ weights
+    return np.asarray(weights / np.sqrt(variance))
+
+
+def _correlations(size: int, correlation: float, white: float) -> Floats:
+    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
+    return np.asarray((1.0 - white) * correlation**apart + white * (apart == 0))
+
+
+def _degrees(weights: Floats, correlation: float, white: float) -> float:
+    """Degrees of freedom of the mean square of the differences of a block: ``tr(C)²/tr(C²)``."""
+    count = BLOCK - weights.size + 1
+    rows = np.zeros((count, BLOCK))
+    for k in range(count):
+        rows[k, k : k + weights.size] = weights
+    covariance = rows @ _correlations(BLOCK, correlation, white) @ rows.T
+    return float(np.trace(covariance) ** 2 / np.sum(covariance**2))
+
+
+def _origin(level: Floats) -> float:
+    """Where a level is counted from: 0 where the channel comes near it, else where it is least."""
+    size = np.abs(level)
+    return 0.0 if size.min() < 0.25 * size.max() else float(level[np.argmin(size)])
+
+
+def _chosen_terms(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]:
+    """The squares of floor, level and rate, 0 for what does not pay; and the blocks that they stand on."""
+    costs = {
+        columns: _cost(terms[:, columns], blocks) + _PAYS * len(columns)
+        for columns in ((0,), (0, 1), (0, 2), (0, 1, 2))
+    }
+    chosen = list(min(costs, key=lambda columns: costs[columns]))
+    full = np.zeros(terms.shape[1])
+    full[chosen], kept = _trimmed(terms[:, chosen], blocks)
+    return full, kept
+
+
+def _borne_out(terms: Floats, squares: Floats, blocks: _Blocks) -> bool:
+    """Whether enough blocks show wider noise than at rest, and most of them as wide as the law says."""
+    from scipy.stats import chi2
+
+    mean = terms @ squares
+    wider = mean > _WIDER**2 * squares[0]
+    if wider.sum() < max(_FEWEST, (_OFTEN if squares[2] > 0.0 else _SOMETIMES) * wider.size):
+        return False
+    ratio = np.median(blocks.variance[wider] / mean[wider]) * blocks.degrees
+    return bool(1.0 / _MIDDLE < ratio / chi2.median(blocks.degrees) < _MIDDLE)
+
+
+def _cost(terms: Floats, blocks: _Blocks) -> float:
+    """−2·ln L of a law over all blocks."""
+    mean = np.maximum(terms @ _most_likely(terms, blocks.variance), 1e-300)
+    return blocks.degrees * float(np.sum(np.log(mean) + blocks.variance / mean))
+
+
+def _trimmed(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]:
+    """The law over the blocks that agree with it: those far above it hold a signal."""
+    from scipy.stats import chi2
+
+    variance = blocks.variance
+    most = float(chi2.isf(_TRIMMED, blocks.degrees)) / blocks.degrees
+    kept = np.ones(variance.size, bool)
+    for _ in range(_ROUNDS):
+        squares = _most_likely(terms[kept], variance[kept])
+        stay = variance <= most * np.maximum(terms @ squares, 1e-300)
+        if stay.sum() < _FEWEST or np.array_equal(stay, kept):
+            break
+        kept = stay
+    return squares, kept
+
+
+def _most_likely(terms: Floats, variance: Floats) -> Floats:
+    """The non-negative squares of highest likelihood: ``s_k ← s_k·√(Σ t_k·v/μ² / Σ t_k/μ)``, μ = t·s.
+
+    Each step lowers ``Σ (ln μ + v/μ)``: C. Févotte & J. Idier, Neural Computation 23 (2011) 2421.
+    """
+    typical = np.maximum(terms.mean(axis=0), 1e-300)
+    squares = np.full(terms.shape[1], float(variance.mean())) / (terms.shape[1] * typical)
+    for _ in range(_STEPS):
+        mean = np.maximum(terms @ squares, 1e-300)
+        squares = squares * np.sqrt((variance / mean**2) @ terms / np.maximum((1.0 / mean) @ terms, 1e-300))
+    return np.asarray(squares)

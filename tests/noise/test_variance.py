@@ -1,0 +1,236 @@
+"""Noise that grows with what is measured, has tails or is slow: learned without a model; a true model passes.
+
+The generators are NumPy and SciPy alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from rigctl.noise import (
+    ChannelNoise,
+    NoiseModel,
+    NoiseRecord,
+    estimate_noise,
+    find_spikes_in_records,
+    spikes_of,
+    whiten,
+)
+
+Floats = NDArray[np.float64]
+SIZE, RECORDS, REST = 600, 12, 0.03
+
+
+def coloured(rng: np.random.Generator, size: int, rho: float) -> Floats:
+    drive = rng.standard_normal(size)
+    drive[1:] *= np.sqrt(1.0 - rho**2)
+    return np.asarray(lfilter([1.0], [1.0, -rho], drive))
+
+
+def motor_force(rng: np.random.Generator) -> Floats:
+    """A second at rest, three in motion under a slowly changing load, two at rest: 100 samples a second."""
+    times = np.arange(SIZE) * 0.01
+    keep = np.exp(-0.01 / 0.15)
+    lagged = lfilter([1.0 - keep], [1.0, -keep], ((times > 1.0) & (times < 4.0)).astype(float))
+    return np.asarray(rng.uniform(2.0, 20.0) * lagged * (1.0 + 0.1 * np.sin(2.0 * np.pi * 0.7 * times)))
+
+
+def record(k: int, values: Floats, *, switched: bool = True) -> NoiseRecord:
+    times = np.arange(values.size) * 0.01
+    phase = (times > 1.0).astype(np.intp) + (times >= 4.0) if switched else np.zeros(values.size, np.intp)
+    return NoiseRecord(times, values[:, None], k, phase)
+
+
+def white(rng: np.random.Generator, truth: Floats) -> Floats:
+    return REST * rng.standard_normal(truth.size)
+
+
+def slow(rng: np.random.Generator, truth: Floats) -> Floats:
+    return REST * coloured(rng, truth.size, 0.6)
+
+
+def with_level(rng: np.random.Generator, truth: Floats) -> Floats:
+    return np.hypot(REST, 0.03 * truth) * rng.standard_normal(truth.size)
+
+
+def slow_with_level(rng: np.random.Generator, truth: Floats) -> Floats:
+    return np.hypot(REST, 0.03 * truth) * coloured(rng, truth.size, 0.5)
+
+
+def with_rate(rng: np.random.Generator, truth: Floats) -> Floats:
+    return np.hypot(REST, 0.02 * np.gradient(truth, 0.01)) * rng.standard_normal(truth.size)
+
+
+def with_tails(rng: np.random.Generator, truth: Floats) -> Floats:
+    return REST / np.sqrt(3.0) * rng.standard_t(3.0, truth.size)
+
+
+NOISES = {one.__name__: one for one in (white, slow, with_level, slow_with_level, with_tails)}
+
+
+def campaign(
+    seed: int, noise: Callable[[np.random.Generator, Floats], Floats]
+) -> tuple[list[NoiseRecord], list[Floats]]:
+    rng = np.random.default_rng(seed)
+    truth = [motor_force(rng) for _ in range(RECORDS)]
+    return [record(k, one + noise(rng, one)) for k, one in enumerate(truth)], truth
+
+
+def learned(records: list[NoiseRecord]) -> tuple[NoiseModel, list[NDArray[np.bool_]]]:
+    spikes = spikes_of(records)
+    return estimate_noise(records, ["force"], spikes=spikes), [~mask for mask in spikes]
+
+
+def residuals(noise: NoiseModel, records: list[NoiseRecord], ok: list, truth: list[Floats]) -> list[Floats]:
+    """Whitened residuals of the true course, record by record."""
+    return [
+        whiten(noise, one.times, good, sigma=noise.sigma_at(np.where(good, one.values, np.nan), one.times))(
+            np.where(good, one.values - course[:, None], 0.0)
+        )
+        for one, good, course in zip(records, ok, truth, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("noise", NOISES.values(), ids=NOISES)
+def test_a_true_model_has_unit_residuals_in_every_stretch_and_raises_no_alarm(
+    noise: Callable[[np.random.Generator, Floats], Floats],
+) -> None:
+    """Each stretch's mean square and mean, and of up to 480 tests at 1 % no more than 3 % reject."""
+    squares, alarms, tests = [], 0, 0
+    for seed in range(2 if noise is with_tails else 8):
+        records, truth = campaign(seed, noise)
+        model, ok = learned(records)
+        for white in residuals(model, records, ok, truth):
+            for part in np.array_split(white, 5):
+                squares.append(float(np.mean(part**2)))
+                mean = float(part.sum() ** 2 / part.size)
+                alarms += int(chi2.sf(mean, 1) < 0.01)
+                tests += 1
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.08)
+    assert alarms <= 0.03 * tests
+
+
+@pytest.mark.parametrize(("share", "rest"), [(0.005, 0.03), (0.03, 1e-3), (0.2, 0.05)])
+def test_a_share_of_the_level_is_read_to_a_tenth(share: float, rest: float) -> None:
+    for seed in range(4):
+        records, _ = campaign(
+            seed, lambda rng, truth: np.hypot(rest, share * truth) * rng.standard_normal(truth.size)
+        )
+        law = learned(records)[0].channels[0].law
+        assert law is not None
+        assert law.level == pytest.approx(share, rel=0.1 if share > 0.01 else 0.2)
+        assert law.rate == pytest.approx(0.0, abs=1e-4)
+        assert law.floor == pytest.approx(rest, rel=0.15)
+
+
+def test_noise_at_rest_is_not_believed_in_motion() -> None:
+    """By the noise at rest the true force would be off by hundreds of sigmas in motion."""
+    records, truth = campaign(3, with_level)
+    model, ok = learned(records)
+    channel = model.channels[0]
+    moving = np.concatenate([one[150:380] for one in truth])
+    at_rest = np.concatenate(
+        [
+            np.where(good, one.values, np.nan)[150:380, 0] - course[150:380]
+            for one, good, course in zip(records, ok, truth, strict=True)
+        ]
+    )
+    assert np.nanmean((at_rest / REST) ** 2) > 50.0
+    assert channel.law is not None
+    assert "grows with the level (by 3" in channel.statement
+    assert channel.sigma == pytest.approx(
+        np.sqrt(np.mean(np.concatenate([REST**2 + (0.03 * one) ** 2 for one in truth]))), rel=0.1
+    )
+    assert np.median(np.abs(moving)) > 1.0
+
+
+@pytest.mark.parametrize("noise", [white, slow, with_tails])
+def test_noise_that_is_alike_everywhere_has_no_law(noise: Callable[..., Floats]) -> None:
+    for seed in range(3):
+        assert learned(campaign(seed, noise)[0])[0].channels[0].law is None
+
+
+def test_what_rings_where_it_changes_fast_is_no_noise() -> None:
+    """A lightly damped 43 Hz at each switch, at 100 samples a second."""
+    rng = np.random.default_rng(4)
+    records = []
+    for k in range(RECORDS):
+        since = np.arange(SIZE) * 0.01
+        course = motor_force(rng)
+        for switch in (1.0, 4.0):
+            after = np.maximum(since - switch, 0.0)
+            course = course + 3.0 * np.exp(-after / 0.08) * np.sin(2.0 * np.pi * 43.0 * after)
+        records.append(record(k, course + white(rng, course)))
+    assert learned(records)[0].channels[0].law is None
+
+
+def test_noise_of_the_rate_is_told_from_noise_of_the_level() -> None:
+    """A sweep: jitter of the clock shows where the signal is steep, not where it is high."""
+    rng = np.random.default_rng(5)
+    times = np.arange(SIZE) * 0.01
+    records = []
+    for k in range(RECORDS):
+        course = rng.uniform(2.0, 6.0) * np.sin(2.0 * np.pi * 0.5 * times + rng.uniform(0.0, 6.0))
+        records.append(record(k, course + with_rate(rng, course), switched=False))
+    law = learned(records)[0].channels[0].law
+    assert law is not None
+    assert law.level < 0.005
+    assert law.rate == pytest.approx(0.02, rel=0.15)
+
+
+def test_a_temperature_counts_its_level_from_its_lowest() -> None:
+    rng = np.random.default_rng(6)
+    records = []
+    for k in range(RECORDS):
+        above = 60.0 * (1.0 - np.exp(-np.arange(SIZE) / 150.0))
+        noise = np.hypot(0.05, 0.01 * above) * rng.standard_normal(SIZE)
+        records.append(record(k, 293.0 + above + noise, switched=False))
+    law = learned(records)[0].channels[0].law
+    assert law is not None
+    assert law.origin == pytest.approx(293.0, abs=5.0)
+    assert law.level == pytest.approx(0.01, rel=0.15)
+
+
+@pytest.mark.parametrize("every", [15, 40, 200])
+def test_a_logger_that_spikes_one_reading_in_nine_is_read_and_counted(every: int) -> None:
+    """A heater switched every so many samples; each spike is 3 K or more, the noise 0.1 K."""
+    rng = np.random.default_rng(7)
+    records, hits = [], []
+    for k in range(RECORDS):
+        on = (np.arange(1000) // every) % 2
+        keep = np.exp(-5.0 / 100.0)
+        course = 300.0 + 20.0 * lfilter([1.0 - keep], [1.0, -keep], on)
+        hit = rng.random(1000) < 1280 / 12000
+        spikes = hit * rng.choice([-1.0, 1.0], 1000) * (3.0 + rng.exponential(3.0, 1000))
+        values = course + 0.1 * rng.standard_normal(1000) + spikes
+        phase = (np.arange(1000) // every).astype(np.intp)
+        records.append(NoiseRecord(np.arange(1000) * 5.0, values[:, None], k, phase))
+        hits.append(hit)
+    found = np.concatenate([mask[:, 0] for mask in find_spikes_in_records(records)])
+    truth = np.concatenate(hits)
+    assert (found & truth).sum() > (0.9 if every > 15 else 0.7) * truth.sum()
+    assert (found & ~truth).sum() < 0.002 * truth.size
+
+
+def test_a_slow_level_in_steps_of_a_converter_keeps_its_sigma() -> None:
+    rng = np.random.default_rng(8)
+    step = 0.005
+    records = []
+    for k in range(RECORDS):
+        level = rng.uniform(0.1, 0.5) + 0.3 * (1.0 - np.exp(-np.arange(400) / 120.0))
+        values = np.round((level + 0.004 * rng.standard_normal(400)) / step) * step
+        records.append(NoiseRecord(np.arange(400) * 4.0, values[:, None], k, np.zeros(400, np.intp)))
+    channel = estimate_noise(records, ["level"]).channels[0]
+    assert channel.sigma == pytest.approx(np.hypot(0.004, step / np.sqrt(12.0)), rel=0.1)
+    assert channel.law is None
+
+
+def test_a_channel_without_a_law_has_one_sigma() -> None:
+    channel = ChannelNoise("x", 0.5)
+    assert channel.sigma_at(np.array([1.0, np.nan, -3.0]), np.arange(3.0)).tolist() == [0.5, 0.5, 0.5]
