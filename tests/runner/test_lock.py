@@ -158,6 +158,6 @@ def test_a_monitor_keeps_its_bench_and_ends_when_it_is_taken_over(
     owner = read_owner(owner_file(tmp_path))
     assert owner is not None
     assert owner.alive
-    assert switch_off(rig, replace(how, clock=VirtualClock())).startswith("outputs are safe")
+    assert switch_off(rig, replace(how, clock=VirtualClock())).done.startswith("outputs are safe")
     with pytest.raises(RigctlError, match="taken the bench"):
         list(readings)

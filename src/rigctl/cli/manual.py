@@ -38,15 +38,25 @@ def off(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Bring every output of the bench to its safe state, now. A run in progress on it is ended.
+    """Bring every output of the bench to its safe state, now, and read it back.
+
+    Runs in progress on it are ended, simulated ones too. With --port alone, who answers there decides which
+    bench it is: rigctl's own board, or the two-heater board.
 
     Example: rigctl off --rig rigs/hl32-bench.yaml
     """
     from rigctl.runner.manual import switch_off
 
-    bench = open_rig(rig)
-    done = switch_off(bench, launch_of(bench, backend, port, "1x", clear_trips=clear_trips))
-    typer.echo(json.dumps({"rig": bench.name, "done": done}) if as_json else done)
+    say_guards()
+    bench = open_rig_at(port) if rig is None and port is not None else open_rig(rig)
+    result = switch_off(bench, launch_of(bench, backend, port, "1x", clear_trips=clear_trips))
+    said = {
+        "rig": bench.name,
+        "done": result.done,
+        "confirmed": result.confirmed,
+        "known_by": result.known_by,
+    }
+    typer.echo(json.dumps({**said, "ended": list(result.ended)}) if as_json else result.done)
 
 
 def jog(
@@ -165,6 +175,43 @@ def open_rig(path: Path | None) -> Rig:
         or "--rig FILE",
         hint=f'{MARKER} can name one for good: rig = "rigs/my-bench.yaml"',
     )
+
+
+def open_rig_at(port: str) -> Rig:
+    """The rig that is meant where only a port is named: the project's, or one for who answers there.
+
+    Raises
+    ------
+    RigctlError
+        nobody answers, or somebody who is not known.
+    """
+    from rigctl.backends.lines.probe import probe
+    from rigctl.backends.serial.port import PortLost
+    from rigctl.backends.serial.pyserial_port import PyserialPort
+    from rigctl.clock import real_clock
+    from rigctl.errors import ExitCode
+    from rigctl.files.shipped import shipped
+    from rigctl.rig import load_rig
+
+    try:
+        return open_rig(None)
+    except RigctlError:
+        pass  # no project, or several rigs: the port decides
+    clock = real_clock()
+    try:
+        found = probe(lambda: PyserialPort(port, 115200, clock), clock, rounds=1)
+    except PortLost as error:
+        raise RigctlError(
+            "the bench cannot be reached",
+            value=str(error),
+            hint="Switch it off by hand, at its supply; or name its rig with --rig",
+            exit_code=ExitCode.FAILED,
+        ) from None
+    known = {"RIGCTL,": "hl32-bench-uno.yaml", "TCLab": "tclab-board.yaml"}
+    for begin, name in known.items():
+        if found.identity.startswith(begin):
+            return load_rig(shipped("rigs", name))
+    raise RigctlError("nobody knows what makes this device safe", value=found.identity, expected="--rig FILE")
 
 
 def launch_of(

@@ -111,6 +111,7 @@ def summary(view: View) -> dict[str, Any]:
         "alarms": [alarm.message for alarm in view.alarms],
         "question": view.question,
         "message": view.message,
+        "unconfirmed": view.unconfirmed,
     }
 
 

@@ -6,6 +6,7 @@ heartbeat is old, takes the bench over; the former owner, if it was only asleep,
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import time
@@ -189,9 +190,14 @@ def read_owner(path: Path) -> Owner | None:
 
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
-        return Owner(**fields)
+        owner = Owner(**fields)
+        texts = (owner.token, owner.rig, owner.purpose, owner.host, owner.run)
+        numbers = (owner.pid, owner.beat, owner.date)
     except (OSError, ValueError, TypeError):
         return None
+    whole = all(isinstance(text, str) for text in texts) and isinstance(owner.pid, int)
+    plain = all(isinstance(number, int | float) and math.isfinite(number) for number in numbers)
+    return owner if whole and plain else None
 
 
 def _process_exists(pid: int) -> bool:

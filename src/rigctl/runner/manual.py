@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
-from rigctl.backends.errors import BenchTripped
-from rigctl.backends.protocol import Sample
+from rigctl.backends.errors import BackendLost, BenchTripped
+from rigctl.backends.protocol import Backend, Sample
+from rigctl.dataset.catalogue import run_folders
+from rigctl.dataset.lock import read_state
+from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 from rigctl.procedure import Plan, expand, parse_procedure
 from rigctl.rig import Rig
@@ -27,6 +32,11 @@ from rigctl.runner.signals import Signals
 #: s of wall time that Ctrl-C may have to wait
 _RESPONSE = 0.1
 
+#: s of wall time that a run may take to answer, and again to say that its outputs are safe
+_ANSWER = 0.8
+_LOOK = 0.02
+_ENDED = ("finished", "failed", "aborted")
+
 #: line and column at the start of a reason
 _PLACE = re.compile(r"^\d+:\d+: ")
 
@@ -41,32 +51,130 @@ class Reading:
     alarms: Sequence[Alarm]
 
 
-def switch_off(rig: Rig, how: Launch) -> str:
-    """Bring every output to the safe state, now; what was done, in one sentence.
+@dataclass(frozen=True)
+class SwitchedOff:
+    """What `switch_off` did.
 
-    A run in progress on this bench is asked to end: its own first act is the same. Whoever else has the bench
-    loses it.
+    Parameters
+    ----------
+    done: one sentence.
+    confirmed: whether the outputs were read back, or the run that has the bench did so.
+    known_by: how that is known.
+    ended: the runs that were ended, each with its answer.
+    """
+
+    done: str
+    confirmed: bool
+    known_by: str
+    ended: tuple[str, ...] = ()
+
+
+def switch_off(rig: Rig, how: Launch) -> SwitchedOff:
+    """Bring every output to the safe state, now, and read them back.
+
+    Runs in progress on this bench, simulated ones too, are asked to end: their own first act is the same.
+    Whoever else has the bench, or does not answer, loses it.
 
     Raises
     ------
     RigctlError
-        the bench cannot be reached.
+        the bench cannot be reached, or its outputs are others than commanded.
     """
     owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
-    if owner is not None and owner.run:
-        return f"{Path(owner.run).name}: {send(Path(owner.run), Request.ABORT)}"
+    folders = [Path(owner.run)] if owner is not None and owner.run else []
+    holder = folders[0] if folders else None
+    folders += [folder for folder in _in_progress(rig, how.runs) if folder not in folders]
+    ended, safe_by_run = [], False
+    for folder in folders:
+        try:
+            answer = send(folder, Request.ABORT, timeout=_ANSWER)
+        except RigctlError as error:
+            answer = error.what
+        else:
+            safe_by_run = safe_by_run or (folder == holder and _made_safe(folder))
+        ended.append(f"{folder.name}: {answer}")
+    if safe_by_run:
+        return SwitchedOff(
+            "; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended)
+        )
+    done, known_by = _switch_off_here(rig, how)
+    return SwitchedOff("; ".join([*ended, done]), True, known_by, tuple(ended))
+
+
+def _in_progress(rig: Rig, runs: Path) -> list[Path]:
+    """Runs on a bench of this name that are carried out now, from this project."""
+    found = []
+    for folder in reversed(run_folders(runs)):
+        state = read_state(folder)
+        if state is None or not state.fresh or state.fields.get("state") in _ENDED:
+            continue
+        with suppress(RigctlError):
+            kept = read_info(folder).get("rig")
+            if isinstance(kept, dict) and kept.get("name") == rig.name:
+                found.append(folder)
+    return found
+
+
+def _made_safe(folder: Path) -> bool:
+    """Whether a run that was asked to end says, soon, that its outputs are confirmed to be safe."""
+    give_up = monotonic() + _ANSWER
+    while monotonic() < give_up:
+        state = read_state(folder)
+        fields = state.fields if state is not None else {}
+        if fields.get("state") in ("finishing", *_ENDED):
+            return fields.get("unconfirmed", "") is None
+        sleep(_LOOK)
+    return False
+
+
+def _switch_off_here(rig: Rig, how: Launch) -> tuple[str, str]:
+    """What was done, and how it is known."""
     told = ""
+    known_by = "the bench has answered each command"
     with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
         try:
             with opened(rig, how) as backend:
                 backend.safe()
+                if _read_back(rig, backend):
+                    known_by = "read back from the bench"
                 told = "".join(f"; {notice.message}" for notice in backend.take_notices())
         except BenchTripped as tripped:
-            told = f"; {tripped}"
+            told = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
+        except BackendLost as lost:
+            raise BackendLost(
+                lost.what,
+                value=lost.value,
+                hint="Switch the bench off by hand, at its supply; then look at the cable",
+            ) from None
+    if (how.backend or rig.backend.kind) in UNREAL:
+        known_by = f"a {how.backend or rig.backend.kind} bench of its own: no real one was touched"
     states = ", ".join(
         f"{name} {rig.actuators[name].show(float(value))}" for name, value in rig.safe_state.items()
     )
-    return f"outputs are safe: {states}{told}"
+    return f"outputs are safe: {states}{told} ({known_by})", known_by
+
+
+def _read_back(rig: Rig, backend: Backend) -> bool:
+    """Read the outputs as they are now; False where no sample came.
+
+    Raises
+    ------
+    RigctlError
+        one is other than its safe value.
+    """
+    backend.start(rig.monitor_rate)
+    sample = backend.next_sample(min(1.0, 2.0 / rig.monitor_rate))
+    if sample is None:
+        return False
+    for name, value in zip(rig.layout.commands, sample.commands, strict=True):
+        safe = rig.safe_state.get(name)
+        if safe is not None and rig.actuators[name].by == "driven" and value != float(safe):
+            raise RigctlError(
+                f"{name} is {rig.actuators[name].show(value)}, though it was commanded to be safe",
+                hint="Switch the bench off by hand, at its supply",
+                exit_code=ExitCode.FAILED,
+            )
+    return True
 
 
 def jog(

@@ -311,4 +311,5 @@ class _Session:
             happenings=tuple(self._sampling.happenings),
             question=question,
             message=self._message,
+            unconfirmed=bench.unconfirmed,
         )

@@ -37,6 +37,7 @@ class View:
     happenings: the newest events, oldest first.
     question: what the operator is being asked, or None.
     message: why the run ended, or what it is waiting for.
+    unconfirmed: outputs that may be on though they were to be made safe, or None.
     """
 
     run: str
@@ -55,3 +56,4 @@ class View:
     happenings: tuple[Happening, ...] = ()
     question: str | None = None
     message: str = ""
+    unconfirmed: str | None = None

@@ -1,0 +1,86 @@
+"""`rigctl off` is the emergency switch: it ends what goes on, reads back, and works when little else does."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tclab_board import Served
+
+
+def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": str(folder / "state")},
+    )
+
+
+def rigctl(folder: Path, *arguments: str) -> tuple[int, str, str]:
+    with begin(folder, *arguments) as process:
+        out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def test_a_simulation_that_goes_on_is_ended(tmp_path: Path) -> None:
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    steps = "procedure: p\nrig: rigs/heater-board.yaml\nsteps:\n  - set: {heater_1: 60 %}\n  - wait: 1 h\n"
+    (tmp_path / "p.yaml").write_text(steps, encoding="utf-8")
+    run = begin(tmp_path, "simulate", "p.yaml", "--speed", "1x", "--json")
+    try:
+        while not any('"running"' in p.read_text() for p in (tmp_path / "runs").glob("2*/state.json")):
+            time.sleep(0.05)
+            assert run.poll() is None, run.communicate()
+        code, out, err = rigctl(
+            tmp_path, "off", "--rig", "rigs/heater-board.yaml", "--backend", "simulated", "--json"
+        )
+        assert code == 0, err
+        told = json.loads(out)
+        (ended,) = told["ended"]
+        assert "ending: outputs are safe first" in ended
+        assert "no real one was touched" in told["known_by"]
+        answer = json.loads(run.communicate(timeout=60)[0])
+        assert (answer["status"], answer["exit_code"]) == ("aborted", 130)
+    finally:
+        run.kill()
+        run.communicate()
+
+
+def test_with_only_a_port_and_no_project_it_finds_out_what_is_there(tmp_path: Path) -> None:
+    with Served() as board:
+        board.sketch.model._Q1 = 60
+        code, out, err = rigctl(tmp_path, "off", "--port", board.url, "--json")
+        assert code == 0, err
+        told = json.loads(out)
+        assert (told["confirmed"], told["known_by"]) == (True, "read back from the bench")
+        assert board.sketch.heaters == (0.0, 0.0)
+        board.sketch.always["R1"] = b"60.00\r\n"  # whatever is commanded
+        code, out, err = rigctl(tmp_path, "off", "--port", board.url)
+        assert code == 1
+        assert "60 %" in err
+        assert "rigctl off" not in err
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"pid": "x"}', '{"token": 1, "beat": null}', "TYPES"])
+def test_a_corrupt_lock_is_no_obstacle(tmp_path: Path, content: str) -> None:
+    from rigctl.runner.lock import RigLock, read_owner
+
+    path = tmp_path / "bench.json"
+    if content == "TYPES":
+        fields = {"token": "t", "rig": "r", "purpose": "p", "host": "h", "pid": 1, "beat": "x", "date": []}
+        content = json.dumps(fields)
+    path.write_text(content, encoding="utf-8")
+    assert read_owner(path) is None
+    assert RigLock("bench", "a test", tmp_path).owner() is None
+    with RigLock("bench", "a test", tmp_path):
+        assert read_owner(path) is not None
