@@ -164,6 +164,7 @@ def test_a_logger_s_own_dates_signs_and_words(empty: Path) -> None:
     done = answer("family", "new", "antrieb", "--csv", "log.csv", "--template", "motor")
     assert {c["name"]: c["role"] for c in done["columns"]} == {"spannung": "input", "drehzahl": "output"}
     assert done["fit"]["outputs"]["drehzahl"]["rmse"] < 10.0
+    assert "quantity: angular_speed" in (empty / done["rig"]).read_text(encoding="utf-8")
     follow(done["next"][:1])
     assert open_run("latest").record(0).channels["drehzahl"].size == 100
 

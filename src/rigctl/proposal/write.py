@@ -172,12 +172,14 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
 def quantity_of(unit: str) -> str:
     """What a channel in this unit measures, as a rig file calls it."""
     dimension = parse_unit(unit).dimension
-    if "rad" in unit or unit == "rpm":
-        return "angle" if unit in ("rad", "mrad") else "other"
-    for quantity, known in QUANTITIES.items():
-        if known is not None and parse_unit(known).dimension == dimension and not dimension.dimensionless:
-            return quantity
-    return "other"
+    fitting = [
+        quantity
+        for quantity, known in QUANTITIES.items()
+        if known is not None and parse_unit(known).dimension == dimension and not dimension.dimensionless
+    ]
+    if "frequency" in fitting:  # a radian is a plain number
+        return "frequency" if "Hz" in unit or unit.startswith("1/") else "angular_speed"
+    return fitting[0] if fitting else "other"
 
 
 def _scatter(column: Column, table: Table) -> float:
