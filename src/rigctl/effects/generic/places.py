@@ -7,7 +7,7 @@ the time of its switches.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, cast
 
@@ -24,10 +24,10 @@ from rigctl.units import parse_unit
 _SURROUNDINGS = frozenset(
     ("ambient", "room", "environment", "surroundings", "outside", "atmosphere", "atmospheric", "reference")
 )
-#: dimensions of what moves: a speed, a rate of rotation
-_SPEEDS = frozenset(parse_unit(unit).dimension for unit in ("m/s", "rad/s"))
+#: what moves: a speed, a rate of rotation
+_SPEEDS = ("m/s", "rad/s")
 #: quantities whose zero is far from where a bench works: they are counted from their surroundings or start
-_FAR_FROM_ZERO = frozenset(parse_unit(unit).dimension for unit in ("K", "Pa"))
+_FAR_FROM_ZERO = ("K", "Pa")
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class _Probed:
         if not slope or not math.isfinite(slope):
             return Nowhere(slot, "it does nothing where the family starts")
         state = next(state for state in self.family.states if state.name == name)
-        moves = name in self.positions or parse_unit(state.unit).dimension in _SPEEDS
+        moves = name in self.positions or _is_one_of(state.unit, _SPEEDS)
         around, reference = self._counted_from(state)
         return Balance(
             slot,
@@ -270,7 +270,6 @@ class _Probed:
             for state in self.family.states
             if state.name in variables
         }
-        unit = parse_unit(output.unit).dimension
         return Reading(
             slot,
             output.name if slot.kind == "sensor" else slot.name,
@@ -278,7 +277,7 @@ class _Probed:
             float(slope.value),
             slopes,
             () if slopes else tuple(item.name for item in self.family.inputs if item.name in variables),
-            evaluate(expr, self.at) if unit in _FAR_FROM_ZERO else 0.0,
+            evaluate(expr, self.at) if _is_one_of(output.unit, _FAR_FROM_ZERO) else 0.0,
         )
 
     def _counted_from(self, state: StateVariable) -> tuple[str | None, float]:
@@ -286,4 +285,9 @@ class _Probed:
         for name, variable in self.surroundings.items():
             if isinstance(variable, Expr) and variable.declared == dimension:
                 return name, self.at[name]
-        return None, state.start if dimension in _FAR_FROM_ZERO and not state.difference else 0.0
+        return None, state.start if _is_one_of(state.unit, _FAR_FROM_ZERO) and not state.difference else 0.0
+
+
+def _is_one_of(unit: str, units: Sequence[str]) -> bool:
+    dimension = parse_unit(unit).dimension
+    return any(parse_unit(other).dimension == dimension for other in units)
