@@ -210,3 +210,19 @@ def test_a_hundred_steps_in_a_record_are_no_hundred_unknowns(
     assert found["adequate"], found["statement"]
     assert found["parameters"]["resistance"]["value"] == pytest.approx(1.2, rel=0.03)
     assert found["parameters"]["inertia"]["value"] == pytest.approx(5e-4, rel=0.03)
+
+
+def test_what_is_switched_on_and_off_may_have_habits_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A host switches on just after a sample; the board's clock switches off just before one."""
+    on, off = 0.2 + 1e-9, 1.7 - 1e-9
+    records = [(np.array([on, off]), np.array([volts, 0.0])) for volts in (6.0, 9.0, 12.0, 15.0, 18.0, 21.0)]
+    motor_project(tmp_path, records, 0.01, 12)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/motor.yaml")
+    found = answer("compare", "latest", "--model", "models/motor.yaml")
+    assert found["adequate"], found["statement"]
+    assert found["parameters"]["record.switching_up"]["value"] < -0.3
+    assert found["parameters"]["record.switching_off"]["value"] > 0.3
+    assert found["parameters"]["resistance"]["value"] == pytest.approx(1.2, rel=0.02)

@@ -23,8 +23,8 @@ from rigctl.rig.rig import Rig
 
 #: what the effect of every family's record-level quantities is called
 RECORD = "record"
-#: its parameter that moves every switch whose time is known only to within a sample
-SWITCHING = "switching"
+#: its parameters that move the switches whose times are known only to within a sample, by what is commanded
+SWITCHING = ("switching_up", "switching_down", "switching_off")
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class RecordLevel:
 
     Attributes
     ----------
-    effect: whose parameters they are; its parameter `SWITCHING` acts on the commands' times alone.
+    effect: whose parameters they are; its parameters `SWITCHING` act on the commands' times alone.
     quantities: its parameters, each once.
     starts: of the states that do not start as the family's usually do.
     setting: what is set by hand; of a table, all rows of one setting share its error (`with_settings`).
@@ -205,10 +205,13 @@ def record_level(family: ModelFamily) -> RecordLevel:
             )
         )
     effect = found.effect or _nothing(family)
-    return replace(found, effect=replace(effect, parameters=(*effect.parameters, _SWITCHING)))
+    return replace(found, effect=replace(effect, parameters=(*effect.parameters, *_SWITCHING)))
 
 
-_SWITCHING = EffectParameter(SWITCHING, "1", 0.0, 0.5, -0.5, 1.5, "lateness of switches, in samples")
+_SWITCHING = tuple(
+    EffectParameter(name, "1", 0.0, 0.5, -0.5, 1.5, f"lateness of switches {where}, in samples")
+    for name, where in zip(SWITCHING, ("to more", "to less", "to 0"), strict=True)
+)
 
 
 def _nothing(family: ModelFamily) -> Effect:

@@ -19,8 +19,8 @@ from rigctl.model.build import build_system, superset
 from rigctl.model.fit.settings import level_of_rows
 from rigctl.model.fit.slopes import simulate_soundly
 from rigctl.model.fit.switching import (
-    HABIT,
-    habit_unknown,
+    HABITS,
+    habit_unknowns,
     moved_times,
     moves_switches,
     scattered,
@@ -289,8 +289,8 @@ class Problem:
                 switching[one.name] = float(value)
             else:
                 parameters[self._index[one.name]] += value
-        habit = float(parameters[self._index[HABIT]])
-        times = moved_times(record, switching | ({HABIT: habit} if habit else {}))
+        habits = {name: float(parameters[self._index[name]]) for name in HABITS}
+        times = moved_times(record, switching | {name: value for name, value in habits.items() if value})
         shifts = switch_shifts(record, moving) if moving else None
         return Excitation(
             record.times, times, record.inputs, start, parameters, record.label, shifts, record.ramps
@@ -373,7 +373,7 @@ def make_problem(
         ok=tuple(ok),
         compiled=compile_system(system, progress=progress),
         level=level,
-        shared=(*shared_unknowns(model), *habit_unknown(measurements), *settings),
+        shared=(*shared_unknowns(model), *habit_unknowns(measurements), *settings),
         local=tuple(
             local_unknowns(level, record, measurements, found)
             for record, found in zip(records, starts, strict=True)

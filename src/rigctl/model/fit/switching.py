@@ -2,8 +2,9 @@
 
 A command that is first seen beside sample k was given after sample k − 1: its time is known to within one
 interval, ``t = m + 2h·w + d``, m the interval's middle, h its half-width. w is the logger's habit, the same
-for every switch of a campaign: at the sample before, between the two, or after the sample it is written
-beside (−½, 0, ½; up to 3/2 where commands are written a sample early). d is each switch's own. Both have the
+for every switch of a kind in a campaign: at the sample before, between the two, or after the sample it is
+written beside (−½, 0, ½; up to 3/2 where commands are written a sample early). Kinds are switches to more, to
+less and to 0: what a host switches on, a board's clock may switch off. d is each switch's own. Both have the
 variance of a uniform distribution over the interval as their prior, and both have exact derivatives: see
 `rigctl.engine.excitation.Excitation.shifts`. A record with many switches has one d for all of them, and what
 each has beside it is part of the noise: a hundred unknowns would be slow, and of no use to anyone.
@@ -24,8 +25,8 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 
 Floats = NDArray[np.float64]
 
-#: the logger's habit, an unknown of all records, in sampling intervals
-HABIT = qualified(RECORD, SWITCHING)
+#: the logger's habits, unknowns of all records, in sampling intervals
+HABITS = tuple(qualified(RECORD, name) for name in SWITCHING)
 #: what moves every switch of one record alike, s
 ALL = qualified(RECORD, "switches")
 #: a record with more switches has no unknown for each
@@ -46,7 +47,7 @@ def own_switch(k: int) -> str:
 
 def moves_switches(name: str) -> bool:
     """Whether an unknown of this name moves the times of commands, and nothing else."""
-    return name in (HABIT, ALL) or name.startswith(own_switch(0)[:-1])
+    return name in HABITS or name == ALL or name.startswith(own_switch(0)[:-1])
 
 
 def uncertain(record: MeasuredRecord) -> NDArray[np.intp]:
@@ -57,11 +58,24 @@ def uncertain(record: MeasuredRecord) -> NDArray[np.intp]:
     return np.flatnonzero(rough[1:]) + 1
 
 
-def habit_unknown(measurements: Measurements) -> list[Unknown]:
-    """The logger's habit; none where all times are exact."""
-    if not any(uncertain(record).size for record in measurements.records):
-        return []
-    return [Unknown(HABIT, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * _UNIFORM))]
+def habit_of(record: MeasuredRecord, k: int) -> str:
+    """The habit that a record's switch k follows: that of the input which changes most beside its range."""
+    before, after = record.inputs[k - 1], record.inputs[k]
+    width = np.ptp(record.inputs, axis=0)
+    place = int(np.argmax(np.abs(after - before) / np.where(width > 0.0, width, 1.0)))
+    if after[place] == 0.0:
+        return HABITS[2]
+    return HABITS[0 if after[place] > before[place] else 1]
+
+
+def habit_unknowns(measurements: Measurements) -> list[Unknown]:
+    """The logger's habits, of the kinds of switches whose times are not exact."""
+    seen = {habit_of(record, int(k)) for record in measurements.records for k in uncertain(record)}
+    return [
+        Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * _UNIFORM))
+        for name in HABITS
+        if name in seen
+    ]
 
 
 def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
@@ -83,8 +97,9 @@ def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
     shifts = np.zeros((record.switch_times.size, len(names)))
     places = uncertain(record)
     for column, name in enumerate(names):
-        if name == HABIT:
-            shifts[places, column] = 2.0 * record.switch_half[places]
+        if name in HABITS:
+            own = np.array([k for k in places if habit_of(record, int(k)) == name], dtype=np.intp)
+            shifts[own, column] = 2.0 * record.switch_half[own]
         elif name == ALL:
             shifts[places, column] = 1.0
         else:
