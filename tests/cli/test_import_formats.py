@@ -12,7 +12,7 @@ from commands import answer, refusal
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import formats, groups
 
-ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat"]
+ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat", "xlsx"]
 RIG = ["--rig", "rigs/hl32-bench.yaml"]
 
 
@@ -75,7 +75,7 @@ def test_a_large_file_is_read_piece_by_piece(
     same_samples(strokes, open_run(answer("import", f"out.{ending}", *RIG)["path"]))
 
 
-@pytest.mark.parametrize("ending", ["tdms", "mf4", "mat"])
+@pytest.mark.parametrize("ending", ["tdms", "mf4", "mat", "xlsx"])
 def test_records_keep_their_names_where_a_format_has_names(
     tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,7 +97,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat"])
+@pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat", "xlsx"])
 def test_observations_come_back_as_they_were(ending: str) -> None:
     first = answer("import", "data/hl32-strokes.csv", *RIG)
     done = answer("export", first["run"], "-o", f"out.{ending}")
@@ -111,7 +111,7 @@ def test_observations_come_back_as_they_were(ending: str) -> None:
         assert dict(after.measures) == pytest.approx(dict(before.measures))
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat"])
+@pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat", "xlsx"])
 @pytest.mark.parametrize(("table", "rows"), [("records", 3), ("events", None)])
 def test_the_other_tables_are_written_too(strokes: Run, ending: str, table: str, rows: int | None) -> None:
     done = answer("export", strokes.id, "--table", table, "-o", f"out.{ending}")
@@ -138,6 +138,22 @@ def test_units_are_where_each_format_keeps_them(strokes: Run) -> None:
     assert mat["units"].position == "mm"
     assert [piece.name for piece in mat["data"]][1] == "strokes 0"
     assert np.isnan(mat["data"][1].position[4])
+
+
+def test_pandas_and_openpyxl_read_what_is_handed_out(strokes: Run) -> None:
+    import openpyxl
+    import pandas as pd
+
+    for ending in ("csv", "parquet", "xlsx"):
+        answer("export", strokes.id, "-o", f"out.{ending}")
+    for frame in (pd.read_csv("out.csv"), pd.read_parquet("out.parquet")):
+        assert frame["position [mm]"][31] == pytest.approx(strokes.signals("position")[31] * 1e3)
+        assert frame["position [mm]"].isna().sum() == 5
+    book = openpyxl.load_workbook("out.xlsx")
+    assert book.sheetnames[:2] == ["between records, 0", "strokes 0"]
+    assert [cell.value for cell in book["strokes 1"][1]][:2] == ["time [s]", "oil_temperature [degC]"]
+    sheet = pd.read_excel("out.xlsx", sheet_name="strokes 2")
+    assert sheet["position [mm]"].isna().tolist() == [step == 4 for step in range(30)]
 
 
 def test_mdf_holds_samples_only(strokes: Run) -> None:

@@ -17,7 +17,7 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="Ends in .csv, .parquet, .tdms, .mf4 or .mat; RUN.csv by default.",
+            help="Ends in .csv, .parquet, .tdms, .mf4, .mat or .xlsx; RUN.csv by default.",
         ),
     ] = None,
     table: Annotated[
@@ -37,9 +37,9 @@ def export(
 ) -> None:
     """Write a run's data to a file that other programs read, every column with its unit.
 
-    The end of the file's name says its kind: CSV, Parquet, TDMS (LabVIEW), MDF4 or MAT (MATLAB); in the last
-    three each record is a group of its own. 'rigctl import' reads samples and observations back. Without
-    --table it is the samples, or the observations of a run that has no samples.
+    The end of the file's name says its kind: CSV, Parquet, TDMS (LabVIEW), MDF4, MAT (MATLAB) or XLSX; in the
+    last four each record is a group, or a sheet, of its own. 'rigctl import' reads samples and observations
+    back. Without --table it is the samples, or the observations of a run that has no samples.
 
     Example: rigctl export latest -o strokes.csv
     """

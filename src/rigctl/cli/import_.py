@@ -116,7 +116,7 @@ def import_(
     The heading names each column with its unit: time [s], record, valve [1], oil_temperature [degC],
     supply_pressure [bar], pressure_setpoint [bar], position [mm], and what else the rig has. A table without
     time holds observations, one in each row. All of a file is imported or nothing. The end of the name says
-    what the file is: .csv (also .csv.gz), .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
+    what the file is: .csv (also .csv.gz), .xlsx, .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
 
     Example: rigctl import strokes.csv --rig rigs/hl32-bench.yaml
 

@@ -24,6 +24,7 @@ FORMATS: Final[Mapping[str, str]] = {
     ".tdms": "tdms_file",
     ".mf4": "mdf_file",
     ".mat": "mat_file",
+    ".xlsx": "xlsx_file",
 }
 #: the tables of a run that can be handed out
 TABLES: Final = ("samples", "observations", "records", "events")
@@ -56,7 +57,7 @@ def export_run(
 
     Parameters
     ----------
-    path: its ending says the format: ``.csv``, ``.parquet``, ``.tdms``, ``.mf4`` or ``.mat``.
+    path: its ending says the format: ``.csv``, ``.parquet``, ``.tdms``, ``.mf4``, ``.mat`` or ``.xlsx``.
     table: ``samples``; ``observations``, the condition and the measures of every record; ``records`` or
         ``events``. When left out the samples, or the observations of a run that has no samples.
     records: only the samples of these records.

@@ -1,0 +1,75 @@
+"""A spreadsheet (XLSX): a sheet for each record, ``name [unit]`` in its first row."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.exporting.tables import pieces
+from rigctl.dataset.importing.groups import missing_extra
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: signs that no text of a spreadsheet can have
+_CONTROL: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")
+#: rows of a sheet, which the format bounds
+_MOST_ROWS: Final = 1_048_576
+#: signs that the name of a sheet cannot have, and its length
+_FORBIDDEN: Final = re.compile(r"[\[\]:*?/\\]")
+_LONGEST: Final = 31
+
+
+def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None:
+    """Write the table; nothing in a cell without a value, and no cell is a formula.
+
+    Raises
+    ------
+    RigctlError
+        openpyxl is not installed, or a record has more rows than a sheet.
+    """
+    try:
+        from openpyxl import Workbook
+        from openpyxl.cell import WriteOnlyCell
+    except ImportError as problem:
+        raise missing_extra("xlsx", "openpyxl", path) from problem
+
+    def cell(sheet: Any, value: Any) -> Any:
+        if isinstance(value, str):
+            made = WriteOnlyCell(sheet, _CONTROL.sub("\N{REPLACEMENT CHARACTER}", value))
+            made.data_type = "s"  # a text that begins with '=' stays one
+            return made
+        return None if isinstance(value, float) and math.isnan(value) else value
+
+    book = Workbook(write_only=True)
+    taken: set[str] = set()
+    for piece in pieces(table, names, title):
+        rows = len(piece.columns[0].values)
+        if rows >= _MOST_ROWS:
+            raise RigctlError(
+                "a sheet cannot hold so many rows",
+                value=f"{rows} rows of {piece.name}",
+                expected=f"at most {_MOST_ROWS - 1}",
+                hint="Write it as .parquet or .csv",
+            )
+        sheet = book.create_sheet(_sheet_name(piece.name, taken))
+        heads = [f"{column.name} [{column.unit}]" if column.unit else column.name for column in piece.columns]
+        sheet.append([cell(sheet, head) for head in heads])
+        for row in zip(*(column.values.tolist() for column in piece.columns), strict=True):
+            sheet.append([cell(sheet, value) for value in row])
+    book.save(path)
+
+
+def _sheet_name(name: str, taken: set[str]) -> str:
+    """A name as a sheet can have it, unlike all others."""
+    plain = (_FORBIDDEN.sub("_", name).strip("'") or "sheet")[:_LONGEST]
+    made, number = plain, 2
+    while made.casefold() in taken:
+        made = f"{plain[: _LONGEST - 5]} {number}"
+        number += 1
+    taken.add(made.casefold())
+    return made
