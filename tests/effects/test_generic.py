@@ -11,8 +11,14 @@ from rigctl.engine.compile import compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.model.build import build_system, superset
-from rigctl.physics.families import FAMILIES
-from rigctl.physics.family import ModelFamily
+from rigctl.physics.families import FAMILIES, find_family, using_families
+from rigctl.physics.family import (
+    InputVariable,
+    ModelFamily,
+    OutputVariable,
+    ParameterDeclaration,
+    StateVariable,
+)
 from rigctl.physics.user import parse_family
 
 MOTOR = """
@@ -149,6 +155,28 @@ def test_shipped_families_and_those_that_do_not_want_them_have_none() -> None:
     silent = family(MOTOR.replace("family: motor", "family: motor\ngeneric_effects: false"))
     assert silent.slots == ()
     assert library(silent) == {}
+
+
+def test_a_family_in_python_gets_slots_too_and_sees_the_input_that_acts() -> None:
+    cart = ModelFamily(
+        name="cart",
+        title="Cart",
+        source="Newton",
+        states=(StateVariable("speed", "m/s", 1e-3, lambda m: m.push / m.mass, 0.0, "of the cart"),),
+        inputs=(InputVariable("push", "N", 0.0, "on the cart"),),
+        parameters=(ParameterDeclaration("mass", "kg", 2.0, "of the cart", 0.1, 10.0),),
+        definitions=(),
+        slots=(),
+        outputs=(OutputVariable("speed", "m/s", lambda m: m.speed, "of the cart"),),
+    )
+    with using_families(cart):
+        known = find_family("cart")
+        assert {"coulomb_on_speed", "offset_of_push", "lag_of_speed"} <= set(library(known))
+        compiled = compile_system(build_system(known, {"offset_of_push": {"size": 3.0}}))
+    system, times = compiled.system, np.array([0.0, 2.0])
+    record = Excitation(times, np.zeros(1), np.array([[1.0]]), np.zeros(1), np.array(system.nominal), "cart")
+    found = simulate(compiled, [record]).require().outputs[0]
+    assert found[-1, 0] == pytest.approx((1.0 + 3.0) / 2.0 * 2.0, rel=1e-6)
 
 
 def test_effects_that_are_off_change_nothing() -> None:

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.heater_board import HEATER_BOARD
 from rigctl.physics.hydraulic_cylinder import HYDRAULIC_CYLINDER
@@ -61,7 +62,7 @@ def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator
     for family in families:
         if family.name in FAMILIES or family.name in {given.family.name for given in known}:
             raise RigctlError("there is a model family of this name already", value=family.name)
-        known = (*known, _Given(check_family(family), path))
+        known = (*known, _Given(with_derived_slots(check_family(family)), path))
     token = _given.set(known)
     try:
         yield
@@ -136,7 +137,7 @@ def _installed_family(name: str) -> ModelFamily:
     family = as_family(loaded, what)
     if family.name != name:
         raise RigctlError(f"{what} has another name", value=family.name, expected=name)
-    return check_family(family)
+    return with_derived_slots(check_family(family))
 
 
 def as_family(made: object, what: str) -> ModelFamily:
