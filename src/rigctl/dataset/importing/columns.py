@@ -154,9 +154,6 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[st
     free = [name for name in _names(rig) if name not in found]
     for error in errors:
         name, unit = error.value or "", error.unit
-        if error.what != _UNKNOWN:
-            error.nearest = "time" if folded(name) in _TIMES and "time" not in found else None
-            continue
         fitting = [known for known in free if unit is None or _fits(known, unit, rig)]
         near = "time" if folded(name) in _TIMES and "time" in free else None
         if near is None and rig is not None:  # without a rig, any name would be a guess
@@ -167,6 +164,8 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[st
         if near in free:
             free.remove(near)
         error.nearest = near
+        if error.what != _UNKNOWN:  # a table of observations, whose columns need no name of the bench
+            continue
         error.expected = None if near or not free else f"one of {', '.join(sorted(free))}"
         means = (
             f"Map it, --columns '{name}={_with_unit(near, unit, rig)}'"
