@@ -116,7 +116,8 @@ class Gap:
         return RigctlError(
             f"{what} has no {lacks} at {where} (SI)",
             expected="a smooth one wherever the bench may be",
-            hint="Round the corner: absolute(x, width) under a root or a fraction, positive_part(x, width)",
+            hint="Round the corner: absolute(x, width) under a root or a fraction, positive_part(x, width), "
+            "spow(x, n, width) for a power",
         )
 
 
