@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-NAMES = ("campaign", "steps", "journal", "report", "importing", "engine", "analysis", "board")
+NAMES = ("campaign", "steps", "journal", "report", "importing", "engine", "analysis", "board", "endings")
 
 for name in NAMES:
     print(f"\n=== {name}", flush=True)

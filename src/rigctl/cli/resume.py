@@ -22,6 +22,8 @@ def resume(
 ) -> None:
     """Go on with a run at its first record that is not complete.
 
+    The port, the speed, the seed and the hidden effects of a simulation are what they were.
+
     Procedure and rig file must be what they were. Set-points that the next record rests on are brought about
     again; complete records stay as they are, an incomplete one is measured again under the next number.
 
@@ -36,13 +38,14 @@ def resume(
     before = open_interrupted(find_run(run))
     header = before.history.header
     kind = header.backend.get("kind", before.plan.rig.backend.kind)
+    given = bench_options(kind, before.plan.rig, port=port or header.options.get("port"), seed=header.seed)
     typer.echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
     how = Launch(
         runs=before.folder.parent,
         operator=AutomaticOperator(),
         backend=kind,
-        options=bench_options(kind, before.plan.rig, port=port, seed=header.seed),
-        clock=clock_for(speed or ("max" if header.clock == "virtual" else "1x"), kind),
+        options={**header.options, **given},
+        clock=clock_for(speed or _speed_before(header.clock), kind),
         person=person_in_charge(operator or header.operator),
         arguments=header.arguments,
         seed=header.seed,
@@ -51,3 +54,8 @@ def resume(
     with attended(how, before.plan, {}) as ready:
         result = relaunch(before, ready)
     tell(result, as_json=as_json)
+
+
+def _speed_before(clock: str) -> str:
+    """The speed that a run's clock had, by the clock's name."""
+    return {"virtual": "max", "real": "1x"}.get(clock, clock)

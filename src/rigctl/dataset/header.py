@@ -72,6 +72,7 @@ class RunHeader:
     calibrations: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     source: str = "bench"
     assumed: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:
@@ -100,6 +101,7 @@ class RunHeader:
             "plan_digest": self.plan_digest,
             "arguments": dict(self.arguments),
             **({"assumed": dict(self.assumed)} if self.assumed else {}),
+            **({"options": dict(self.options)} if self.options else {}),
         }
 
     @classmethod

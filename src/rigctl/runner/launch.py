@@ -37,6 +37,9 @@ from rigctl.runner.session import Observer, RunResult, run
 #: backends that are no real bench and may run at any speed
 UNREAL = ("simulated", "replay", "emulated")
 
+#: options of a backend that a run is resumed with: what the bench was, and where it is, not what broke
+REMEMBERED = ("port", "baud", "plant", "effects", "noise", "quantised", "seed")
+
 
 @dataclass(frozen=True)
 class Launch:
@@ -200,7 +203,13 @@ def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
         plan_digest=plan.digest,
         arguments={**plan.arguments, **how.arguments},
         calibrations=calibrations_of(plan.rig),
+        options={name: _plain(how.options[name]) for name in REMEMBERED if name in how.options},
     )
+
+
+def _plain(option: object) -> object:
+    """An option as JSON has it."""
+    return list(option) if isinstance(option, tuple) else option
 
 
 def _absolute(path: Path | None) -> str:

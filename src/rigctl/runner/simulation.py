@@ -104,7 +104,7 @@ def simulation_launch(
 ) -> Launch:
     """What `launch` needs for a private bench: it takes no lock, and its operator answers at once."""
     chosen: dict[str, object] = {
-        "plant": str(plant) if plant is not None else None,
+        "plant": str(plant.absolute()) if plant is not None else None,
         "effects": tuple(effects) or None,
         "noise": noise,
         "seed": seed,
