@@ -40,6 +40,8 @@ Floats = NDArray[np.float64]
 _TOLD = 0.02
 #: fewer records show no trend
 _FEWEST = 4
+#: so many estimates of one quantity are tested at the most
+_MOST = 400
 #: what the switches of a record are called together
 SWITCHES = "switches"
 
@@ -297,10 +299,13 @@ class _Inverse:
         """(places, places) of the unknowns at these places of these records."""
         rows = np.array([self.passed[record][place] for record, place in places])
         found = rows @ self.shared @ rows.T
-        for a, (i, p) in enumerate(places):
-            for b, (j, q) in enumerate(places):
-                if i == j:
-                    found[a, b] += self.own[i][p, q]
+        together: dict[int, tuple[list[int], list[int]]] = {}
+        for row, (record, place) in enumerate(places):
+            rows_of, places_of = together.setdefault(record, ([], []))
+            rows_of.append(row)
+            places_of.append(place)
+        for record, (rows_of, places_of) in together.items():
+            found[np.ix_(rows_of, rows_of)] += self.own[record][np.ix_(places_of, places_of)]
         return np.asarray(found)
 
     def std(self, record: int, place: int) -> float:
@@ -322,6 +327,8 @@ def _tests(
     seen = [k for k, (record, _) in enumerate(own) if record in inverse.own]
     if not seen:
         return math.nan, "", math.nan
+    if len(seen) > _MOST:  # as many tell it, and the work grows with their cube
+        seen = [seen[k] for k in np.linspace(0, len(seen) - 1, _MOST).astype(int).tolist()]
     places = [own[k] for k in seen]
     prior = np.array([estimates[k].prior_std for k in seen])
     off = np.array([estimates[k].value - estimates[k].prior_mean for k in seen])

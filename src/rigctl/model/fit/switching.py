@@ -34,8 +34,6 @@ MOST_SWITCHES = 6
 
 #: so many of a record's switches scatter at the most
 _MOST_SCATTERED = 60
-#: times known better than this, in s and as a share of the sampling interval, are exact
-_EXACT, _EXACT_SHARE = 2e-4, 0.25
 #: standard deviation of a uniform distribution, in half-widths
 _UNIFORM = 1.0 / math.sqrt(3.0)
 
@@ -50,27 +48,9 @@ def moves_switches(name: str) -> bool:
     return name in HABITS or name == ALL or name.startswith(own_switch(0)[:-1])
 
 
-def uncertain(record: MeasuredRecord) -> NDArray[np.intp]:
-    """The places of the switches whose times are not exact; the first command is none."""
-    half = record.switch_half
-    step = float(np.median(np.diff(record.times))) if record.times.size > 1 else math.inf
-    rough = (half >= _EXACT) | (half >= _EXACT_SHARE * step)
-    return np.flatnonzero(rough[1:]) + 1
-
-
-def habit_of(record: MeasuredRecord, k: int) -> str:
-    """The habit that a record's switch k follows: that of the input which changes most beside its range."""
-    before, after = record.inputs[k - 1], record.inputs[k]
-    width = np.ptp(record.inputs, axis=0)
-    place = int(np.argmax(np.abs(after - before) / np.where(width > 0.0, width, 1.0)))
-    if after[place] == 0.0:
-        return HABITS[2]
-    return HABITS[0 if after[place] > before[place] else 1]
-
-
 def habit_unknowns(measurements: Measurements) -> list[Unknown]:
     """The logger's habits, of the kinds of switches whose times are not exact."""
-    seen = {habit_of(record, int(k)) for record in measurements.records for k in uncertain(record)}
+    seen = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.rough_switches]}
     return [
         Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * _UNIFORM))
         for name in HABITS
@@ -80,7 +60,7 @@ def habit_unknowns(measurements: Measurements) -> list[Unknown]:
 
 def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
     """What moves each switch of a record, or all of them where there are many; in s."""
-    places = uncertain(record)
+    places = record.rough_switches
     if not places.size:
         return []
     if places.size > MOST_SWITCHES:
@@ -95,17 +75,16 @@ def _moved_by(name: str, half: float) -> Unknown:
 def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
     """(switches, names) by how much each quantity moves each switch, s per unit of it."""
     shifts = np.zeros((record.switch_times.size, len(names)))
-    places = uncertain(record)
+    places = record.rough_switches
     for column, name in enumerate(names):
         if name in HABITS:
-            own = np.array([k for k in places if habit_of(record, int(k)) == name], dtype=np.intp)
+            own = places[record.switch_kinds[places] == HABITS.index(name)]
             shifts[own, column] = 2.0 * record.switch_half[own]
         elif name == ALL:
             shifts[places, column] = 1.0
         else:
-            for k in places:
-                if name == own_switch(int(k)):
-                    shifts[k, column] = 1.0
+            k = int(name.rsplit("_", 1)[1])
+            shifts[places[places == k], column] = 1.0
     return shifts
 
 
@@ -114,7 +93,7 @@ def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
 
     They are those whose commands change most where there are very many.
     """
-    places = uncertain(record)
+    places = record.rough_switches
     if places.size <= MOST_SWITCHES:
         return (), np.empty(0)
     width = np.ptp(record.inputs, axis=0)

@@ -15,6 +15,9 @@ from rigctl.rig.rig import Rig
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
+#: times known better than this, in s and as a share of the sampling interval, are exact
+_EXACT, _EXACT_SHARE = 2e-4, 0.25
+
 
 @dataclass(frozen=True)
 class MeasuredRecord:
@@ -63,6 +66,24 @@ class MeasuredRecord:
     def ramps(self) -> Ramps | None:
         """The inputs that change steadily, as the engine takes them."""
         return Ramps(np.array(self.along), self.knots, self.lines) if self.along else None
+
+    @cached_property
+    def rough_switches(self) -> Integers:
+        """The places of the switches whose times are not exact; the first command is none."""
+        half = self.switch_half
+        step = float(np.median(np.diff(self.times))) if self.times.size > 1 else np.inf
+        rough = (half >= _EXACT) | (half >= _EXACT_SHARE * step)
+        return np.flatnonzero(rough[1:]) + 1
+
+    @cached_property
+    def switch_kinds(self) -> Integers:
+        """(switches) 0 to more, 1 to less, 2 to 0: of the input that changes most beside its range."""
+        changes = np.diff(self.inputs, axis=0, prepend=self.inputs[:1])
+        width = np.ptp(self.inputs, axis=0)
+        place = np.argmax(np.abs(changes) / np.where(width > 0.0, width, 1.0), axis=1)
+        row = np.arange(len(place))
+        kinds = np.where(changes[row, place] > 0.0, 0, 1)
+        return np.asarray(np.where(self.inputs[row, place] == 0.0, 2, kinds), dtype=np.intp)
 
     @property
     def here(self) -> NDArray[np.bool_]:
