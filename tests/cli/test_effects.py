@@ -47,7 +47,7 @@ def test_an_effect_is_shown_with_its_picture() -> None:
     for piece in (
         "Q_AB = k·(p_A − p_B)/µ",
         "adds at flow_a_to_b [m^3/s]: conductance*(pressure_a - pressure_b)/viscosity",
-        "0 m^3 to 2e-13 m^3",
+        "0 m^3 to (2e-13 m^3)",
         "looks like: ",
         "confused with: rod_leakage, cap_leakage, valve_leakage",
         "source: Merritt",

@@ -13,10 +13,18 @@ import pytest
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.folds import HeldOut
+from rigctl.diagnose.remainder import Remainder
 from rigctl.diagnose.result import Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Differs, Rival, where_they_differ
 from rigctl.diagnose.trial import Trial
-from rigctl.diagnose.wording import drift_text, effect_text, evidence_for, rival_text, verdict_text
+from rigctl.diagnose.wording import (
+    drift_text,
+    effect_text,
+    evidence_for,
+    rival_text,
+    verdict_text,
+    whether_at_all,
+)
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -78,13 +86,17 @@ def test_a_rival_that_is_not_told_says_what_would_do(d: float, difference: float
     )
 
 
+def leaves(share: float) -> Remainder | None:
+    return Remainder(share, 3.0, 0.001, "", "", "", f"{share:g} is left") if share else None
+
+
 def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
     """What is said of two effects, some of which predict nothing that they were not fitted on."""
     known = library(find_family("hydraulic_cylinder"))
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
     checks = {name: HeldOut(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
-    return verdict_text(verdict, cast("ModelComparison", None), chosen, rivals, left, checks)
+    return verdict_text(verdict, cast("ModelComparison", None), chosen, rivals, leaves(left), checks)
 
 
 def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
@@ -97,13 +109,32 @@ def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
 def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_weak() -> None:
     seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
     before = cast("ModelComparison", None)
-    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], 1.0, {}, seen)
+    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen)
     assert said == (
         "Something is missing, and too little of it is seen to say what: position_gain explains more of it "
         "than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
     )
-    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], 1.0, {})
+    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {})
     assert unseen == "Something is missing that no effect of the library explains"
+
+
+def test_a_guessed_noise_or_an_error_within_it_does_not_say_that_something_is_missing() -> None:
+    before = cast("ModelComparison", None)
+    said = verdict_text(
+        Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, doubt="the noise of flow is a guess"
+    )
+    assert "Something is missing" not in said
+    assert "but the noise of flow is a guess: these data cannot tell whether something is missing" in said
+    channels = (SimpleNamespace(name="flow", guessed=True), SimpleNamespace(name="level", guessed=False))
+
+    def compared(guessed: int, nrmse: float) -> ModelComparison:
+        problem = SimpleNamespace(noise=SimpleNamespace(channels=channels[1 - guessed :]))
+        errors = {"level": SimpleNamespace(nrmse=nrmse)}
+        return cast("ModelComparison", SimpleNamespace(fit=SimpleNamespace(problem=problem, errors=errors)))
+
+    assert whether_at_all(compared(1, 3.0)) == "these data do not tell the noise of flow"
+    assert whether_at_all(compared(0, 0.9)) == "the error of every channel is within its noise"
+    assert whether_at_all(compared(0, 1.1)) == ""
 
 
 def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
@@ -136,12 +167,38 @@ def test_a_parameter_has_moved_where_that_is_more_than_its_own_uncertainty(
 
 
 @pytest.mark.parametrize(
-    ("d", "difference", "told"), [(20.0, 1600.0, True), (2.0, 1600.0, False), (20.0, 9.0, False)]
+    ("d", "difference", "share", "told"),
+    [
+        (20.0, 1600.0, 0.2, True),
+        (2.0, 1600.0, 0.2, False),
+        (20.0, 9.0, 0.2, False),
+        (20.0, 1600.0, 1e-4, False),  # sure in the noise, and less than the shape of either may do
+    ],
 )
-def test_two_are_told_apart_by_separation_and_by_the_criterion(
-    d: float, difference: float, told: bool
+def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_shape_does(
+    d: float, difference: float, share: float, told: bool
 ) -> None:
-    assert replace(RIVAL, separation=d, difference=difference).told is told
+    rival = replace(RIVAL, separation=d, difference=difference, share=share)
+    assert rival.told is told
+    assert ("the shape of either may do as much" in rival_text(rival)) is (share < 0.01)
+
+
+def test_what_lies_beyond_the_usual_is_said_of_a_rival_and_of_what_leads() -> None:
+    beyond = "coefficient beyond its usual range (0 m to 2e+04 m)"
+    assert f"(cos 0.94) with its {beyond}" in rival_text(replace(RIVAL, unusual=beyond))
+    known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
+    chosen: Any = [(SimpleNamespace(effect=known), SimpleNamespace(parameters={}))]
+    said = verdict_text(
+        Verdict.AMBIGUOUS,
+        cast("ModelComparison", None),
+        chosen,
+        [],
+        leaves(0.02),
+        {},
+        unusual={known.name: beyond},
+    )
+    assert f"as well as this, but viscous_friction has its {beyond}: " in said
+    assert said.endswith("That is not all: 0.02 is left")
 
 
 def fitted(outputs: np.ndarray) -> FitResult:

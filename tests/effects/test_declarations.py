@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,39 @@ def test_declarations_are_sound(effect: Effect) -> None:
     assert effect.name not in effect.confused_with
     for text in (effect.summary, effect.equation, effect.source, effect.looks_like):
         assert text.strip()
+
+
+@pytest.mark.parametrize("effect", EVERY, ids=label)
+def test_every_bound_says_whether_physics_forbids_what_lies_beyond(effect: Effect) -> None:
+    for parameter in effect.parameters:
+        assert parameter.physical is not None
+        if parameter.sign == 1:  # one direction only is what physics says of the null value
+            assert parameter.physical in ("low", "both")
+        low, high = parameter.widest
+        assert low <= parameter.low < parameter.high <= high
+        assert (low < parameter.low) is (parameter.physical in ("none", "high"))
+        assert (high > parameter.high) is (parameter.physical in ("none", "low"))
+
+
+def test_a_bound_that_nobody_has_explained_is_only_usual_unless_it_is_the_null_value() -> None:
+    force = EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F")
+    assert (force.usual, force.widest) == ((False, True), (0.0, 2e4))
+    width = EffectParameter("width", "mm", None, 1e-3, 1e-4, 1e-2, "w")
+    assert width.usual == (True, True)
+    assert width.widest == (pytest.approx(1e-5), pytest.approx(1e-3 + 10.0 * 9e-3))
+    assert force.bounds_around(50.0) == (0.0, 2e3)
+    assert force.bounds_around(3e3) == (0.0, 2e4)
+
+
+def test_an_order_of_two_parameters_must_be_one_that_can_hold() -> None:
+    stribeck = find_effect("stribeck_friction", "hydraulic_cylinder")
+    order = {one.name: one.at_least for one in stribeck.parameters if one.at_least}
+    assert order == {"static_force": "force"}
+    for name, wrong in (("speed", "must name another"), ("force", "null and start must be at least")):
+        low = EffectParameter("static_force", "N", 0.0, 20.0, 0.0, 4e3, "F_s", at_least=name)
+        kept = [low if one.name == "static_force" else one for one in stribeck.parameters]
+        found = problems(replace(stribeck, parameters=tuple(kept)), find_family(stribeck.family))
+        assert [wrong in one for one in found] == [True]
 
 
 #: working range of what is not given by the family's own values

@@ -93,6 +93,8 @@ def test_a_document_holds_values_in_their_units() -> None:
             "low": -50.0,
             "high": 50.0,
             "sign": 0,
+            "physical": {"low": False, "high": False},
+            "at_least": None,
             "shape": False,
             "meaning": "c",
         }

@@ -16,6 +16,7 @@ from rigctl.diagnose.result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.diagnose.unseen_group import Unseen
 from rigctl.diagnose.wording import parameters_text
 from rigctl.report.bars import draw_bar
+from rigctl.units import parse_unit
 
 _COLOURS = {
     Verdict.ADEQUATE: "green",
@@ -31,6 +32,8 @@ def show_diagnosis(found: Diagnosis) -> None:
     """The verdict, the ranking, what speaks for and against, and what cannot be told."""
     out = console()
     _show_verdict(found)
+    if found.remainder_text:
+        out.print(f"  {escape(found.remainder_text)}.", soft_wrap=True)
     for note in found.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for finding in found.before.findings:
@@ -109,9 +112,15 @@ def _drift(found: Sequence[Drift]) -> Table:
     """The fitted parameters, without and with the effects found."""
     made = table("fitted parameter", "without", "with it", "unit", "change")
     for one in found:
-        change = f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
-        made.add_row(one.parameter, f"{one.before:.5g}", f"{one.after:.5g}", escape(one.unit), change)
+        made.add_row(one.parameter, f"{one.before:.5g}", f"{one.after:.5g}", escape(one.unit), _change(one))
     return made
+
+
+def _change(one: Drift) -> str:
+    """In per cent; of a temperature in kelvin, whose share of degrees Celsius says nothing."""
+    if parse_unit(one.unit).absolute_temperature:
+        return f"{(one.after - one.before) * parse_unit(one.unit).factor:+.2g} K"
+    return f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
 
 
 def _show_untestable(found: Sequence[tuple[str, str]]) -> None:

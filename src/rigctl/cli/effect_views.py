@@ -114,13 +114,19 @@ def _parameters(effect: Effect) -> Table:
             parameter.name,
             "shape" if parameter.null is None else _shown(parameter, parameter.null),
             _shown(parameter, parameter.start),
-            f"{_shown(parameter, parameter.low)} to {_shown(parameter, parameter.high)}",
+            _bounds(parameter),
             {1: "positive", -1: "negative", 0: "" if parameter.shape else "either"}[parameter.sign],
             escape(parameter.meaning),
         )
     for way in effect.other_ways:
         made.add_row(way.name, "", "", f"in {way.unit}", "", escape(f"sets {way.parameter}: {way.meaning}"))
     return made
+
+
+def _bounds(parameter: EffectParameter) -> str:
+    """Both bounds, one that is only usual in brackets."""
+    ends = zip((parameter.low, parameter.high), parameter.usual, strict=True)
+    return " to ".join(f"({_shown(parameter, e)})" if usual else _shown(parameter, e) for e, usual in ends)
 
 
 def _shown(parameter: EffectParameter, si: float) -> str:

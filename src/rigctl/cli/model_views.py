@@ -151,7 +151,7 @@ def show_difference(found: ModelDifference) -> None:
 
 
 def _row(found: ValueDifference) -> tuple[str, ...]:
-    unit = next(stated.unit for stated in (found.after, found.before) if stated is not None)
+    unit = next((stated.unit for stated in (found.after, found.before) if stated is not None), "")
     change, deviations = found.change, found.deviations
     return (
         found.name,

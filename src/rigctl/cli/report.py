@@ -79,7 +79,7 @@ def report(
             hint="Name one, e.g. --model models/hl32-textbook.yaml",
         )
     opened = {run.id: run for run in map(open_run, runs)}  # a run that is named twice is one run
-    first = next(iter(opened))
+    first, *_ = opened
     more = len(opened) - 1
     target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
     require_page(target, force=force)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigctl.compare.localise import variable_units
 from rigctl.model.fit.fit import FitResult
-from rigctl.units import show
+from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,9 @@ class Trend:
     ----------
     quantity: what changes, e.g. ``stroke``.
     variable: the operating variable; low, high its ends, SI.
-    measured, predicted: change of the quantity from low to high as a share of its mean at low.
+    measured, predicted: change of the quantity from low to high as a share of its mean at low; of a
+        temperature in kelvin, as its zero is no absence of anything.
+    unit: of the two, "1" or "K".
     z: the difference of the two in standard deviations.
     wrong_sign: the model has the wrong direction, and not by chance.
     """
@@ -38,11 +40,13 @@ class Trend:
     predicted: float
     z: float
     text: str
+    unit: str = "1"
 
     @property
     def matters(self) -> bool:
-        """The model is off by more than a third of a per cent."""
-        return abs(self.measured - self.predicted) > 1 / 300
+        """The model is off by more than a third of a per cent; of a temperature, of the change itself."""
+        whole = 1.0 if self.unit == "1" else max(abs(self.measured), abs(self.predicted))
+        return abs(self.measured - self.predicted) > whole / 300
 
     @property
     def wrong_sign(self) -> bool:
@@ -56,6 +60,7 @@ class Trend:
             "variable": self.variable,
             "measured": self.measured,
             "predicted": self.predicted,
+            "unit": self.unit,
             "z": self.z,
             "wrong_sign": self.wrong_sign,
             "text": self.text,
@@ -68,12 +73,12 @@ def trends(fit: FitResult) -> tuple[Trend, ...]:
     units = variable_units(measurements)
     found = []
     for quantity, column, measured, predicted, noise in _quantities(fit):
+        kelvin = parse_unit(measurements.units[column]).absolute_temperature
         for variable in measurements.variables:
             points = np.array([fit.problem.records[k].condition.get(variable, math.nan) for k in fit.fitted])
-            trend = _trend(fit, quantity, variable, points, measured, predicted, noise, units)
+            trend = _trend(fit, quantity, variable, points, measured, predicted, noise, units, kelvin=kelvin)
             if trend is not None:
                 found.append(trend)
-        del column
     return tuple(sorted(found, key=lambda trend: -abs(trend.z)))
 
 
@@ -123,6 +128,8 @@ def _trend(
     predicted: Floats,
     noise: float,
     units: dict[str, str],
+    *,
+    kelvin: bool,
 ) -> Trend | None:
     good = np.isfinite(points) & np.isfinite(measured)
     if np.unique(points[good]).size < 2 or variable == quantity:
@@ -142,19 +149,21 @@ def _trend(
     span = high - low
     change, said = float(inverse @ measured[good]) * span, float(inverse @ predicted[good]) * span
     error = noise * float(np.linalg.norm(inverse)) * span
-    base = float(np.mean(measured[good][points[good] == low]))
+    base = 1.0 if kelvin else float(np.mean(measured[good][points[good] == low]))
     if base == 0.0 or error == 0.0:
         return None
     share, predicted_share = change / abs(base), said / abs(base)
     ends = f"from {show(low, units[variable], digits=3)} to {show(high, units[variable], digits=3)}"
-    text = f"measured {quantity} {_moves(share)} {ends}, the model says it {_moves(predicted_share)}"
-    return Trend(quantity, variable, low, high, share, predicted_share, (said - change) / error, text)
+    moves, predicted_moves = (_moves(one, kelvin=kelvin) for one in (share, predicted_share))
+    text = f"measured {quantity} {moves} {ends}, the model says it {predicted_moves}"
+    unit = "K" if kelvin else "1"
+    return Trend(quantity, variable, low, high, share, predicted_share, (said - change) / error, text, unit)
 
 
-def _moves(share: float) -> str:
-    if abs(share) < 5e-4:
-        return "stays the same"
-    return f"{'rises' if share > 0.0 else 'falls'} {abs(share) * 100:.2g} %"
+def _moves(change: float, *, kelvin: bool = False) -> str:
+    """``rises 4.8 %``, or ``rises 3.2 K``: per cent of an absolute temperature mean nothing."""
+    least, shown = (5e-3, f"{abs(change):.2g} K") if kelvin else (5e-4, f"{abs(change) * 100:.2g} %")
+    return "stays the same" if abs(change) < least else f"{'rises' if change > 0.0 else 'falls'} {shown}"
 
 
 def sentence(found: Sequence[Trend], notable: float = 5.0) -> str:

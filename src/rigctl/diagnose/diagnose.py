@@ -11,15 +11,18 @@ from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
 from rigctl.compare.fitting import require_free_parameters
 from rigctl.compare.result import ModelComparison
+from rigctl.compare.scores import Score
 from rigctl.dataset.run import Run
+from rigctl.diagnose.confound import softened
 from rigctl.diagnose.folds import HeldOut, held_out_gain
 from rigctl.diagnose.power import hidden_at_typical_size, power_text
+from rigctl.diagnose.remainder import Remainder, remainder
 from rigctl.diagnose.result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Rival, classes_of, find_rivals
-from rigctl.diagnose.search import SHAPE, Search, Tell
+from rigctl.diagnose.search import Search, Tell
 from rigctl.diagnose.table_remarks import table_remarks
 from rigctl.diagnose.trial import Trial
-from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text
+from rigctl.diagnose.wording import drift_text, evidence_for, verdict_text, whether_at_all
 from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD
 from rigctl.engine.one_thread import one_thread
@@ -78,18 +81,17 @@ def diagnose_comparison(
     ranking = _ranking(search, best)
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
     ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
-    left = search.left(best)
-    verdict = _verdict(before, best, close, checks, left)
-    chosen = [
-        (candidate, next(one for one in ranking if one.effect == candidate.name))
-        for candidate in best.candidates
-    ]
+    left = remainder(search, best)
+    verdict = _verdict(search, best, close, checks, left)
+    by_name = {one.effect: one for one in ranking}
+    chosen = [(candidate, by_name[candidate.name]) for candidate in best.candidates]
     drift = _drift(before, best)
     evidence: list[str] = power_text(before.projected) if before.adequate else []
     evidence += [quantity.statement for quantity in before.record_level if quantity.statement]
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
     remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
+    doubt = whether_at_all(before) if verdict is Verdict.OUTSIDE_LIBRARY else ""
     seen = _seen(search, ranking) if not best.candidates else None
     after = search.at(best) if best.candidates else None
     return Diagnosis(
@@ -103,7 +105,8 @@ def diagnose_comparison(
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
-        statement=remarks.statement or verdict_text(verdict, before, chosen, rivals, left, checks, seen),
+        statement=remarks.statement
+        or verdict_text(verdict, before, chosen, rivals, left, checks, seen, best.unusual, doubt),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
@@ -114,26 +117,28 @@ def diagnose_comparison(
         excluded_because=remarks.why,
         next_steps=remarks.next_steps,
         p_value_after=before.adequacy.p_value if after is None else after.adequacy.p_value,
+        remainder=left,
+        doubt=doubt,
     )
 
 
 def _verdict(
-    before: ModelComparison,
+    search: Search,
     best: Trial,
     close: Sequence[Rival],
     checks: dict[str, HeldOut | None],
-    left: float,
+    left: Remainder | None,
 ) -> Verdict:
-    if before.adequate:
+    if search.before.adequate:
         return Verdict.ADEQUATE
-    if not best.candidates or left > SHAPE:
+    if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
     failed = any(check is not None and check.folds >= 2 and not check.passed for check in checks.values())
-    if failed and left > 0.0 and len(best.candidates) > 1:
+    if failed and left is not None and len(best.candidates) > 1:
         # several effects that neither explain all of it nor predict what they were not fitted on make up
         # together for one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
-    if close or failed:
+    if close or failed or best.unusual:
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
 
@@ -157,7 +162,7 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
     screened = [score for score in search.before.screening.scores if score.effect not in refitted]
     sets: dict[tuple[str, ...], float] = {}
     for trial in trials:  # of several shapes of one set, the best counts
-        if set(trial.effects) > set(best.effects) and best.candidates:
+        if len(trial.effects) > len(best.effects) > 0:
             continue  # what it has beyond the best set explains no more than the shape of that may
         key = tuple(sorted(trial.effects))
         sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
@@ -165,8 +170,10 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
     for score in screened:
         price = search.price(tried[score.candidate])
         sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + price
-    least = min(sets.values())
-    weights = {names: math.exp(-0.5 * min(value - least, 1400.0)) for names, value in sets.items()}
+    # what is better than the best set is so by less than shapes may do, or it would be the best
+    least, less = search.mbic(best), softened(search.none.chi2 - best.chi2)
+    behind = {names: min(max(value - least, 0.0) / less, 1400.0) for names, value in sets.items()}
+    weights = {names: math.exp(-0.5 * value) for names, value in behind.items()}
     total = sum(weights.values())
     shares: dict[str, float] = {}
     for names, weight in weights.items():
@@ -177,12 +184,34 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
         by_name, key=lambda name: (-shares.get(name, 0.0), by_name[name].p_value, -by_name[name].gain)
     )
     shown = list(dict.fromkeys([*best.effects, *order]))[: max(_SHOWN, len(best.effects))]
-    ranked = [_ranked(search, best, name, min(1.0, shares.get(name, 0.0))) for name in shown]
-    return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.delta_bic))
+    ranked = []
+    for name in shown:
+        score = by_name[name] if name in by_name else _score_beside(search, best, name)
+        ranked.append(_ranked(search, best, score, min(1.0, shares.get(name, 0.0))))
+    own = set(best.effects)
+    return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.effect not in own, one.delta_bic))
 
 
-def _ranked(search: Search, best: Trial, name: str, probability: float) -> Ranked:
-    score = next(one for one in search.before.screening.scores if one.effect == name)
+def _score_beside(search: Search, best: Trial, name: str) -> Score:
+    """The score of a member of the best set that the model as it is shows nothing of: beside the others."""
+    (member,) = (one for one in best.candidates if one.name == name)
+    projected = search.at(best).without(member)
+    columns = range(len(member.columns))
+    gain = search.explained(best, member)
+    return Score(
+        effect=name,
+        candidate=0,
+        gain=gain,
+        z=math.sqrt(gain),
+        p_value=1.0,  # on the model as it is
+        sizes=best.sizes(member),
+        kappa=float(min(projected.kappa[column] for column in columns)),
+        hidden_in="",
+    )
+
+
+def _ranked(search: Search, best: Trial, score: Score, probability: float) -> Ranked:
+    name = score.effect
     trial, without = _trial_of(search, best, name)
     if trial is None or without is None:
         lin = search.before.linearisation
@@ -192,7 +221,7 @@ def _ranked(search: Search, best: Trial, name: str, probability: float) -> Ranke
         difference = search.price(candidate) - search.promised(score)
         drop, size = 0.0, math.sqrt(search.promised(score))
     else:
-        candidate = next(one for one in trial.candidates if one.name == name)
+        (candidate,) = (one for one in trial.candidates if one.name == name)
         parameters = found_parameters(trial, candidate)
         difference = search.mbic(trial) - search.mbic(without)
         before, after = _nrmse(without), _nrmse(trial)
@@ -219,6 +248,11 @@ def _trial_of(search: Search, best: Trial, name: str) -> tuple[Trial | None, Tri
         rest = tuple(one for one in best.effects if one != name)
         others = [t for t in search.trials.values() if tuple(sorted(t.effects)) == tuple(sorted(rest))]
         return best, (min(others, key=search.mbic) if others else search.none if not rest else None)
+    for member in best.candidates if len(best.candidates) > 1 else ():
+        for rival, _, _ in search.rivals(best, member):
+            if name in rival.effects:
+                kept = tuple(one for one in best.candidates if one is not member)
+                return rival, search.known(kept)
     single = [trial for trial in search.trials.values() if trial.effects == (name,)]
     return (min(single, key=search.mbic), search.none) if single else (None, None)
 
@@ -234,7 +268,7 @@ def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParam
         unit = parse_unit(declared.unit)
         offset = 0.0 if declared.difference else unit.offset
         found[declared.name] = FoundParameter(
-            (value - offset) / unit.factor, declared.unit, std / unit.factor
+            (value - offset) / unit.factor, declared.unit, std / unit.factor, declared.unusual(value)
         )
     return found
 

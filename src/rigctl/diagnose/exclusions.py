@@ -96,9 +96,10 @@ def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
 
 def _reached(trend: Trend, fit: FitResult) -> float:
     """The share of the missing change that a fit makes."""
-    own = next(
-        one for one in trends(fit) if one.quantity == trend.quantity and one.variable == trend.variable
-    )
+    found = {(one.quantity, one.variable): one for one in trends(fit)}
+    own = found.get((trend.quantity, trend.variable))
+    if own is None:  # with the effect there is no such change to speak of
+        return 0.0
     return (own.predicted - trend.predicted) / (trend.measured - trend.predicted)
 
 

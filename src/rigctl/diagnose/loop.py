@@ -8,6 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import judge
 from rigctl.compare.fitting import fit_again
 from rigctl.compare.result import Choice, Comparison, ModelComparison
@@ -138,8 +139,8 @@ def improve(
 ) -> Improvement:
     """Add to a model what it lacks, one step after the other, each saved as the file's next version.
 
-    A step adds the one effect of the most probable set that gains most by itself, or the set where its
-    members pay only together.
+    What is added is what the diagnosis says, effect by effect: of a set the member that gains most by itself
+    first, or the whole at once where its members pay only together. Then the model is diagnosed again.
 
     Parameters
     ----------
@@ -159,60 +160,73 @@ def improve(
         found = diagnose_comparison(
             here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), tell=tell
         )
-        chosen = _next(found, room) if found.verdict is not Verdict.ADEQUATE else None
-        if chosen is None:
+        plan = _plan(found, room) if found.verdict is not Verdict.ADEQUATE else []
+        if not plan:
             elsewhere = unseen(compared, here, tell=tell)
             return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
-        said(f"Adding {', '.join(chosen.trial.effects)}")
-        after = _compared(here, chosen.trial, excluded, said)
-        step = _saved(found, chosen, after, source, compared.choice)
-        steps.append(step)
-        here, source = after, step.version.head
+        for chosen in plan:
+            said(f"Adding {', '.join(chosen.effects)}")
+            after = _compared(here, chosen.trial, excluded, said)
+            step = _saved(found, chosen, here, after, source, compared.choice)
+            steps.append(step)
+            here, source = after, step.version.head
 
 
 @dataclass(frozen=True)
 class _Choice:
+    """An addition: `effects` are those that are new in `trial`."""
+
     trial: Trial
+    effects: tuple[str, ...]
     delta_bic: float
     reason: str
 
 
-def _next(found: Diagnosis, room: int) -> _Choice | None:
-    """The members of the best set that are added now; None when nothing pays or there is no room."""
+def _plan(found: Diagnosis, room: int) -> list[_Choice]:
+    """The best set's effects in the order in which they are added; none when it does not pay, or has no room.
+
+    First the one that gains most by itself, then the set; at once where its members pay only together.
+    """
     search = Search(found.before, found.before.whole)
-    worth = search.mbic(found.best) - search.mbic(search.none)
-    if not found.best.candidates or worth >= 0.0 or room < 1:
-        return None
-    singles = [_single(found, place) for place in range(len(found.best.candidates))]
-    alone = [trial for trial in singles if trial is not None]
-    best = min(alone, key=search.mbic, default=None)
-    if best is not None and search.mbic(best) < search.mbic(search.none):
-        difference = search.mbic(best) - search.mbic(search.none)
-        return _Choice(best, difference, _reason(found, best, difference))
-    if len(found.best.candidates) > room:
-        return None
-    return _Choice(found.best, worth, _reason(found, found.best, worth))
+    best, nothing = found.best, search.mbic(search.none)
+    if not best.candidates or len(best.candidates) > room or search.mbic(best) >= nothing:
+        return []
+    singles = [_single(found, member) for member in best.candidates] if len(best.candidates) > 1 else []
+    first = min((one for one in singles if one is not None), key=search.mbic, default=None)
+    if first is None or search.mbic(first) >= nothing:
+        difference = search.mbic(best) - nothing
+        return [_Choice(best, best.effects, difference, _reason(found, best, best.effects, difference))]
+    gained = search.mbic(first) - nothing
+    rest = tuple(name for name in best.effects if name not in first.effects)
+    more = search.mbic(best) - search.mbic(first)
+    return [
+        _Choice(first, first.effects, gained, _reason(found, first, first.effects, gained)),
+        _Choice(best, rest, more, _reason(found, best, rest, more)),
+    ]
 
 
-def _single(found: Diagnosis, place: int) -> Trial | None:
+def _single(found: Diagnosis, member: Candidate) -> Trial | None:
     """One member of the best set by itself, refitted unless it was already."""
-    member = found.best.candidates[place]
-    if len(found.best.candidates) == 1:
-        return found.best
     known = [trial for trial in found.trials if trial.candidates == (member,)]
     return known[0] if known else refit(found.before.fit, (member,))
 
 
-def _reason(found: Diagnosis, trial: Trial, difference: float) -> str:
+def _reason(found: Diagnosis, trial: Trial, effects: tuple[str, ...], difference: float) -> str:
+    """Why `effects` are added, which are new in `trial`."""
     described = ". ".join(
-        effect_text(candidate.effect, found_parameters(trial, candidate)) for candidate in trial.candidates
+        effect_text(candidate.effect, found_parameters(trial, candidate))
+        for candidate in trial.candidates
+        if candidate.name in effects
     )
-    together = " only together" if len(trial.effects) > 1 else ""
+    together = " only together" if len(effects) > 1 else ""
     text = f"{described}. mBIC falls by {-difference:.1f}{together}"
     if len(found.best.effects) > len(trial.effects):
         rest = ", ".join(name for name in found.best.effects if name not in trial.effects)
-        text += f", the most that one effect gains; {rest} may have to follow"
-    classes = [names for names in found.classes if len(names) > 1 and set(names) & set(trial.effects)]
+        text += f", the most that one effect gains; {rest} follows"
+    unusual = [text for name, text in trial.unusual.items() if name in effects]
+    if unusual:
+        text += f". It has its {', and its '.join(unusual)}"
+    classes = [names for names in found.classes if len(names) > 1 and set(names) & set(effects)]
     if classes:
         text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
@@ -232,12 +246,19 @@ def _compared(here: ModelComparison, trial: Trial, excluded: Collection[str], te
     return judge(fitted, here.name, excluded=excluded, tell=tell)
 
 
-def _saved(found: Diagnosis, chosen: _Choice, after: ModelComparison, source: Path, choice: Choice) -> Step:
+def _saved(
+    found: Diagnosis,
+    chosen: _Choice,
+    before: ModelComparison,
+    after: ModelComparison,
+    source: Path,
+    choice: Choice,
+) -> Step:
     """Save the model with the effects as the next version, and say what it did to the error."""
-    before_error, after_error = model_error(found.before.fit), model_error(after.fit)
+    before_error, after_error = model_error(before.fit), model_error(after.fit)
     done = Change(
         "add",
-        effect=", ".join(chosen.trial.effects),
+        effect=", ".join(chosen.effects),
         runs=tuple(found.runs),
         hold_out=choice.hold_out,
         only=choice.only,
@@ -248,7 +269,7 @@ def _saved(found: Diagnosis, chosen: _Choice, after: ModelComparison, source: Pa
     made = replace(after.fit.model, text=load_model(source).text)
     version = save_version(made, source, done)
     return Step(
-        chosen.trial.effects,
+        chosen.effects,
         found,
         chosen.reason,
         chosen.delta_bic,

@@ -64,7 +64,7 @@ def next_channels(
 
 def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[_Part]:
     """Of every channel that the bench could have, by the change over the trend's variable."""
-    channels = _channels(next(iter(members.values())).problem)
+    channels = _channels(before.fit.problem)
     changes = {name: _changes(fit, trend, channels) for name, fit in members.items()}
     found = []
     for place, output in enumerate(channels):

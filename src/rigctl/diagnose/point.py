@@ -60,16 +60,20 @@ class Point:
 
     def without(self, member: Candidate) -> Projected:
         """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
-        own = next(place for place in self._members if self._name(place) == member.name)
+        own = self._place(member)
         rest = [place for place in self._members if place != own]
         return project(self._everything.rearranged(rest, [own, *self._others]))
 
     def held(self, member: Candidate) -> list[Floats]:
         """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
-        place = next(place for place in self._members if self._name(place) == member.name)
+        place = self._place(member)
         start, at_bound = self._everything.starts[place], self.trial.fit.at_bound
         moved = np.where([name in at_bound for name in member.columns], self.trial.sizes(member), 0.0)
         return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
+
+    def _place(self, member: Candidate) -> int:
+        """Where one of the trial's own effects stands among the candidates."""
+        return self.trial.effects.index(member.name)
 
     def _name(self, place: int) -> str:
         return self._everything.candidates[place].name

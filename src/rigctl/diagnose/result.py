@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.exclusion import Exclusion
+from rigctl.diagnose.remainder import Remainder
 from rigctl.diagnose.trial import Trial
 
 if TYPE_CHECKING:
@@ -29,12 +30,14 @@ class Verdict(StrEnum):
 class FoundParameter:
     """A parameter of an effect as it was fitted, in the unit it is shown in.
 
-    `std` is 0 where the fit ended at a bound of the parameter, and NaN where it is not known.
+    `std` is 0 where the fit ended at a bound of the parameter, and NaN where it is not known. `unusual` says
+    that the value lies beyond what is usual.
     """
 
     value: float
     unit: str
     std: float
+    unusual: bool = False
 
     def __str__(self) -> str:
         """As it is read, e.g. ``4e-15 ± 1e-16 m^3``; a spread that is not known is left out."""
@@ -86,7 +89,12 @@ class Ranked:
             "error_drop": self.error_drop,
             "size": self.size,
             "parameters": {
-                name: {"value": one.value, "unit": one.unit, "std": _finite(one.std)}
+                name: {
+                    "value": one.value,
+                    "unit": one.unit,
+                    "std": _finite(one.std),
+                    "unusual": one.unusual,
+                }
                 for name, one in self.parameters.items()
             },
         }
@@ -126,6 +134,8 @@ class Diagnosis:
     before: the model as it is; after: with `effects`, the same when there are none.
     best: the trial of `effects`.
     trials: every set that was refitted.
+    remainder: what the best set leaves; None where the tests find nothing any more, or there is no set.
+    doubt: of `OUTSIDE_LIBRARY`, why these data cannot tell whether anything is missing; "" where they can.
     excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
     next_steps: of a table, what to measure next.
     """
@@ -151,18 +161,29 @@ class Diagnosis:
     excluded: tuple[Exclusion, ...] = ()
     excluded_because: tuple[str, ...] = ()
     next_steps: tuple[str, ...] = ()
+    remainder: Remainder | None = None
+    doubt: str = ""
 
     @property
     def title(self) -> str:
         """The verdict in a few words."""
         if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
             return f"{len(self.effects)} effects are missing"
+        if self.doubt:
+            return "Not decided"
         return {
             Verdict.ADEQUATE: "Adequate",
             Verdict.MISSING_EFFECT: "An effect is missing",
             Verdict.AMBIGUOUS: "Ambiguous",
             Verdict.OUTSIDE_LIBRARY: "Outside the library",
         }[self.verdict]
+
+    @property
+    def remainder_text(self) -> str:
+        """What is left, in words, where the statement does not say it already; else ""."""
+        if self.remainder is None or self.verdict is not Verdict.OUTSIDE_LIBRARY:
+            return ""
+        return self.remainder.statement
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
@@ -174,6 +195,8 @@ class Diagnosis:
             "classes": [list(names) for names in self.classes],
             "indistinguishable": [list(pair) for pair in self.indistinguishable],
             "ranking": [one.document() for one in self.ranking],
+            "remainder": None if self.remainder is None else self.remainder.document(),
+            "doubt": self.doubt,
             "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
             "drift": [
                 {

@@ -10,7 +10,13 @@ from typing import TypeAlias
 import numpy as np
 
 from rigctl.compare.localise import variable_units
-from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, consistent_gain, cosine
+from rigctl.diagnose.confound import (
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    TOLERANCE,
+    consistent_gain,
+    cosine,
+)
 from rigctl.diagnose.search import Search
 from rigctl.diagnose.trial import Trial
 from rigctl.model.fit.fit import FitResult
@@ -57,6 +63,8 @@ class Rival:
     separation: d; the right one of the two wins with probability Φ(d).
     difference: mBIC of the rival set less that of the best.
     differs: where the two differ most; None where they predict the same.
+    share: the difference of their χ² as a share of what the one that was found explains.
+    unusual: which of the other's parameters lie beyond what is usual, in words; "" where none does.
     """
 
     member: str
@@ -66,11 +74,22 @@ class Rival:
     separation: float
     difference: float
     differs: Differs | None
+    share: float = 1.0
+    unusual: str = ""
 
     @property
     def told(self) -> bool:
-        """True when these data tell the two apart."""
-        return self.separation >= LEAST_SEPARATION and self.difference >= LEAST_DIFFERENCE
+        """True when these data tell the two apart, and by more than two shapes of one effect may differ."""
+        return (
+            self.separation >= LEAST_SEPARATION
+            and self.difference >= LEAST_DIFFERENCE
+            and not self.within_tolerance
+        )
+
+    @property
+    def within_tolerance(self) -> bool:
+        """True when the two differ by less than a tenth of an effect's size: its shape may do as much."""
+        return self.share < TOLERANCE**2
 
 
 def find_rivals(search: Search, best: Trial) -> list[Rival]:
@@ -78,19 +97,56 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
     found = []
     for member in best.candidates:
         search.tell(f"What could be taken for {member.name}")
-        for trial, cos, d in search.rivals(best, member):
-            other = next(name for name in trial.effects if name not in best.effects)
+        tried = search.rivals(best, member)
+        explained = search.explained(best, member)
+        for trial, cos, d in tried:
             # the refits also know sizes that physics does not allow, and tell it up to chance
             told = max(d, _by_refit(trial, best) - _CHANCE)
             if not search.at(best).adequacy.adequate:
                 # neither is right, and the noise no longer tells the chance of a difference
-                told = min(told, consistent_gain(best.fit, trial.fit))
-            difference = search.mbic(trial) - search.mbic(best)
-            differs = where_they_differ(search.none.fit, best.fit, trial.fit)
-            found.append(Rival(member.name, other, trial, cos, told, difference, differs))
+                told = min(told, consistent_gain(best.fit, trial.fit, len(tried)))
+            found += [
+                Rival(
+                    member.name,
+                    other,
+                    trial,
+                    cos,
+                    told,
+                    search.mbic(trial) - search.mbic(best),
+                    where_they_differ(search.none.fit, best.fit, trial.fit),
+                    share=(trial.chi2 - best.chi2) / max(explained, 1e-12),
+                    unusual=trial.unusual.get(other, ""),
+                )
+                for other in trial.effects
+                if other not in best.effects
+            ]
+    found += _aside(search, best, {rival.name for rival in found})
     if len(best.candidates) == 1:
         found += _known(search, best, {rival.name for rival in found})
     return found
+
+
+def _aside(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
+    """The better set that was put aside for a size beyond what is usual: a rival, however alike they are."""
+    trial = search.aside
+    if trial is None:
+        return []
+    members = [name for name in best.effects if name not in trial.effects] or [*best.effects]
+    return [
+        Rival(
+            members[0],
+            other,
+            trial,
+            cos=1.0,
+            separation=0.0,
+            difference=search.mbic(trial) - search.mbic(best),
+            differs=where_they_differ(search.none.fit, best.fit, trial.fit),
+            share=0.0,
+            unusual=trial.unusual.get(other, ""),
+        )
+        for other in trial.effects
+        if other not in best.effects and other not in seen
+    ]
 
 
 def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
@@ -111,7 +167,9 @@ def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
     difference = search.mbic(trial) - search.mbic(best)
     told = _by_refit(trial, best)
     differs = where_they_differ(search.none.fit, best.fit, trial.fit)
-    rival = Rival(member.name, other.name, trial, cos, told, difference, differs)
+    share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
+    unusual = trial.unusual.get(other.name, "")
+    rival = Rival(member.name, other.name, trial, cos, told, difference, differs, share, unusual)
     return [rival] if rival.told else []
 
 

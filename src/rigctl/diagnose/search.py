@@ -1,9 +1,11 @@
 """Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again.
 
-No effect of a library has a bench's exact shape. What a second effect explains beyond a first one is
-therefore more likely to be the first one's shape than an effect where it is little (`_SLIGHT`), and a set
-that leaves more than hardly anything (`SHAPE`) may be it in another shape, a part of it, or a stand-in: it is
-not named.
+Two questions are kept apart. Whether a set is all of it is asked of the noise: the search goes on as long as
+the tests reject what is left, however small its share. Whether an effect is the right one is asked of the
+share that it leaves, as none of a library has a bench's exact shape: a set that leaves more than hardly
+anything (`SHAPE`) may be it in another shape, a part of it, or a stand-in, and is not named. A second effect
+that is little beside the first (`_SLIGHT`) may be the first one's shape, unless it explains what that left
+nearly to the noise (`_WHOLE`).
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ from rigctl.compare.candidates import Candidate
 from rigctl.compare.result import ModelComparison
 from rigctl.compare.scores import Score
 from rigctl.diagnose.alone import Alone, alone, near_best
-from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, cosine, separation
+from rigctl.diagnose.confound import (
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    TOLERANCE,
+    cosine,
+    separation,
+)
 from rigctl.diagnose.pairs import pair_gains
 from rigctl.diagnose.point import Point
 from rigctl.diagnose.trial import Trial, plain, refit
@@ -31,11 +39,17 @@ Tell = Callable[[str], None]
 SHAPE = 0.03
 #: a member of a pair that explains less than this share of what both explain may be the shape of the other
 _SLIGHT = 0.15
+#: but not one beside which less than this share stays of what it explains, with what the tests do not see
+_WHOLE = 0.1
+#: what the tests do not see, in χ²: 4.5 sigmas of the best score
+_UNSEEN = 20.0
 _BEST = 3
 #: rivals more alike than this are refitted
 _ALIKE = 0.5
 #: but not those that the signatures separate by more than this: no refit brings them back
 _FAR = 3.0 * LEAST_SEPARATION
+#: nor, of a large effect, by more than this share of its size: slopes say no more than that of it
+_FAR_SHARE = 0.2
 #: never more refits of rivals than these
 _MOST_RIVALS = 7
 _PAIRS = 2
@@ -56,6 +70,8 @@ class Search:
     before: the model as it is.
     whole: its data with the whole library at its null.
     most: effects in a set.
+    alone: of a table, every effect fitted by itself.
+    aside: a better set than the best one, with a size beyond what is usual.
     """
 
     before: ModelComparison
@@ -64,6 +80,7 @@ class Search:
     tell: Tell = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     alone: dict[str, Alone | None] = field(default_factory=dict)
+    aside: Trial | None = None
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
 
@@ -106,28 +123,52 @@ class Search:
             return self.none
         self._singles()
         best = self._swapped(self._least([self.none, *self.trials.values()]))
-        return self._exchanged(self._swapped(self._backward(self._pairs(best))))
+        found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
+        return self._usual_first(found)
 
     def left(self, trial: Trial) -> float:
-        """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more.
-
-        Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
-        largest fall of χ² that any further effect promises beyond what mBIC asks of it; against the fall that
-        was reached.
-        """
+        """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""
         if not trial.candidates:
             return 0.0 if self.before.adequate else 1.0
+        excess = self.excess(trial)
+        return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
+
+    def excess(self, trial: Trial) -> float:
+        """What stays with a set, in χ²; 0 when the tests find nothing any more.
+
+        Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
+        largest fall of χ² that any further effect promises beyond what mBIC asks of it.
+        """
         here = self.at(trial)
         if here.adequacy.adequate:
             return 0.0
-        excess = max(test.excess for test in here.adequacy.tests.values())
         there = here.linearisation.candidates
         promised = max(
             (score.gain - self.price(there[score.candidate]) for score in here.screening.scores),
             default=0.0,
         )
-        reached = max(self.none.chi2 - trial.chi2, 1e-12)
-        return max(excess, promised) / (reached + max(excess, promised))
+        return max(promised, *(test.excess for test in here.adequacy.tests.values()))
+
+    def explained(self, trial: Trial, member: Candidate) -> float:
+        """The rise of χ² without one of a set's effects; 0 where the rest cannot be fitted."""
+        rest = tuple(one for one in trial.candidates if one is not member)
+        without = self._try(rest, trial) if rest else self.none
+        return 0.0 if without is None else max(without.chi2 - trial.chi2, 0.0)
+
+    def known(self, chosen: Sequence[Candidate]) -> Trial | None:
+        """The set as it was fitted; None where it was not."""
+        return self.trials.get(_key(chosen))
+
+    def sure(self, trial: Trial) -> bool:
+        """Whether the effects of a set are the right ones, by what they leave: hardly anything."""
+        return bool(trial.candidates) and self.left(trial) <= SHAPE
+
+    def beside(self, trial: Trial) -> list[Trial]:
+        """The sets that were tried and hold one effect more, the best first."""
+        own = set(trial.effects)
+        more = [one for one in self.trials.values() if own < set(one.effects)]
+        paying = [one for one in more if self.mbic(one) < self.mbic(trial)]
+        return sorted((one for one in paying if len(one.effects) == len(own) + 1), key=self.mbic)
 
     def at(self, trial: Trial) -> Point:
         """The linearisation and the tests at a trial's fit."""
@@ -167,7 +208,9 @@ class Search:
             if held is None or cos > held[0]:
                 close[candidate.name] = (cos, candidate, d)
         near = [
-            one for one in close.values() if (one[0] > _ALIKE or one[2] < LEAST_SEPARATION) and one[2] < _FAR
+            one
+            for one in close.values()
+            if (one[0] > _ALIKE or one[2] < LEAST_SEPARATION) and one[2] < max(_FAR, _FAR_SHARE * size)
         ]
         near.sort(key=lambda one: -one[0])
         found = []
@@ -202,8 +245,9 @@ class Search:
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
         if self._few:
             chosen = self._near_alone([score.effect for score in by_gain])
+        by_name = {score.effect: score for score in scores}
         for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:
-            score = next(one for one in scores if one.effect == effect)
+            score = by_name[effect]
             if score.gain > 0.0 or self._few:
                 self.tell(f"Refitting with {effect}")
                 self._try((lin.candidates[score.candidate],), self.none)
@@ -234,12 +278,19 @@ class Search:
     @staticmethod
     def _near(cos: float, size: float) -> bool:
         """Whether two signatures are so alike that a refit must tell which is right."""
-        return cos > _ALIKE and separation(size, cos) < _FAR
+        return cos > _ALIKE and separation(size, cos) < max(_FAR, _FAR_SHARE * size)
 
     def _pairs(self, best: Trial) -> Trial:
-        """The best pairs of the linear problem, with what the best single effect asks for and without it."""
-        if self.most < 2 or (best.candidates and self.left(best) <= SHAPE):
+        """The best pairs of the linear problem, with what the best single effect asks for and without it.
+
+        Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
+        """
+        left = self.left(best)
+        if self.most < 2 or not left:
             return best
+        if best.candidates and left <= SHAPE:
+            self._forward(best)
+            return self._least([best, *self.trials.values()])
         lin = self.before.linearisation
         promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
@@ -259,7 +310,7 @@ class Search:
     def _exchanged(self, best: Trial) -> Trial:
         """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
         for _ in range(_SWAPS):
-            if len(best.candidates) < 2 or not self.left(best):
+            if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2:
                 break
             found = self._least([best, *self._exchanges(best)])
             if found is best:
@@ -300,11 +351,56 @@ class Search:
             found = self._least([best, *shorter])
             if found is best:
                 reached = self.none.chi2 - best.chi2
-                slight = [one for one in shorter if one.chi2 - best.chi2 < _SLIGHT * reached]
+                slight = [
+                    one
+                    for one in shorter
+                    if one.chi2 - best.chi2 < _SLIGHT * reached and not self._whole(best, one)
+                ]
                 if not slight:
                     break
                 found = min(slight, key=lambda one: one.chi2)
             best = found
+        return best
+
+    def _usual_first(self, best: Trial) -> Trial:
+        """A set with a size beyond what is usual leads only where no set without one is sure.
+
+        Which of the two it is, is for the verdict to leave open: the other one is its rival.
+        """
+        if not best.unusual:
+            return best
+        usual = [
+            trial
+            for trial in self.trials.values()
+            if len(trial.effects) <= len(best.effects) and not trial.unusual
+        ]
+        for trial in sorted(usual, key=self.mbic):
+            if self.mbic(trial) >= self.mbic(self.none):
+                break
+            if self.left(trial) <= SHAPE:
+                self.aside = best
+                return trial
+        return best
+
+    def _whole(self, best: Trial, without: Trial) -> bool:
+        """Whether the effect that `without` lacks explains nearly all of what that left, and is no shape.
+
+        The shape of another effect is followed by a second one only roughly, and the rest of it is seen.
+        """
+        explained = without.chi2 - best.chi2
+        return self.excess(best) + _UNSEEN < _WHOLE * explained
+
+    def _simplest(self, best: Trial) -> Trial:
+        """Of sets that differ by less than shapes may, the one with the fewest parameters."""
+        for member in best.candidates:
+            limit = TOLERANCE**2 * self.explained(best, member)
+            alike = [
+                rival
+                for rival, _, _ in self.rivals(best, member)
+                if rival.parameters < best.parameters and rival.chi2 - best.chi2 < limit
+            ]
+            if alike:
+                return min(alike, key=lambda one: (one.parameters, one.chi2))
         return best
 
     def _swapped(self, best: Trial) -> Trial:
@@ -321,7 +417,8 @@ class Search:
         """The set fitted, beginning at another one's fit; each set once."""
         key = _key(chosen)
         if key not in self.trials:
-            found = refit(self.before.fit, chosen, begin.fit)
+            # at ten times its size nearly every effect explains the few values of a table
+            found = refit(self.before.fit, chosen, begin.fit, usual=self._few)
             if found is None:
                 return None
             self.trials[key] = found

@@ -85,4 +85,4 @@ def _ambiguous(
 
 
 def _candidate(rival: Rival) -> Candidate:
-    return next(one for one in rival.trial.candidates if one.name == rival.name)
+    return {one.name: one for one in rival.trial.candidates}[rival.name]

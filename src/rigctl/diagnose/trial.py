@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.compare.candidates import Candidate
+from rigctl.diagnose.limits import beyond_usual, in_order, unusual_text, value_of
 from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
@@ -57,14 +58,15 @@ class Trial:
         count = len(self.candidates)
         return self.chi2 + self.parameters * math.log(samples) + 2.0 * count * math.log(max(library, 2))
 
+    @property
+    def unusual(self) -> dict[str, str]:
+        """By effect, in words, its parameters beyond their usual range; empty where there are none."""
+        said = {one.name: unusual_text(self.fit, one) for one in self.candidates}
+        return {name: text for name, text in said.items() if text}
+
     def value(self, column: str) -> tuple[float, float]:
         """A parameter of an effect, and its standard deviation, SI; none where it acts on no reading."""
-        problem = self.fit.problem
-        names = [unknown.name for unknown in problem.shared]
-        if column not in names:
-            known = problem.compiled.system.parameter_names
-            return float(problem.base[known.index(column)]), math.nan
-        return float(self.fit.values[names.index(column)]), self.fit.std.get(column, math.nan)
+        return value_of(self.fit, column), self.fit.std.get(column, math.nan)
 
     def sizes(self, candidate: Candidate) -> Floats:
         """(columns) the parameters of one of its effects less their null, SI."""
@@ -80,19 +82,26 @@ def plain(fitted: FitResult) -> Trial:
 
 
 def refit(
-    fitted: FitResult, chosen: Sequence[Candidate], begin: FitResult | None = None, *, cost: float = _COST
+    fitted: FitResult,
+    chosen: Sequence[Candidate],
+    begin: FitResult | None = None,
+    *,
+    cost: float = _COST,
+    usual: bool = False,
 ) -> Trial | None:
     """Fit the model's parameters and those of `chosen`; None when that cannot be done.
 
     Effects that `begin` does not have begin at their null, where the misfit is what it was: begun at the
     size that the linear problem gives, an effect that the fitted parameters nearly imitate would start far
-    off, and the fit would end in the valley between them.
+    off, and the fit would end in the valley between them. A fit that ends at a bound which only says what is
+    usual goes on beyond it; one that breaks an order of an effect's parameters is made again within it.
 
     Parameters
     ----------
     fitted: of the model with none of the effects.
     begin: where the unknowns begin: the fit of another set; `fitted` when left out.
     cost: fitted until the next step would lower the cost by less than this share.
+    usual: keep to the bounds that say what is usual.
     """
     try:
         model = fitted.model
@@ -105,6 +114,9 @@ def refit(
         found, more = _refined(found, chosen, cost)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
+    if not usual:
+        found = _again(found, beyond_usual(found, chosen), cost)
+    found = _again(found, in_order(found, chosen), cost, forced=True)
     assert found.solution is not None  # noqa: S101 - there is something to fit
     columns = more + sum(len(candidate.columns) for candidate in chosen)
     return Trial(tuple(chosen), found, 2.0 * found.solution.cost, columns)
@@ -144,6 +156,22 @@ def _refined(found: FitResult, chosen: Sequence[Candidate], cost: float) -> tupl
 def _cost(found: FitResult) -> float:
     assert found.solution is not None  # noqa: S101 - there is something to fit
     return 2.0 * found.solution.cost
+
+
+def _again(found: FitResult, shared: list[Unknown] | None, cost: float, *, forced: bool = False) -> FitResult:
+    """The fit made again with other bounds, or the one that was found where that is no better.
+
+    With `forced` the other bounds hold, however good the fit is.
+    """
+    if shared is None:
+        return found
+    try:
+        problem = found.problem.with_shared(shared)
+        again = fit(problem, found.held_out, local=found.local, cost=cost, largest_step=_STEP)
+    except RigctlError:  # the model has no value there
+        return found
+    assert again.solution is not None and found.solution is not None  # noqa: S101 - both have parameters
+    return again if forced or again.solution.cost < found.solution.cost else found
 
 
 def _values(candidate: Candidate) -> dict[str, float]:

@@ -73,7 +73,7 @@ class Unseen:
     def called(self, label: str) -> str:
         """A record with the operating point that tells it from the others."""
         measurements = self.fit.problem.measurements
-        record = next(one for one in measurements.records if one.label == label)
+        record = {one.label: one for one in measurements.records}[label]
         known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
         text = condition_text(dict(list(known.items())[:_MOST_VARIABLES]), variable_units(measurements))
         return f"{label} ({text})" if text else label

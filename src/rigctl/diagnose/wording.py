@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.chance import chance_text
 from rigctl.compare.result import ModelComparison
-from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION
+from rigctl.diagnose.confound import LEAST_DIFFERENCE, LEAST_SEPARATION, TOLERANCE
 from rigctl.diagnose.folds import HeldOut
+from rigctl.diagnose.remainder import Remainder, share_text
 from rigctl.diagnose.result import Drift, FoundParameter, Ranked, Verdict
 from rigctl.diagnose.rivals import Differs, Rival
 from rigctl.diagnose.search import SHAPE
@@ -21,7 +22,6 @@ from rigctl.units import parse_unit
 _HIDDEN = 0.3
 #: a parameter that moves by less has not been biased
 _MOVED = 0.02
-_LEFT = 0.01
 #: phases in which two effects are less alike by this are told
 _UNLIKE = 0.15
 #: an effect that is told apart is worth a word where its signature is more alike than this
@@ -44,16 +44,21 @@ def verdict_text(
     before: ModelComparison,
     chosen: Sequence[tuple[Candidate, Ranked]],
     rivals: Sequence[Rival],
-    left: float,
+    left: Remainder | None,
     checks: Mapping[str, HeldOut | None],
     seen: Ranked | None = None,
+    unusual: Mapping[str, str] | None = None,
+    doubt: str = "",
 ) -> str:
     """The statement of a verdict.
 
     Parameters
     ----------
+    left: what the best set leaves.
     checks: those by leaving out, of each member of the best set.
     seen: where no set pays for itself, the effect that is seen nevertheless.
+    unusual: of the best set's effects, the parameters beyond their usual range, in words.
+    doubt: why these data cannot tell whether anything is missing at all; see `whether_at_all`.
     """
     if verdict is Verdict.ADEQUATE:
         return before.statement
@@ -63,50 +68,76 @@ def verdict_text(
         alike = [rival for rival in rivals if rival.cos > _ALIKE]
         if alike:
             text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
-        if left > _LEFT:
-            remainder = f"A remainder of {100 * left:.0f} % of the misfit stays"
-            text += f". {remainder}: its shape may not be exactly this one"
-        return text
+        return text if left is None else f"{text}. That is not all: {left.statement}"
     if verdict is Verdict.AMBIGUOUS:
-        return _ambiguous_text(described, [rival for rival in rivals if not rival.told], checks)
-    return _outside_text(described, left, checks, seen)
+        close = [rival for rival in rivals if not rival.told]
+        text = _ambiguous_text(described, close, checks, unusual or {})
+        return text if left is None else f"{text}. That is not all: {left.statement}"
+    return _outside_text(described, left, checks, seen, doubt)
+
+
+def whether_at_all(before: ModelComparison) -> str:
+    """Why a misfit that no effect explains need not mean that something is missing; "" where it does."""
+    guessed = [channel.name for channel in before.fit.problem.noise.channels if channel.guessed]
+    if guessed:
+        return f"these data do not tell the noise of {', '.join(guessed)}"
+    if all(error.nrmse <= 1.0 for error in before.fit.errors.values()):
+        return "the error of every channel is within its noise"
+    return ""
 
 
 def _outside_text(
-    described: str, left: float, checks: Mapping[str, HeldOut | None], seen: Ranked | None
+    described: str,
+    left: Remainder | None,
+    checks: Mapping[str, HeldOut | None],
+    seen: Ranked | None,
+    doubt: str,
 ) -> str:
     """What is nearest, and why it is not named; `described` is "" where nothing pays for itself."""
-    if described and left > SHAPE:
+    begun = "Something is missing"
+    if doubt:
+        begun = f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
+    if described and left is not None and (left.share > SHAPE or not _failed_text(checks)):
         return (
-            "Something is missing. The nearest in the library is this, but with it "
-            f"{100 * left:.0f} % of the misfit is left: its shape may be another one, something else may be "
-            f"missing beside it, or it only resembles what is missing: {described}"
+            f"{begun}. The nearest in the library is this, but with it "
+            f"{share_text(left.share)} of the misfit is left: its shape may be another one, something else "
+            f"may be missing beside it, or it only resembles what is missing: {described}"
         )
     if described:
         return (
-            "What is missing is more than one or two effects of the library, or not in it. The nearest is "
+            (f"{begun}. It would be" if doubt else "What is missing is")
+            + " more than one or two effects of the library, or not in it. The nearest is "
             f"this, but {_failed_text(checks)}: {described}"
         )
     if seen is not None:
         return (
-            "Something is missing, and too little of it is seen to say what: "
+            f"{begun}, and too little of it is seen to say what: "
             f"{seen.effect} explains more of it than any other effect ({seen.size:.1f} sigmas), but with it "
             f"mBIC rises by {seen.delta_bic:.1f}"
         )
+    if doubt:
+        return f"{begun}, and no effect of the library explains it"
     return "Something is missing that no effect of the library explains"
 
 
-def _ambiguous_text(described: str, close: Sequence[Rival], checks: Mapping[str, HeldOut | None]) -> str:
-    """What is most probable, and why it is not sure: a rival that is close, or a check that failed."""
+def _ambiguous_text(
+    described: str,
+    close: Sequence[Rival],
+    checks: Mapping[str, HeldOut | None],
+    unusual: Mapping[str, str],
+) -> str:
+    """What is most probable, and why it is not sure: a rival that is close, a check that failed, or a size
+    that nobody has seen."""
+    doubts = [f"{name} has its {text}" for name, text in unusual.items()]
     failed = _failed_text(checks)
+    doubts += [failed] if failed else []
     if not close:
         return (
             "Something is missing. No other effect of the library explains it as well as this, but "
-            f"{failed}: {described}"
+            f"{', and '.join(doubts)}: {described}"
         )
     text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
-    said = [text, *(_begun_high(rival_text(rival)) for rival in close)]
-    return ". ".join([*said, _begun_high(failed)] if failed else said)
+    return ". ".join([text, *(_begun_high(one) for one in (*map(rival_text, close), *doubts))])
 
 
 def _failed_text(checks: Mapping[str, HeldOut | None]) -> str:
@@ -121,6 +152,8 @@ def _failed_text(checks: Mapping[str, HeldOut | None]) -> str:
 def rival_text(rival: Rival) -> str:
     """How like the two are, where they differ, and whether these data tell them apart."""
     text = f"{rival.name} would look like {rival.member} (cos {rival.cos:.2f})"
+    if rival.unusual:
+        text += f" with its {rival.unusual}"
     where = rival.differs
     if where is not None:
         text += _alike_text(where)
@@ -141,6 +174,11 @@ def _lacking(rival: Rival) -> str:
         found.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
     if rival.difference < LEAST_DIFFERENCE:
         found.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
+    if not found:
+        found.append(
+            f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "
+            f"either may do as much: {share_text(TOLERANCE**2)} would do"
+        )
     return "; ".join(found)
 
 

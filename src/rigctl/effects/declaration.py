@@ -33,6 +33,12 @@ class Own:
         return self._scope[qualified(self._effect, name)]
 
 
+#: which of a parameter's bounds physics sets; the others are only what is usual
+Ends: TypeAlias = Literal["none", "low", "high", "both"]
+
+#: a value that is only unusual is looked for up to so many times as far from the null value as the bound
+_BEYOND = 10.0
+
 #: a term of an effect: the model's variables and the effect's own in, a value out
 Term: TypeAlias = Callable[[Scope, Own], Scalar]
 
@@ -57,6 +63,10 @@ class EffectParameter:
     within, shares: of a shape, what it is a value of, as `rigctl.compare.data_ranges` calls it, and the
         shares of that range at which a diagnosis looks for it, instead of at `grid`.
     refined: a shape that a diagnosis fits as well, once the effect is in.
+    physical: the bounds beyond which physics forbids a value: a share of more than one, a negative mass. The
+        others say what is usual, and a diagnosis also looks beyond them. Where it is not said, only the null
+        value, if it is one of the bounds, is taken for physical.
+    at_least: another parameter of the effect that physics does not let it be smaller than.
     """
 
     name: str
@@ -71,6 +81,36 @@ class EffectParameter:
     within: str = ""
     shares: tuple[float, ...] = ()
     refined: bool = False
+    physical: Ends | None = None
+    at_least: str | None = None
+
+    @property
+    def usual(self) -> tuple[bool, bool]:
+        """Whether the lower and the upper bound only say what is usual."""
+        if self.physical is None:
+            return self.low != self.null, self.high != self.null
+        return self.physical in ("none", "high"), self.physical in ("none", "low")
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """The bounds, those that are only usual ten times as far from the null value.
+
+        A lower bound above zero, of a width or a time constant, becomes a tenth of itself instead.
+        """
+        low_usual, high_usual = self.usual
+        below = self.low / _BEYOND if self.low > 0.0 else self._further(self.low)
+        return (below if low_usual else self.low, self._further(self.high) if high_usual else self.high)
+
+    def _further(self, bound: float) -> float:
+        return self.at_null + _BEYOND * (bound - self.at_null)
+
+    def unusual(self, value: float) -> bool:
+        """True when a value lies beyond a bound."""
+        return not self.low <= value <= self.high
+
+    def bounds_around(self, value: float) -> tuple[float, float]:
+        """The bounds, or the widest ones for a value that lies beyond."""
+        return self.widest if self.unusual(value) else (self.low, self.high)
 
     @property
     def shape(self) -> bool:
@@ -228,4 +268,16 @@ def problems(effect: Effect, family: ModelFamily) -> list[str]:
             found.append(f"{parameter.name}: its grid must lie within its bounds")
         if parameter.null in parameter.grid:
             found.append(f"{parameter.name}: its grid holds the null value")
+        if parameter.at_least is not None:
+            found += _wrong_order(effect, parameter)
     return found
+
+
+def _wrong_order(effect: Effect, parameter: EffectParameter) -> list[str]:
+    """What is wrong with the order of a parameter and the one that it is never smaller than."""
+    other = {one.name: one for one in effect.parameters if one is not parameter}.get(parameter.at_least or "")
+    if other is None or other.shape or parameter.shape:
+        return [f"{parameter.name}: at_least must name another parameter that switches the effect on"]
+    if parameter.start < other.start or parameter.at_null < other.at_null:
+        return [f"{parameter.name}: null and start must be at least those of {other.name}"]
+    return []

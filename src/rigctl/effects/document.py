@@ -61,6 +61,8 @@ def parameter_document(parameter: EffectParameter) -> dict[str, Any]:
         "start": shown(parameter.start),
         "low": shown(parameter.low),
         "high": shown(parameter.high),
+        "physical": {"low": not parameter.usual[0], "high": not parameter.usual[1]},
+        "at_least": parameter.at_least,
         "sign": parameter.sign,
         "shape": parameter.shape,
         "meaning": parameter.meaning,

@@ -129,11 +129,9 @@ def _bounded(effect: Effect, way: str, name: str, value: float, written: str | Q
     """The parameter `name` with its SI value, that was written as `way`."""
     parameter = effect.parameter(name)
     value = onto_bound(value, parameter.low, parameter.high)
-    if not parameter.low <= value <= parameter.high:
-        low, high = (
-            show(end, parameter.unit, difference=parameter.difference)
-            for end in (parameter.low, parameter.high)
-        )
+    lowest, highest = parameter.widest
+    if not lowest <= value <= highest:
+        low, high = (show(end, parameter.unit, difference=parameter.difference) for end in (lowest, highest))
         meant = "" if way == name else f"what makes the {name} "
         raise RigctlError(
             f"{effect.name}: {way}: out of bounds", value=str(written), expected=f"{meant}{low} to {high}"

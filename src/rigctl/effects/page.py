@@ -21,7 +21,9 @@ def effects_page(family: ModelFamily) -> str:
         f"{family.title}. Base equations: {family.source}.\n",
         "An effect adds a term at a *slot* of the equations, or multiplies there by a factor. At the null "
         "value of its parameters it is exactly off. `rigctl effects show NAME` draws what it does; "
-        "[your own effect](../../how-to/write-an-effect.md) is a file of a few lines.\n",
+        "[your own effect](../../how-to/write-an-effect.md) is a file of a few lines. Bounds in brackets say "
+        "what is usual, the others what physics allows: a diagnosis looks beyond the first, and never beyond "
+        "the second.\n",
         *(part for effect in effects if effect.terms for part in _of_effect(effect, family)),
     ]
     base = [effect for effect in effects if effect.base]
@@ -56,10 +58,13 @@ def _row(parameter: EffectParameter) -> str:
         return show(si, parameter.unit, difference=parameter.difference)
 
     null = "shape" if parameter.null is None else shown(parameter.null)
-    bounds = f"{shown(parameter.low)} to {shown(parameter.high)}"
-    return (
-        f"| `{parameter.name}` | {null} | {shown(parameter.start)} | {bounds} | {_plain(parameter.meaning)} |"
+    bounds = " to ".join(
+        f"({shown(end)})" if usual else shown(end)
+        for end, usual in zip((parameter.low, parameter.high), parameter.usual, strict=True)
     )
+    order = "" if parameter.at_least is None else f"; at least `{parameter.at_least}`"
+    meaning = _plain(parameter.meaning) + order
+    return f"| `{parameter.name}` | {null} | {shown(parameter.start)} | {bounds} | {meaning} |"
 
 
 def _of_base(effect: Effect) -> Iterator[str]:

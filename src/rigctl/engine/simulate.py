@@ -171,8 +171,8 @@ def _indices(kind: str, names: Sequence[str], known: Sequence[str]) -> Integers:
         if name not in known:
             raise unknown_name(f"{kind} to differentiate by", name, known)
     if len(set(names)) != len(names):
-        repeated = next(name for name in names if list(names).count(name) > 1)
-        raise RigctlError(f"a {kind} is to be differentiated by twice", value=repeated)
+        repeated = [name for name in dict.fromkeys(names) if list(names).count(name) > 1]
+        raise RigctlError(f"a {kind} is to be differentiated by twice", value=repeated[0])
     return np.array([known.index(name) for name in names], dtype=np.int64)
 
 

@@ -88,7 +88,7 @@ class Text:
         above = keys[:-1]
         mapping = self._value(above)
         entries = _entries(mapping)
-        index = next(i for i, entry in enumerate(entries) if entry.key.value == keys[-1])
+        index = [entry.key.value for entry in entries].index(keys[-1])
         entry = entries[index]
         start, end = entry.key.start_mark.index, self._end(entry)
         if not mapping.flow_style:

@@ -122,7 +122,7 @@ def _note(node: Node, chain: Sequence[Node], rounds: dict[str, int]) -> str:
         of = f" of {node.count}" if node.count is not None else ""
         return f"round {number}{of}" if number else ""
     if isinstance(node, Group) and node.kind is GroupKind.ITERATION:
-        place = next(index for index, other in enumerate(chain) if other is node)
+        place = next((index for index, other in enumerate(chain) if other is node), 0)
         points = children(chain[place - 1]) if place else (node,)
         return f"{points.index(node) + 1} of {len(points)}"
     return ""

@@ -58,7 +58,7 @@ def _step(verb: str, step: type[Step], definitions: dict[str, Any]) -> Iterator[
     yield " ".join((step.__doc__ or "").split())
     yield ""
     yield f"```yaml\n{step.example}```"
-    info = next(field for name, field in step.model_fields.items() if (field.alias or name) == verb)
+    info = {field.alias or name: field for name, field in step.model_fields.items()}[verb]
     short = next((entry.field for entry in info.metadata if isinstance(entry, Short)), None)
     if short is not None:
         yield ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rigctl.errors import RigctlError
 from rigctl.rig import LineActuator, Lines, Rig
 from rigctl.rig.line_pattern import read_number, resolution
 from rigctl.rig.setting import POSITIONS
@@ -54,8 +55,12 @@ class Meaning:
         actuator = self._rig.actuators[name]
         positions = POSITIONS.get(actuator.kind)
         if positions is not None:
-            word = next(word for word, number in positions.items() if number == value)
-            return (part.words or {})[word]
+            words = {number: word for word, number in positions.items()}
+            if value not in words:
+                raise RigctlError(
+                    f"{name} has no such position", value=f"{value:g}", expected=", ".join(positions)
+                )
+            return (part.words or {})[words[value]]
         if part.scale is None:
             return parse_unit(actuator.display_unit).from_si(value)
         low, high = float(actuator.low or 0.0), float(actuator.high or 0.0)

@@ -30,8 +30,17 @@ class Wiring:
     outputs: Mapping[str, str]
 
     def output_of(self, actuator: str) -> str:
-        """The board's output that an actuator is on."""
-        return next(output for output, name in self.outputs.items() if name == actuator)
+        """The board's output that an actuator is on.
+
+        Raises
+        ------
+        RigctlError
+            it is on none: an operator works it.
+        """
+        placed = {name: output for output, name in self.outputs.items()}
+        if actuator not in placed:
+            raise RigctlError("this actuator is on no output of the board", value=actuator)
+        return placed[actuator]
 
 
 def wiring_of(rig: Rig, options: Mapping[str, object]) -> Wiring:
@@ -70,7 +79,8 @@ def _inputs(rig: Rig, given: Mapping[str, str]) -> dict[str, str]:
     for name, channel in rig.channels.items():
         pin: str | None = given.get(name) or _QUANTITIES.get(channel.quantity)
         if pin is None or pin in chosen.values():
-            taken = f"{pin} is taken by '{next(n for n, p in chosen.items() if p == pin)}'" if pin else ""
+            by = {used: other for other, used in chosen.items()}
+            taken = f"{pin} is taken by '{by[pin]}'" if pin else ""
             raise RigctlError(
                 "a channel that is on no input of the board",
                 value=name,
@@ -98,8 +108,9 @@ def _outputs(rig: Rig, given: Mapping[str, str]) -> dict[str, str]:
     for name, actuator in rig.actuators.items():
         if actuator.by == "operator":
             continue
-        output = given.get(name) or next(o for o, kind in OUTPUTS.items() if kind == actuator.kind)
-        if OUTPUTS[output] != actuator.kind or output in chosen:
+        of_kind = [one for one, kind in OUTPUTS.items() if kind == actuator.kind]
+        output = given.get(name) or (of_kind[0] if of_kind else "")
+        if OUTPUTS.get(output) != actuator.kind or output in chosen:
             raise RigctlError(
                 "an actuator that is on no output of the board",
                 value=name,

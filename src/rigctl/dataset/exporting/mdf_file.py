@@ -37,7 +37,7 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
         if started is not None:  # else the file would say that it was measured when it was written
             made.header.start_time = datetime.fromisoformat(started.decode("utf-8"))
         for piece in pieces(table, names, title):
-            times = next(column.values for column in piece.columns if column.name == "time")
+            times = {column.name: column.values for column in piece.columns}["time"]
             signals = [
                 Signal(column.values, times, name=column.name, unit=column.unit)
                 for column in piece.columns

@@ -74,7 +74,7 @@ def pieces(table: pa.Table, names: Sequence[str], title: str) -> Iterator[Piece]
     if title != "samples":
         yield Piece(title, tuple(columns))
         return
-    numbers = next(column.values for column in columns if column.name == "record")
+    numbers = {column.name: column.values for column in columns}["record"]
     alike = len(set(names)) < len(names)
     for count, (start, stop) in enumerate(_equal(numbers)):
         record = int(numbers[start])

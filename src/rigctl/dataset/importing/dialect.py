@@ -108,7 +108,7 @@ def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dia
     numbers = [cell.strip() for row in sample for cell in row.cells]
     decimal, doubtful = (options.decimal, False) if options.decimal else find_decimal(numbers)
     if doubtful:
-        shown = next(cell for cell in numbers if "," in cell)
+        shown = next((cell for cell in numbers if "," in cell), "1,5")
         remarks.append(f"numbers such as {shown} are read with a decimal comma; --decimal . reads thousands")
     return Dialect(delimiter, decimal, headings, lines, tuple(sample), tuple(remarks))
 
@@ -178,7 +178,7 @@ def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row]
         if delimiter == " " and best is not None and (best[0] > 0.0 or share < _MOST_ROWS):
             break  # spaces divide cells only where nothing else does, and in most rows alike
         if best is None or share > best[0] + 0.25:
-            first = next(index for index, row in enumerate(rows) if len(row.cells) == usual)
+            first = next((index for index, row in enumerate(rows) if len(row.cells) == usual), 0)
             best = (share, delimiter, rows, first if share else 0)
     if best is None:
         return None

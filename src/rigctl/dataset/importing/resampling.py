@@ -56,7 +56,10 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
     """
     import numpy as np
 
-    time = next(column for column in assigned if column.kind == "time")
+    times = [column for column in assigned if column.kind == "time"]
+    if not times:
+        raise RigctlError("nothing can be resampled without times", expected="a column 'time [s]'")
+    time = times[0]
     scale = time.unit.factor if time.unit is not None else 1.0
     known = [column for column in assigned if column.kind in ("channel", "command")]
     leading = _leading(to, known)

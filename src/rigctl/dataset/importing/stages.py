@@ -58,7 +58,10 @@ class Stages:
         self.remarks = []
         if self.options.resample is None:
             self._check_clocks(source)
-        time = next(column.place for column in self.assigned if column.kind == "time")
+        times = [column.place for column in self.assigned if column.kind == "time"]
+        if not times:
+            raise RigctlError("the rows cannot be put in order without times", expected="a column 'time [s]'")
+        time = times[0]
         merged = isinstance(source, GroupedFile) and source.merged
         wholes = _wholes(source, wanted, record, merged=merged)
         for whole in self._resampled(wholes):

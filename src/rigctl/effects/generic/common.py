@@ -25,17 +25,19 @@ def quotient(above: str, *below: str) -> str:
 
 def one_sign(name: str, unit: str, typical: float, meaning: str, difference: bool = True) -> EffectParameter:
     """A size that physics allows in one direction."""
-    return EffectParameter(name, unit, 0.0, typical, 0.0, WIDE * typical, meaning, difference)
+    return EffectParameter(name, unit, 0.0, typical, 0.0, WIDE * typical, meaning, difference, physical="low")
 
 
 def either_sign(name: str, unit: str, typical: float, meaning: str) -> EffectParameter:
     """A size of either sign."""
-    return EffectParameter(name, unit, 0.0, typical, -WIDE * typical, WIDE * typical, meaning, True)
+    return EffectParameter(
+        name, unit, 0.0, typical, -WIDE * typical, WIDE * typical, meaning, True, physical="none"
+    )
 
 
 def share(name: str, meaning: str, low: float = 0.0) -> EffectParameter:
     """How much of a limit is there: 1 is a hard one."""
-    return EffectParameter(name, "1", 0.0, 0.5, low, 1.5, meaning)
+    return EffectParameter(name, "1", 0.0, 0.5, low, 1.5, meaning, physical="both")
 
 
 def shape(
@@ -65,6 +67,7 @@ def shape(
         within=within,
         shares=shares,
         refined=True,
+        physical="none",
     )
 
 

@@ -113,7 +113,7 @@ class _Made:
             f"What acts is off from {self.name} by a share.",
             f"w = k·{self.name}",
             lambda m, p: p.share * self.u(m),
-            (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k"),),
+            (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k", physical="low"),),
             "All that is commanded does more, or less, in proportion.",
             confused=("quadratic", "saturation"),
         )

@@ -57,8 +57,10 @@ class Magnitudes:
 
     def reading(self, name: str) -> float:
         """The size of a reading where the family starts, 0 where it has none."""
-        output = next(output for output in self._family.outputs if output.name == name)
-        point = next(iter(self._points()))
+        output = {output.name: output for output in self._family.outputs}[name]
+        point = next(iter(self._points()), None)
+        if point is None:
+            return 0.0
         try:
             value = abs(float(output.formula(Scope(self._family, point))))
         except (RigctlError, ArithmeticError, ValueError):

@@ -244,7 +244,7 @@ class _Probed:
         slope = evaluate(derivative(self.rates[name], self._of(slot)), self.at)
         if not slope or not math.isfinite(slope):
             return Nowhere(slot, "it does nothing where the family starts")
-        state = next(state for state in self.family.states if state.name == name)
+        state = {state.name: state for state in self.family.states}[name]
         moves = name in self.positions or _is_one_of(state.unit, _SPEEDS)
         around, reference = self._counted_from(state)
         return Balance(

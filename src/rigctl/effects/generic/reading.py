@@ -120,7 +120,7 @@ class _Made:
             f"The reading {self.name} is off by a share.",
             f"w = k·{base}",
             lambda m, p: p.share * self._above(m),
-            (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k"),),
+            (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k", physical="low"),),
             "Its error is in proportion to its value, and no other channel's is.",
             confused=("saturation", "offset"),
         )
@@ -215,7 +215,7 @@ class _Made:
 
     def with_input(self, name: str) -> Iterator[Effect]:
         """What a settled value may lack that depends on a setting."""
-        unit = next(item.unit for item in self.family.inputs if item.name == name)
+        unit = {item.name: item.unit for item in self.family.inputs}[name]
         span = self.sizes.input(name)
         label = self.place.label
 

@@ -33,7 +33,11 @@ RADIATION = Effect(
     equation="Q = ε·A·σ·(T⁴ − Ta⁴)",
     source=_INCROPERA,
     terms=(_to_room(1), _to_room(2)),
-    parameters=(EffectParameter("area", "cm^2", 0.0, 9e-4, 0.0, 0.05, "ε·A, emissivity times surface"),),
+    parameters=(
+        EffectParameter(
+            "area", "cm^2", 0.0, 9e-4, 0.0, 0.05, "ε·A, emissivity times surface", physical="low"
+        ),
+    ),
     looks_like="High temperatures stay below what a constant heat loss explains.",
     confused_with=("power_law_convection", "heater_nonlinearity"),
     needs="steady states at several powers",
@@ -56,8 +60,8 @@ HEATER_COUPLING = Effect(
     source=_INCROPERA,
     terms=(_between(1), _between(2)),
     parameters=(
-        EffectParameter("conductance", "W/K", 0.0, 2e-3, 0.0, 0.2, "G"),
-        EffectParameter("area", "cm^2", 0.0, 2e-4, 0.0, 0.01, "ε·A between the heaters"),
+        EffectParameter("conductance", "W/K", 0.0, 2e-3, 0.0, 0.2, "G", physical="low"),
+        EffectParameter("area", "cm^2", 0.0, 2e-4, 0.0, 0.01, "ε·A between the heaters", physical="low"),
     ),
     looks_like="A heater that is off warms up when the other is on.",
     confused_with=("ambient_drift", "wall_heat_capacity"),
@@ -77,7 +81,7 @@ POWER_LAW_CONVECTION = Effect(
     equation="Q = U·ΔT·(|ΔT|/30 K)^n",
     source=_INCROPERA + ": n = 1/4 laminar, 1/3 turbulent",
     terms=(("convection", _power_law),),
-    parameters=(EffectParameter("exponent", "1", 0.0, 0.25, -0.5, 1.0, "n"),),
+    parameters=(EffectParameter("exponent", "1", 0.0, 0.25, -0.5, 1.0, "n", physical="none"),),
     looks_like="High temperatures stay below, low ones above, what a constant heat loss explains.",
     confused_with=("radiation", "heater_nonlinearity"),
     needs="steady states at several powers",
@@ -90,7 +94,7 @@ HEATER_NONLINEARITY = Effect(
     equation="P = α·Q·(1 + k·(1 − Q))",
     source="transistor output stage of the board; k bends the characteristic between its ends",
     terms=(("heater_gain", lambda m, p: 1.0 + p.bend * (1.0 - m.command)),),
-    parameters=(EffectParameter("bend", "1", 0.0, 0.1, -1.0, 1.0, "k"),),
+    parameters=(EffectParameter("bend", "1", 0.0, 0.1, -1.0, 1.0, "k", physical="both"),),
     looks_like="Half commands give more or less than half the rise.",
     confused_with=("radiation", "power_law_convection"),
     needs="several commands between 0 and 100 %",

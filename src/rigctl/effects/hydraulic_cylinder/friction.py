@@ -33,6 +33,7 @@ def _presliding() -> EffectParameter:
         1e-3,
         "s, how far the seal's lip bends before it slides",
         grid=(5e-6, 100e-6),
+        physical="none",
     )
 
 
@@ -53,7 +54,11 @@ VISCOUS_FRICTION = Effect(
     equation="F = k·µ·v",
     source=_JELALI + "; a film of area A and thickness h has k = A/h",
     terms=(("friction", lambda m, p: p.coefficient * m.viscosity * m.velocity),),
-    parameters=(EffectParameter("coefficient", "m", 0.0, 500.0, 0.0, 2e4, "k; 240 (20 um film) to 2500 m"),),
+    parameters=(
+        EffectParameter(
+            "coefficient", "m", 0.0, 500.0, 0.0, 2e4, "k; 240 (20 um film) to 2500 m", physical="low"
+        ),
+    ),
     looks_like="Slower in cold oil, in proportion to speed.",
     confused_with=("laminar_throttle", "line_loss"),
     needs="records at several oil temperatures",
@@ -66,7 +71,10 @@ COULOMB_FRICTION = Effect(
     equation="F = F_c·z, dz/dt = (v − |v|·z)/s",
     source=_JELALI,
     terms=(("friction", lambda m, p: p.force * p.bending),),
-    parameters=(EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F_c; 20 to 400 N"), _presliding()),
+    parameters=(
+        EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F_c; 20 to 400 N", physical="low"),
+        _presliding(),
+    ),
     states=(_bending(),),
     looks_like="A constant share of the pressure is lost, so that low supply pressures suffer most.",
     confused_with=("stribeck_friction", "constant_load"),
@@ -86,8 +94,18 @@ STRIBECK_FRICTION = Effect(
     source=_JELALI,
     terms=(("friction", _stribeck),),
     parameters=(
-        EffectParameter("force", "N", 0.0, 80.0, 0.0, 2e3, "F_c while sliding"),
-        EffectParameter("static_force", "N", 0.0, 200.0, 0.0, 4e3, "F_s at the start"),
+        EffectParameter("force", "N", 0.0, 80.0, 0.0, 2e3, "F_c while sliding", physical="low"),
+        EffectParameter(
+            "static_force",
+            "N",
+            0.0,
+            200.0,
+            0.0,
+            4e3,
+            "F_s at the start",
+            physical="low",
+            at_least="force",
+        ),
         EffectParameter(
             "stribeck_velocity",
             "mm/s",
@@ -97,6 +115,7 @@ STRIBECK_FRICTION = Effect(
             0.2,
             "v_st, where the drag has fallen",
             grid=(3e-3, 40e-3),
+            physical="none",
         ),
         _presliding(),
     ),
@@ -120,7 +139,7 @@ PRESSURE_FRICTION = Effect(
     source=_JELALI + "; seal makers' data",
     terms=(("friction", _seal_force),),
     parameters=(
-        EffectParameter("area", "mm^2", 0.0, 20e-6, 0.0, 500e-6, "k, friction per pressure"),
+        EffectParameter("area", "mm^2", 0.0, 20e-6, 0.0, 500e-6, "k, friction per pressure", physical="low"),
         _presliding(),
     ),
     states=(_bending(),),

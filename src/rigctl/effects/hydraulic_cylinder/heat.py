@@ -26,7 +26,9 @@ RADIATION_LOSS = Effect(
     equation="Q = ε·A·σ·(T⁴ − T_amb⁴)",
     source=_INCROPERA,
     terms=(("heat", _radiation),),
-    parameters=(EffectParameter("area", "m^2", 0.0, 1.0, 0.0, 20.0, "ε·A, emissivity times surface"),),
+    parameters=(
+        EffectParameter("area", "m^2", 0.0, 1.0, 0.0, 20.0, "ε·A, emissivity times surface", physical="low"),
+    ),
     looks_like="Heating slows down near its end more than a constant loss explains.",
     confused_with=("wall_heat_capacity", "heater_lag"),
     needs="heating over a wide range; a fitted heat loss hides most of it",
@@ -51,7 +53,7 @@ HEATER_LAG = Effect(
             ),
         ),
     ),
-    parameters=(EffectParameter("lag", "s", 0.0, 20.0, 0.0, 600.0, "τ"),),
+    parameters=(EffectParameter("lag", "s", 0.0, 20.0, 0.0, 600.0, "τ", physical="low"),),
     states=(EffectState("element", "W", 10.0, _element_rate, "heat that the element gives off"),),
     looks_like="The temperature goes on rising after the heaters are switched off.",
     confused_with=("thermocouple_lag", "wall_heat_capacity"),
@@ -66,9 +68,19 @@ WALL_HEAT_CAPACITY = Effect(
     source=_INCROPERA + ": lumped capacity of the wall",
     terms=(("heat", lambda m, p: -(p.capacity / p.time * p.difference)),),
     parameters=(
-        EffectParameter("capacity", "kJ/K", 0.0, 2e4, 0.0, 5e5, "C_w; 40 kg of steel are 18 kJ/K"),
         EffectParameter(
-            "time", "s", None, 120.0, 5.0, 3600.0, "τ_w, until the wall follows the oil", grid=(20.0, 600.0)
+            "capacity", "kJ/K", 0.0, 2e4, 0.0, 5e5, "C_w; 40 kg of steel are 18 kJ/K", physical="low"
+        ),
+        EffectParameter(
+            "time",
+            "s",
+            None,
+            120.0,
+            5.0,
+            3600.0,
+            "τ_w, until the wall follows the oil",
+            grid=(20.0, 600.0),
+            physical="none",
         ),
     ),
     states=(
@@ -93,7 +105,9 @@ LINE_OIL_TEMPERATURE = Effect(
     source="heat balance of standing oil in a line; " + _INCROPERA,
     terms=(("line_temperature", lambda m, p: -(p.share * (m.oil_temperature - m.ambient_temperature))),),
     parameters=(
-        EffectParameter("share", "%", 0.0, 0.2, 0.0, 0.95, "k, of the way to the room's temperature"),
+        EffectParameter(
+            "share", "%", 0.0, 0.2, 0.0, 0.95, "k, of the way to the room's temperature", physical="both"
+        ),
     ),
     looks_like="Everything that depends on the oil's temperature changes less than the thermometer says.",
     confused_with=("thermocouple_offset",),

@@ -29,7 +29,15 @@ def gap_flow(m: Scope, conductance: Scalar, before: Scalar, after: Scalar = 0.0)
 
 def _conductance(start: float, high: float, meaning: str, grid: tuple[float, ...] = ()) -> EffectParameter:
     return EffectParameter(
-        "conductance", "m^3", null=0.0, start=start, low=0.0, high=high, meaning=meaning, grid=grid
+        "conductance",
+        "m^3",
+        null=0.0,
+        start=start,
+        low=0.0,
+        high=high,
+        meaning=meaning,
+        grid=grid,
+        physical="low",
     )
 
 

@@ -14,7 +14,7 @@ LOAD_MASS = Effect(
     equation="(m + m_L)·dv/dt = ΣF",
     source=_NEWTON,
     terms=(("mass", lambda m, p: p.mass),),
-    parameters=(EffectParameter("mass", "kg", 0.0, 20.0, 0.0, 2e3, "m_L"),),
+    parameters=(EffectParameter("mass", "kg", 0.0, 20.0, 0.0, 2e3, "m_L", physical="low"),),
     looks_like="Slower oscillation of speed and chamber pressures at each switch.",
     confused_with=("entrained_air", "hose_compliance"),
     needs="chamber pressures or fast sampling; a fitted moving mass hides it",
@@ -27,7 +27,7 @@ SPRING_LOAD = Effect(
     equation="F = c·x",
     source=_NEWTON,
     terms=(("load", lambda m, p: p.stiffness * m.position),),
-    parameters=(EffectParameter("stiffness", "N/m", 0.0, 2e3, 0.0, 1e6, "c"),),
+    parameters=(EffectParameter("stiffness", "N/m", 0.0, 2e3, 0.0, 1e6, "c", physical="low"),),
     looks_like="Extension slows down along the stroke; chamber pressures rise with position.",
     confused_with=("constant_load", "piston_leakage"),
 )
@@ -39,7 +39,11 @@ CONSTANT_LOAD = Effect(
     equation="F = F_0, against extension",
     source=_NEWTON,
     terms=(("load", lambda m, p: p.force),),
-    parameters=(EffectParameter("force", "N", 0.0, 200.0, -1e4, 1e4, "F_0; negative pulls the rod out"),),
+    parameters=(
+        EffectParameter(
+            "force", "N", 0.0, 200.0, -1e4, 1e4, "F_0; negative pulls the rod out", physical="none"
+        ),
+    ),
     looks_like="Extension slower and retraction faster, or the other way round.",
     confused_with=("coulomb_friction", "spring_load"),
 )

@@ -23,7 +23,7 @@ BARUS = Effect(
     equation="µ = µ0·exp(α·p)",
     source="Barus (1893); physics of mineral oils, α about 2e-8 1/Pa",
     terms=(("viscosity", lambda m, p: oil.barus_factor(m.pressure, p.coefficient)),),
-    parameters=(EffectParameter("coefficient", "1/Pa", 0.0, 2e-8, 0.0, 1e-7, "α"),),
+    parameters=(EffectParameter("coefficient", "1/Pa", 0.0, 2e-8, 0.0, 1e-7, "α", physical="low"),),
     looks_like="Leakages and viscous losses change a little with pressure: 10 % at 50 bar.",
     confused_with=("modulus_viscosity",),
     instead_of=("modulus_viscosity",),
@@ -44,12 +44,19 @@ MODULUS_VISCOSITY = Effect(
     terms=(("viscosity", _modulus),),
     parameters=(
         EffectParameter(
-            "share", "1", 0.0, 1.0, 0.0, 5.0, "of the pressure that acts; 1 is the law as printed"
+            "share",
+            "1",
+            0.0,
+            1.0,
+            0.0,
+            5.0,
+            "of the pressure that acts; 1 is the law as printed",
+            physical="low",
         ),
-        EffectParameter("a1", "bar", None, _A1, 100e5, 2000e5, "a1"),
-        EffectParameter("a2", "bar/K", None, _A2, 0.0, 20e5, "a2"),
-        EffectParameter("b1", "1", None, _B1, 0.0, 1.0, "b1"),
-        EffectParameter("b2", "1/K", None, _B2, 0.0, 0.01, "b2"),
+        EffectParameter("a1", "bar", None, _A1, 100e5, 2000e5, "a1", physical="none"),
+        EffectParameter("a2", "bar/K", None, _A2, 0.0, 20e5, "a2", physical="low"),
+        EffectParameter("b1", "1", None, _B1, 0.0, 1.0, "b1", physical="low"),
+        EffectParameter("b2", "1/K", None, _B2, 0.0, 0.01, "b2", physical="low"),
     ),
     looks_like="As barus, with less of it in hot oil.",
     confused_with=("barus",),
@@ -71,7 +78,9 @@ ENTRAINED_AIR = Effect(
     source="Jelali & Kroll, Hydraulic Servo-systems (2003), section 3.2",
     terms=(("compliance", _air),),
     parameters=(
-        EffectParameter("fraction", "%", 0.0, 5e-3, 0.0, 0.1, "x0, free air at atmospheric pressure"),
+        EffectParameter(
+            "fraction", "%", 0.0, 5e-3, 0.0, 0.1, "x0, free air at atmospheric pressure", physical="both"
+        ),
     ),
     looks_like="Motion starts and stops late and softly; pressures build up slowly from tank pressure.",
     confused_with=("hose_compliance", "valve_open_delay"),
@@ -86,7 +95,14 @@ HOSE_COMPLIANCE = Effect(
     terms=(("compliance", lambda m, p: p.compliance),),
     parameters=(
         EffectParameter(
-            "compliance", "1/Pa", 0.0, 3e-10, 0.0, 1e-8, "c, relative growth of volume per pressure"
+            "compliance",
+            "1/Pa",
+            0.0,
+            3e-10,
+            0.0,
+            1e-8,
+            "c, relative growth of volume per pressure",
+            physical="low",
         ),
     ),
     looks_like="Motion starts and stops softly, the same at every pressure.",

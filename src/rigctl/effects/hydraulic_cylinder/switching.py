@@ -27,7 +27,7 @@ VALVE_OPEN_DELAY = Effect(
     equation="τ = τ_open at each command away from neutral",
     source=_VALVE,
     terms=(("valve_delay", lambda m, p: p.delay * opens(m)),),
-    parameters=(EffectParameter("delay", "ms", 0.0, 20e-3, 0.0, 0.3, "τ_open"),),
+    parameters=(EffectParameter("delay", "ms", 0.0, 20e-3, 0.0, 0.3, "τ_open", physical="low"),),
     looks_like="Strokes start late and are shorter by speed times delay.",
     confused_with=("entrained_air", "valve_close_delay", "position_offset"),
 )
@@ -39,7 +39,7 @@ VALVE_CLOSE_DELAY = Effect(
     equation="τ = τ_close at each command to neutral",
     source=_VALVE,
     terms=(("valve_delay", lambda m, p: p.delay * (1.0 - opens(m))),),
-    parameters=(EffectParameter("delay", "ms", 0.0, 20e-3, 0.0, 0.3, "τ_close"),),
+    parameters=(EffectParameter("delay", "ms", 0.0, 20e-3, 0.0, 0.3, "τ_close", physical="low"),),
     looks_like="Strokes end late and are longer by speed times delay.",
     confused_with=("valve_open_delay", "position_offset"),
 )
@@ -52,7 +52,9 @@ VALVE_DELAY_THERMAL = Effect(
     source="Hashim, Al-Salihi & Al Zubaidi: one of four effects that their strokes cannot tell apart",
     terms=(("valve_delay", _thermal),),
     parameters=(
-        EffectParameter("coefficient", "ms/K", 0.0, 1e-3, -5e-3, 5e-3, "k; 75 ms at 60 degC is 1.9 ms/K"),
+        EffectParameter(
+            "coefficient", "ms/K", 0.0, 1e-3, -5e-3, 5e-3, "k; 75 ms at 60 degC is 1.9 ms/K", physical="none"
+        ),
     ),
     looks_like="Strokes shorten as the oil warms, by a time and not by a share.",
     confused_with=("flow_area_thermal_drift", "relief_thermal_drift", "position_thermal_drift"),

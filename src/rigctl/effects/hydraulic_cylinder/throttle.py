@@ -27,6 +27,7 @@ LAMINAR_THROTTLE = Effect(
             low=0.0,
             high=2e3,
             meaning="Re_t, where half of the area is lost; 20 (sharp edge) to 300 (long throttle)",
+            physical="low",
         ),
     ),
     looks_like="Strokes grow as the oil warms and thins, most at low supply pressure.",
@@ -50,6 +51,7 @@ FLOW_AREA_THERMAL_DRIFT = Effect(
             low=-1e-2,
             high=1e-2,
             meaning="k; 7 % smaller at 60 degC is -1.75e-3",
+            physical="none",
         ),
     ),
     looks_like="Both speeds change with temperature, by one share at every pressure.",
@@ -78,9 +80,11 @@ LINE_LOSS = Effect(
     source="Hagen-Poiseuille; Merritt (1967), sections 3-1 and 3-3",
     terms=(("line_resistance", _laminar), ("line_turbulence", _turbulent)),
     parameters=(
-        EffectParameter("length", "m", 0.0, 2.0, 0.0, 50.0, "l of each line"),
-        EffectParameter("loss_coefficient", "1", 0.0, 5.0, 0.0, 200.0, "ζ, sum of bends and fittings"),
-        EffectParameter("bore", "mm", None, 8e-3, 2e-3, 50e-3, "d of each line"),
+        EffectParameter("length", "m", 0.0, 2.0, 0.0, 50.0, "l of each line", physical="low"),
+        EffectParameter(
+            "loss_coefficient", "1", 0.0, 5.0, 0.0, 200.0, "ζ, sum of bends and fittings", physical="low"
+        ),
+        EffectParameter("bore", "mm", None, 8e-3, 2e-3, 50e-3, "d of each line", physical="none"),
     ),
     looks_like="Slower in cold oil, in proportion to the speed; the chambers see less than the valve gives.",
     confused_with=("viscous_friction", "laminar_throttle"),

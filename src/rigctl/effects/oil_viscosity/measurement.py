@@ -22,7 +22,16 @@ CAPILLARY_END_CORRECTION = Effect(
     source="Hagenbach-Couette; ISO 3104, ISO 3105",
     terms=(("kinematic_viscosity_reading", _end_loss),),
     parameters=(
-        EffectParameter("correction", "cSt^2", 0.0, 1e-12, 0.0, 2e-10, "e = c·k: 1 cSt² adds 1 % at 10 cSt"),
+        EffectParameter(
+            "correction",
+            "cSt^2",
+            0.0,
+            1e-12,
+            0.0,
+            2e-10,
+            "e = c·k: 1 cSt² adds 1 % at 10 cSt",
+            physical="low",
+        ),
     ),
     kind="sensor",
     looks_like="Hot, thin oil reads too thick; cold oil does not.",
@@ -37,7 +46,9 @@ THERMOMETER_OFFSET = Effect(
     equation="T = T_read + c",
     source="JCGM 200 (VIM): measurement error of an indicating instrument",
     terms=(("temperature", lambda m, p: p.offset),),
-    parameters=(EffectParameter("offset", "K", 0.0, 0.5, -10.0, 10.0, "c", difference=True),),
+    parameters=(
+        EffectParameter("offset", "K", 0.0, 0.5, -10.0, 10.0, "c", difference=True, physical="none"),
+    ),
     kind="sensor",
     looks_like="Cold oil reads too thin or too thick, hot oil less so.",
     confused_with=("walther", "capillary_end_correction"),

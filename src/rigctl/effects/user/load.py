@@ -117,7 +117,18 @@ def _parameter(name: str, field: ParameterField) -> EffectParameter:
     low, high = map(si, field.bounds)
     null = None if field.null_value is None else si(field.null_value)
     grid = tuple(map(si, field.grid))
-    return EffectParameter(name, unit, null, si(field.start), low, high, field.meaning, difference, grid)
+    return EffectParameter(
+        name,
+        unit,
+        null,
+        si(field.start),
+        low,
+        high,
+        field.meaning,
+        difference,
+        grid,
+        physical=field.physical,
+    )
 
 
 def _out_of_bounds(parameter: EffectParameter, field: ParameterField) -> list[tuple[str, RigctlError]]:

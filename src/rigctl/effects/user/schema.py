@@ -6,6 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rigctl.effects.declaration import Ends
 from rigctl.errors import RigctlError
 from rigctl.files.quantity import AnyQuantity
 from rigctl.files.refusal import refusal
@@ -35,6 +36,11 @@ class ParameterField(_Part):
         description="values at which a diagnosis looks for the effect: of a shape, those besides its start; "
         "of a parameter that switches the effect on at a threshold, those in place of its null value, where "
         "its slope says nothing",
+    )
+    physical: Ends | None = Field(
+        default=None,
+        description="which of the bounds physics sets, so that no diagnosis looks beyond: low, high, both or "
+        "none; if left out, only a bound that is the null value",
     )
     meaning: str = Field(default="", description="its symbol and what it stands for")
 

@@ -67,12 +67,14 @@ def effect_unknown(effect: Effect, name: str, start: float | None = None) -> Unk
     """A parameter of an effect as an unknown, from its typical size unless `start` is given."""
     declared = effect.parameter(name)
     typical = abs(declared.start - declared.at_null) or abs(declared.start) or 1.0
-    begin = declared.start if start is None else min(max(start, declared.low), declared.high)
+    given = declared.start if start is None else start
+    low, high = declared.bounds_around(given)
+    begin = min(max(given, low), high)
     return Unknown(
         qualified(effect.name, name),
         begin,
-        declared.low,
-        declared.high,
+        low,
+        high,
         scale=max(typical, abs(begin)),
         unit=si_unit(declared.unit),
     )

@@ -58,7 +58,10 @@ def current_version(path: Path) -> Version:
     """
     head, _ = split_version(Path(path))
     found = digest(read_document(head).text)
-    return next(version for version in reversed(versions(head)) if version.sha256 == found)
+    kept = {version.sha256: version for version in versions(head)}  # of equal ones the last
+    if found not in kept:
+        raise RigctlError("the file was changed while it was read", where=Location(head), hint="Try it again")
+    return kept[found]
 
 
 def read_versions(head: Path) -> tuple[Version, ...]:

@@ -81,8 +81,8 @@ def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, Va
             types.setdefault(name, type_of_unit(units[name]))
         for name in _named(record, units):
             if name not in types:
-                dimension = next(unit for unit, names in _CALLED.items() if name in names)
-                types[name] = type_of_unit(dimension)
+                dimension = {called: unit for unit, names in _CALLED.items() for called in names}
+                types[name] = type_of_unit(dimension[name])
     return types
 
 

@@ -20,7 +20,7 @@ def input_unit(model: Model, rig: Rig | None, name: str) -> str:
     """What an input is shown in: its channel's unit, or its SI one."""
     if rig is not None and name in rig.channels:
         return rig.channels[name].unit
-    return next(item.unit for item in model.family.inputs if item.name == name)
+    return {item.name: item.unit for item in model.family.inputs}[name]
 
 
 @dataclass(frozen=True)

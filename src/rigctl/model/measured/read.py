@@ -179,7 +179,7 @@ def _input_unit(source: InputSource, rig: Rig) -> str:
 def _unit(model: Model, rig: Rig | None, output: str) -> str:
     if rig is not None and output in rig.channels:
         return rig.channels[output].unit
-    return next(item.unit for item in model.family.outputs if item.name == output)
+    return {item.name: item.unit for item in model.family.outputs}[output]
 
 
 def _require_channels(model: Model, runs: Sequence[Run], known: Sequence[str]) -> None:

@@ -120,13 +120,14 @@ def _write_effect_parameter(
         if way.parameter == parameter and text.has("effects", name, way.name):
             text.rename(("effects", name, way.name), parameter)
             old = None
+    low, high = declared.bounds_around(value.si)
     fields = _fields(
         value,
         value.unit or declared.unit,
         changed=old is None or old.si != value.si or not text.has(*keys),
         difference=declared.difference,
-        low=declared.low,
-        high=declared.high,
+        low=low,
+        high=high,
     )
     _write_setting(text, keys, fields)
 

@@ -76,7 +76,7 @@ def _one_verb(written: Any) -> Any:
             (verbs[1],),
         )
     if not verbs:
-        first = next(iter(written))
+        first, *_ = written
         raise refusal(unknown_name("step", first, BY_VERB), (first,))
     return written
 

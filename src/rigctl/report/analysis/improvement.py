@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from rigctl.compare.chance import chance_text
 from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.diagnose.loop import Ended, Improvement
+from rigctl.diagnose.result import Verdict
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.history import history_sections
@@ -24,9 +26,29 @@ def improvement_sections(compared: Comparison, improved: Improvement, path: Path
         _added(improved),
         *history_sections(path, _versions(compared, improved)),
         *unseen_sections(improved.unseen),
+        *left_sections(improved),
         *diagnosis_sections(improved.first, added=bool(improved.steps)),
         *comparison_sections(shown),
     ]
+
+
+def left_sections(improved: Improvement) -> list[Section]:
+    """The verdict on the model as it is now, and what it leaves; nothing where nothing was added."""
+    last = improved.last
+    if not improved.steps:
+        return []
+    body = render(
+        "model_now.html",
+        good=last.verdict is Verdict.ADEQUATE,
+        heading=last.title,
+        statement=last.statement,
+        remainder=last.remainder_text,
+        chance=chance_text(last.before.adequacy.p_value),
+        version=improved.steps[-1].version.number,
+        evidence=[text for text in last.evidence if last.verdict is not Verdict.ADEQUATE],
+        classes=[names for names in last.classes if len(names) > 1],
+    )
+    return [Section("model-now", "The model as it is now", body)]
 
 
 def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparison]:
