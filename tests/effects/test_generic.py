@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -177,6 +180,12 @@ def test_a_family_in_python_gets_slots_too_and_sees_the_input_that_acts() -> Non
     record = Excitation(times, np.zeros(1), np.array([[1.0]]), np.zeros(1), np.array(system.nominal), "cart")
     found = simulate(compiled, [record]).require().outputs[0]
     assert found[-1, 0] == pytest.approx((1.0 + 3.0) / 2.0 * 2.0, rel=1e-6)
+
+
+def test_importing_the_effects_reads_no_unit() -> None:
+    """The registry of units takes a second to make, and every command would pay for it."""
+    asked = "import sys, rigctl.effects; sys.exit('pint' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
 
 
 def test_effects_that_are_off_change_nothing() -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from rigctl.errors import RigctlError
 from rigctl.physics.family import ModelFamily, StateVariable
 from rigctl.physics.scope import Scope
 
@@ -63,7 +62,7 @@ class Magnitudes:
             return 0.0
         try:
             value = abs(float(output.formula(Scope(self._family, point))))
-        except (RigctlError, ArithmeticError, ValueError):
+        except Exception:  # noqa: BLE001 - as above
             return 0.0
         return value if math.isfinite(value) else 0.0
 
@@ -77,7 +76,7 @@ class Magnitudes:
     def _rate(self, name: str, point: Mapping[str, float]) -> float:
         try:
             value = abs(float(Scope(self._family, point).rate(name)))
-        except (RigctlError, ArithmeticError, ValueError):
+        except Exception:  # noqa: BLE001 - a foreign Python function; it was tried in symbols before
             return 0.0
         return value if math.isfinite(value) else 0.0
 

@@ -266,7 +266,7 @@ class _Probed:
             return Nowhere(slot, f"it is not simply added to the reading {output.name}")
         variables = {variable.name: variable for variable in variables_of(expr)}
         slopes = {
-            state.name: evaluate(derivative(expr, variables[state.name]), self.at)
+            state.name: self._finite(derivative(expr, variables[state.name]))
             for state in self.family.states
             if state.name in variables
         }
@@ -277,8 +277,13 @@ class _Probed:
             float(slope.value),
             slopes,
             () if slopes else tuple(item.name for item in self.family.inputs if item.name in variables),
-            evaluate(expr, self.at) if _is_one_of(output.unit, _FAR_FROM_ZERO) else 0.0,
+            self._finite(expr) if _is_one_of(output.unit, _FAR_FROM_ZERO) else 0.0,
         )
+
+    def _finite(self, expr: Expr) -> float:
+        """Its value where the family starts; 0 where it has none there."""
+        value = evaluate(expr, self.at)
+        return value if math.isfinite(value) else 0.0
 
     def _counted_from(self, state: StateVariable) -> tuple[str | None, float]:
         dimension = parse_unit(state.unit).dimension
