@@ -220,6 +220,25 @@ def test_the_other_decimal_sign_is_refused_and_not_wrong_by_a_thousand(desk: Des
     assert "expected a number with a decimal comma" in str(problem)
 
 
+def test_thousands_are_read_where_the_user_says_what_the_decimal_sign_is(desk: Desk) -> None:
+    text = f"time [s];{T1}\n0;1,234\n1;2,500\n"
+    assert desk.run(text).signals("temperature_1") - 273.15 == pytest.approx([1.234, 2.5])
+    assert "numbers such as 1,234 are read with a decimal comma; --decimal . reads thousands" in desk.notes
+    assert desk.run(text, decimal=".").signals("temperature_1") - 273.15 == pytest.approx([1234.0, 2500.0])
+
+
+def test_a_number_that_may_be_a_mark_is_said(desk: Desk) -> None:
+    desk.run(f"time [s],{T1}\n0,-9999\n1,21\n2,22\n")
+    assert (
+        "temperature_1: there is -9999; if that marks a missing value, say so: --missing=-9999" in desk.notes
+    )
+
+
+def test_lines_that_are_no_rows(desk: Desk) -> None:
+    run = desk.run(f"sep=;\ntime [s];{T1}\n0;20,5\n# paused\n1;21,5\n# end\n")
+    assert run.signals("temperature_1") - 273.15 == pytest.approx([20.5, 21.5])
+
+
 def test_marks_of_missing_values(desk: Desk) -> None:
     marks = ["", "NaN", "---", "OL", "OVLD", "#N/A", "9.9E+37", "-9999", "-9999.0", "dead"]
     rows = "".join(f"{time},{mark}\n" for time, mark in enumerate([*marks, "20"]))

@@ -225,6 +225,7 @@ def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
     given = None if heading.seconds else options.unit_of(heading.name)
     name = options.ours(heading.name)
     if heading.name not in options.columns:
+        name = heading.name if name == "date" else name  # it is one only beside a time of day
         name = next((known for known in _names(rig) if folded(known) == folded(name)), name)
         if options.split == f"column:{heading.name}" and name not in _names(rig):
             name = LEAVE_OUT  # it says which record, and nothing else

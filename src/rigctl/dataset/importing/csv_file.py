@@ -177,7 +177,7 @@ def open_csv(path: Path, options: Options) -> CsvFile:
         if time.kind == "date" and time.naive and time.zone is None:
             remarks.append("its times name no time zone; they are taken as UTC (--zone says otherwise)")
     missing = frozenset((*NO_VALUE, *options.missing))
-    cells = Cells(dialect.delimiter, dialect.decimal, missing, places)
+    cells = Cells(dialect.delimiter, dialect.decimal, missing, places, stated=options.decimal is not None)
     return CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
 
 

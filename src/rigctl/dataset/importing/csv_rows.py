@@ -30,12 +30,14 @@ class Cells:
     missing: marks of missing values.
     time: places of the cells that make the time, joined with a space, where it is no plain number; the last
         of them is the place of the column of time.
+    stated: the user says what the decimal sign is.
     """
 
     delimiter: str
     decimal: str
     missing: frozenset[str] = frozenset(NO_VALUE)
     time: tuple[int, ...] = ()
+    stated: bool = False
 
 
 def read_rows(
@@ -125,7 +127,7 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
             cells = [str(problem)]
         if len(cells) > _MOST_CELLS:
             cells = [f"{len(cells)} cells"]
-        if any(cell.strip() for cell in cells):
+        if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
             yield line, cells
 
 
@@ -146,7 +148,7 @@ def _read_row(
         cell = found[place].strip(" \t")
         if "\n" in cell:
             return Fault(line, f"{headings[place].name}: a quote is not closed", cell, "one on each side")
-        value = read_number(cell, cells.decimal, cells.missing)
+        value = read_number(cell, cells.decimal, cells.missing, stated=cells.stated)
         if value is None:
             column = cell_place(cells.delimiter.join(found), cells.delimiter, place + 1)
             return Fault(line, f"{headings[place].name}: not a number", cell, _expected(cell, cells), column)

@@ -154,7 +154,7 @@ def _rows(text: str, delimiter: str, *, whole: bool) -> list[Row]:
             before = 0
             for cells in reader:
                 line, before = before + 1, reader.line_num
-                if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
+                if any(cell.strip() for cell in cells) and not cells[0].startswith(("#", "sep=")):
                     found.append(Row(line, before, tuple(cells)))
                 if len(found) > _ROWS:
                     break

@@ -7,12 +7,27 @@ from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.labels import describe_label
 from rigctl.dataset.importing.survey import Span, Survey
-from rigctl.units import show
+from rigctl.units import parse_unit, show
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
     from rigctl.rig.layout import Layout
 
+#: numbers by which loggers say that there is no value, where they are the smallest or the largest
+_MARKS: Final = (
+    -9999.0,
+    -99999.0,
+    -999.0,
+    -999.9,
+    9999.0,
+    99999.0,
+    -32768.0,
+    32767.0,
+    6999.0,
+    -6999.0,
+    1e30,
+    1e37,
+)
 #: so many values that are all the same are no longer chance
 _MANY: Final = 10
 
@@ -67,6 +82,12 @@ def _channel_notes(name: str, span: Span, rows: int, layout: Layout) -> Iterator
     if missing:
         share = 100.0 * missing / rows
         yield f"{name}: {missing} of {rows} values are missing ({share:.2g} %); they stay missing"
+    for si in (span.low, span.high):
+        unit = parse_unit(layout.unit(name))
+        shown = unit.from_si(si, difference=name in layout.differences)
+        mark = next((mark for mark in _MARKS if abs(shown - mark) <= 1e-6 * abs(mark)), None)
+        if mark is not None and span.low != span.high:
+            yield f"{name}: there is {mark:g}; if that marks a missing value, say so: --missing={mark:g}"
     if span.values >= _MANY and span.low == span.high:
         value = show(span.low, layout.unit(name), difference=name in layout.differences)
         yield f"{name}: the same value, {value}, in all {span.values} samples; is the sensor connected?"

@@ -16,6 +16,10 @@ _GROUPED: Final = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u2009\u202f])\d{3}(\1\d{
 _SPACED: Final = re.compile(r"[+-]?\d{1,3}(['\u00a0\u2009\u202f ]\d{3})+")
 _POINT: Final = re.compile(r"[+-]?(\d{1,3}(,\d{3})+|\d*)\.\d+([eE][+-]?\d+)?")
 _COMMA: Final = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d*),\d+([eE][+-]?\d+)?")
+_THOUSANDS: Final = {
+    ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d*)?"),
+    ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?"),
+}
 _THREE: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -28,14 +32,19 @@ def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:
     return ",", not points and all(_THREE.fullmatch(cell) for cell in commas)
 
 
-def read_number(cell: str, decimal: str, missing: Collection[str] = NO_VALUE) -> float | None:
+def read_number(
+    cell: str, decimal: str, missing: Collection[str] = NO_VALUE, *, stated: bool = False
+) -> float | None:
     """The number in a cell, NaN when it is missing, None when there is something else.
 
     A cell that uses the other decimal sign is something else: guessing would be wrong by a factor of 1000.
+    Only where the user has `stated` the decimal sign, the other one may stand between thousands.
     """
     if cell in missing:
         return math.nan
     other = "." if decimal == "," else ","
+    if stated and _THOUSANDS[other].fullmatch(cell):
+        cell = cell.replace(other, "")
     grouped = _GROUPED.fullmatch(cell)
     if grouped and cell.count(decimal) == 1 and cell.rfind(decimal) > cell.rfind(grouped[1]):
         cell = cell.replace(grouped[1], "")
