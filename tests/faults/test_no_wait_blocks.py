@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+import threading
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from bench_stand import Stand
+from rigctl.backends.registry import create_backend
+from rigctl.clock import ScaledClock
 from rigctl.dataset import open_run, verify
 from rigctl.errors import ExitCode
 from run_workshop import Workshop
@@ -114,6 +117,25 @@ def test_a_wait_for_the_operator_does_not_hide_a_silent_bench(
     assert done.result.duration < 4.0
 
 
+def test_a_terminal_that_nobody_reads_holds_nothing_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stand = Stand("simulated", Workshop(tmp_path), monkeypatch)
+    never, shown = threading.Event(), threading.Event()
+
+    def display(_view: object) -> None:
+        shown.set()
+        never.wait()
+
+    rig = stand.rig()
+    backend = create_backend(rig, "simulated", ScaledClock(speed=20.0), {"plant": "roles"})
+    backend.open()
+    done = stand.workshop.run("steps:\n  - wait: 10 s\n", rig=rig, backend=backend, observer=display)
+    assert shown.is_set()
+    assert done.result.status == "finished"
+    never.set()
+
+
 RETRIED = """\
 steps:
   - set: {OUTPUT: ON}
@@ -143,11 +165,11 @@ def lose(stand: Stand, begin: float, end: float) -> dict[str, object]:
 
 
 def test_a_signal_ends_the_wait_for_a_lost_bench_whose_record_would_be_repeated(stand: Stand) -> None:
-    options = lose(stand, 3.0, 15.0)
+    options = lose(stand, 3.0, 25.0)
     stand.signal_at(8.0)
     done = stand.run(retried(stand), **options)
     assert done.result.status == "aborted"
-    assert done.result.duration < 14.0  # before it is back; virtual time has no slices in which to look
+    assert done.result.duration < 20.0  # before it is back; virtual time has no slices in which to look
     assert stand.on_after(3.0) == []
 
 

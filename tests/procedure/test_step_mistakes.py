@@ -26,6 +26,7 @@ MISTAKES: list[tuple[str, str, list[str]]] = [
     ("- heat: {to: 40}", "3:16", ["the unit is missing", "'40'", "'40 degC'"]),
     ("- heat: {to: 40 degc}", "3:16", ["unknown unit", "'degc'", "did you mean 'degC'?"]),
     ("- heat: {to: [1]}", "3:16", ["a list where a quantity belongs"]),
+    ("- wait: 1e308 s", "3:11", ["wait: too large", "'1e308 s'", "at most 1e+08 s"]),
     ("- heat: {to: 40 degC, within: 0 K}", "3:33", ["within: too small", "'0 K'", "more than zero"]),
     ("- heat: {to: 40 degC, timeout: -1 s}", "3:34", ["timeout: too small", "more than zero"]),
     ("- heat: 400 degC", "3:11", ["range of the channel 'oil_temperature'", "'400 degC'", "150 degC"]),

@@ -75,7 +75,8 @@ class Kind:
         if self.at_least is not None and si < self.at_least:
             raise RigctlError("too small", value=text, expected=f"at least {self.at_least:g}")
         if self.at_most is not None and si > self.at_most:
-            raise RigctlError("too large", value=text, expected=f"at most {self.at_most:g}")
+            unit = f" {self.unit}" if self.unit not in (None, "1") else ""
+            raise RigctlError("too large", value=text, expected=f"at most {self.at_most:g}{unit}")
         return si
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -203,8 +204,10 @@ def with_value(quantity: Quantity, value: float) -> Quantity:
     return Quantity(float(f"{value:.12g}"), quantity.unit)
 
 
-DURATION = Kind("s", more_than=0.0)
-PERIOD = Kind("s", at_least=0.0)
+#: s; three years, beyond which a time is a slip of the pen, and sums of times lose their digits
+LONGEST = 1e8
+DURATION = Kind("s", more_than=0.0, at_most=LONGEST)
+PERIOD = Kind("s", at_least=0.0, at_most=LONGEST)
 RATE = Kind("Hz", more_than=0.0, examples=("100 Hz",))
 TEMPERATURE = Kind("K", at_least=0.0)
 TEMPERATURE_TOLERANCE = Kind("K", difference=True, more_than=0.0, examples=("0.5 K",))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from rigctl.clock import Clock
@@ -73,6 +73,51 @@ class Aside:
         while self._answers:
             self._control.acknowledge(*self._answers.popleft())
         self._orders.extend(self._control.poll())
+
+
+class Watching:
+    """An observer in a thread of its own: a terminal that nobody reads must not hold up the loop.
+
+    It is shown the newest view; what it could not show in time is left out. What it raises comes with the
+    next call.
+    """
+
+    def __init__(self, observer: Callable[[View], None]) -> None:
+        self._observer = observer
+        self._view: View | None = None
+        self._error: Exception | None = None
+        self._wake = threading.Event()
+        self._ended = False
+        self._thread = threading.Thread(target=self._work, name="display", daemon=True)
+        self._thread.start()
+
+    def __call__(self, view: View) -> None:
+        """Hand over the newest view."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+        self._view = view
+        self._wake.set()
+
+    def close(self) -> None:
+        """Show the last view, where that takes no longer than two seconds."""
+        self._ended = True
+        self._wake.set()
+        self._thread.join(_ENDS_WITHIN)
+
+    def _work(self) -> None:
+        while True:
+            ending = self._ended
+            view, self._view = self._view, None
+            if view is not None:
+                try:
+                    self._observer(view)
+                except Exception as error:  # noqa: BLE001 - told with the next call
+                    self._error = error
+            if ending:
+                return
+            self._wake.wait(1.0)
+            self._wake.clear()
 
 
 def beside(control: Control, clock: Clock) -> Control:

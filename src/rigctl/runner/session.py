@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from pathlib import Path
 from rigctl.backends.protocol import Backend
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.procedure.plan import Plan
-from rigctl.runner.aside import beside
+from rigctl.runner.aside import Watching, beside
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
 from rigctl.runner.control import ControlFile
@@ -135,6 +136,7 @@ class _Session:
         if writer.folder is not None:
             self._controls.append(beside(ControlFile(writer.folder), backend.clock))
         self._observer: Observer | None = None
+        self._watching: Watching | None = None
         self._secured: Ending | None = None
         self._first: Ending | None = None
         self._message = ""
@@ -142,6 +144,8 @@ class _Session:
     def watched_by(self, controls: Sequence[Control], observer: Observer | None) -> None:
         """Add who may ask and who looks on."""
         self._controls += controls
+        if observer is not None and math.isfinite(self._backend.clock.speed):
+            observer = self._watching = Watching(observer)
         self._observer = observer
 
     def carry_out(self, signals: Signals, response: float, *, dry: bool) -> Ending | None:
@@ -215,6 +219,8 @@ class _Session:
         self._tick()
         for control in self._controls:
             control.close()
+        if self._watching is not None:
+            self._watching.close()
         records, folder = self._progress.records_done, self._writer.folder
         return RunResult(status, reason, code, folder, records, duration, unconfirmed, by_hand)
 
