@@ -6,10 +6,13 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from rigctl.compare.adequacy import LEVEL
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
 from rigctl.compare.fitting import require_free_parameters
+from rigctl.compare.linearise import slopes_at
 from rigctl.compare.result import ModelComparison
 from rigctl.compare.scores import Score
 from rigctl.dataset.run import Run
@@ -30,6 +33,8 @@ from rigctl.model.model import Model
 from rigctl.units import parse_unit
 
 _SHOWN = 12
+#: of an effect's signature, the share that an unrecorded input does as well
+_MOSTLY = 0.5
 
 
 def diagnose(
@@ -324,18 +329,31 @@ def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
 
 
 def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
-    """Effects that an input which nobody recorded can imitate, so that they would not show at their size."""
-    records = before.fit.problem.records
-    inputs = sorted({name for record in records for name in record.unrecorded})
-    if not inputs:
+    """Effects that do not show at their size, because an input that nobody recorded does most of the same."""
+    fit, lin = before.fit, before.linearisation
+    inputs = sorted({name for record in fit.problem.records for name in record.unrecorded})
+    small = set(hidden_at_typical_size(before.projected)) if inputs else set()
+    suspects = [one for one in before.screening.scores if one.effect in small and one.hidden_in == RECORD]
+    if not suspects:
         return []
-    small = set(hidden_at_typical_size(before.projected))
+    inner = before.whole.only(fit.fitted)
+    chosen = [lin.candidates[one.candidate] for one in suspects]
+    slopes = slopes_at(inner, fit, (), chosen, [fit.local[k] for k in fit.fitted])
+    ends = np.cumsum([len(one.columns) for one in chosen])[:-1]
+    whole, taken = np.zeros(len(chosen)), np.zeros(len(chosen))
+    for k, whitener in enumerate(inner.whiteners):
+        own = [slopes.own[k][qualified(RECORD, name)] for name in inner.records[k].unrecorded]
+        white = whitener(slopes.signatures[k])
+        basis = np.linalg.qr(whitener(np.stack(own, axis=2)))[0] if own else np.empty((len(white), 0))
+        for place, columns in enumerate(np.split(white, ends, axis=1)):
+            whole[place] += float(np.square(columns).sum())
+            taken[place] += float(np.square(basis.T @ columns).sum())
     names = " and ".join(inputs)
-    needs = f"{names} in the data: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do the same"
+    needs = f"{names} in the data: unrecorded, {'it does' if len(inputs) == 1 else 'they do'} nearly the same"
     return [
-        (score.effect, needs)
-        for score in before.screening.scores
-        if score.effect in small and score.hidden_in == RECORD
+        (one.effect, needs)
+        for one, share, all_of_it in zip(suspects, taken, whole, strict=True)
+        if all_of_it > 0.0 and share > _MOSTLY * all_of_it
     ]
 
 
