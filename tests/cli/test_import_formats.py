@@ -98,7 +98,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat", "xlsx"])
-def test_observations_come_back_as_they_were(ending: str) -> None:
+def test_observations_come_back_as_they_were(ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(formats, "isolated", False)
     first = answer("import", "data/hl32-strokes.csv", *RIG)
     done = answer("export", first["run"], "-o", f"out.{ending}")
     assert (done["rows"], done["table"]) == (8, "observations")
@@ -163,8 +164,11 @@ def test_mdf_holds_samples_only(strokes: Run) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_bad_rows_are_named_and_can_be_left_out(ending: str, strokes: Run) -> None:
+def test_bad_rows_are_named_and_can_be_left_out(
+    ending: str, strokes: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Time goes back in the second record: nothing is imported, or all but that row."""
+    monkeypatch.setattr(formats, "isolated", False)
     text = Path("strokes.csv").read_text(encoding="utf-8").replace("\n20.05,", "\n20.03,", 1)
     Path("bad.csv").write_text(text, encoding="utf-8")
     if ending != "csv":
