@@ -14,6 +14,7 @@ from rigctl.validation.anyone.rates import bench_figures
 from rigctl.validation.anyone.tier import SIZES, bench_trials
 from rigctl.validation.anyone.trial import BenchTrial
 from rigctl.validation.anyone.work import amplitude_of
+from rigctl.validation.benches.__main__ import main
 from rigctl.validation.benches.bench import BenchCampaign
 from rigctl.validation.benches.motion import integrate, with_dry_friction
 from rigctl.validation.benches.register import BENCHES, find_bench
@@ -120,3 +121,13 @@ def test_a_trial_survives_json() -> None:
     trial = BenchTrial("belt", 30.0, "slow", recorded=False, noise="level", seed=7)
     assert BenchTrial.read(json.loads(json.dumps(trial.document()))) == trial
     assert trial.name == "belt 30 slow unrecorded level seed 7"
+
+
+def test_a_benchs_folder_is_written_with_the_size_of_what_it_hides(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "mine"
+    assert main(["chain", "--hide", "0.089", "--sampling", "slow", "--unrecorded", "-o", str(folder)]) == 0
+    assert {path.name for path in folder.iterdir()} == {"family.yaml", "rig.yaml", "model.yaml", "chain.csv"}
+    assert "room" not in (folder / "chain.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert 80.0 < float(capsys.readouterr().out.split("lambda = ")[1]) < 120.0

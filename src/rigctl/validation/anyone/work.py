@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import time
 from dataclasses import replace
 from functools import lru_cache
@@ -20,15 +19,12 @@ from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
 from rigctl.validation.amplitude import CLOSE, search_amplitude
 from rigctl.validation.anyone.trial import BenchTrial
-from rigctl.validation.benches.bench import BenchCampaign
+from rigctl.validation.benches.bench import BenchCampaign, write_bench
 from rigctl.validation.benches.register import find_bench
 from rigctl.validation.benches.size import size_of
 from rigctl.validation.outcome import TrialOutcome
 
 BenchOutcome: TypeAlias = TrialOutcome[BenchTrial]
-
-#: what a user writes of a bench
-USER_FILES = ("family.yaml", "rig.yaml", "model.yaml")
 
 
 @one_thread()
@@ -55,16 +51,6 @@ def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
         first=found.ranking[0].effect if found.ranking else None,
         seconds=time.process_time() - began,
     )
-
-
-def write_bench(campaign: BenchCampaign, folder: Path) -> Path:
-    """A folder as a user has it: family, rig and model, and the log; returns the log."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in USER_FILES:
-        shutil.copyfile(campaign.bench.file(name), folder / name)
-    log = folder / f"{campaign.bench.name}.csv"
-    campaign.write_csv(log)
-    return log
 
 
 def diagnose_campaign(campaign: BenchCampaign, folder: Path) -> Diagnosis:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,8 @@ NOISES: Final[tuple[Noise, ...]] = ("white", "heavy", "level")
 #: degrees of freedom of heavy tails: spikes of ten sigmas are a daily event
 _TAILS = 3.0
 _FILES = Path(__file__).parent / "files"
+#: what a user writes of a bench
+USER_FILES = ("family.yaml", "rig.yaml", "model.yaml")
 
 
 @dataclass(frozen=True)
@@ -215,6 +218,16 @@ class BenchCampaign:
                 begin = [f"{time:.9g}", str(index)] if self.bench.time_constant else []
                 lines.append(",".join([*begin, *(f"{value:.9g}" for value in row)]))
         path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def write_bench(campaign: BenchCampaign, folder: Path) -> Path:
+    """A folder as a user has it: family, rig and model, and the log; returns the log."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in USER_FILES:
+        shutil.copyfile(campaign.bench.file(name), folder / name)
+    log = folder / f"{campaign.bench.name}.csv"
+    campaign.write_csv(log)
+    return log
 
 
 def _rounded(period: float) -> float:

@@ -1,0 +1,36 @@
+"""Write what a user of a small bench has: ``python -m rigctl.validation.benches motor --hide 0.0046``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rigctl.validation.benches.bench import NOISES, SAMPLES, BenchCampaign, write_bench
+from rigctl.validation.benches.register import BENCHES
+from rigctl.validation.benches.size import size_of
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the folder and say how large what is hidden is; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m rigctl.validation.benches", description=__doc__)
+    benches = "; ".join(f"{b.name} hides {b.hidden.what} [{b.hidden.unit}]" for b in BENCHES.values())
+    parser.add_argument("bench", choices=list(BENCHES), help=benches)
+    parser.add_argument("-o", "--output", type=Path, help="the folder; the bench's name by default")
+    parser.add_argument("--hide", type=float, default=0.0, metavar="AMPLITUDE", help="of what it hides")
+    parser.add_argument("--sampling", choices=list(SAMPLES), default="fast", help="samples per time constant")
+    parser.add_argument("--noise", choices=list(NOISES), default="white")
+    parser.add_argument("--unrecorded", action="store_true", help="without the optional input")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args(arguments)
+    campaign = BenchCampaign(
+        BENCHES[given.bench], given.hide, given.sampling, not given.unrecorded, given.noise, given.seed
+    )
+    log = write_bench(campaign, given.output or Path(given.bench))
+    sys.stdout.write(f"{log}: lambda = {size_of(campaign):.3g}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

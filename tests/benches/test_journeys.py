@@ -1,0 +1,77 @@
+"""Anyone's bench from a log to a mended model, by documented commands alone.
+
+Ten benches that are no hydraulic cylinders. The log of each comes from a generator that shares no code with
+what judges it; family, rig and model are files as a user writes them.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from commands import answer, told
+from rigctl.validation.benches.bench import BenchCampaign, Sampling, write_bench
+from rigctl.validation.benches.register import BENCHES, find_bench
+
+#: amplitude of what each bench hides: λ is about 100, says `python -m rigctl.validation.benches NAME --hide`
+HIDDEN = {
+    "motor": 0.0046,
+    "tanks": 0.0076,
+    "spring": 0.02,
+    "pendulum": 0.01,
+    "chain": 0.089,
+    "exchanger": 1.45,
+    "chamber": 0.30,
+    "pump": 1.74,
+    "battery": 0.019,
+    "belt": 0.12,
+}
+#: benches that swing: what is left between two of few samples hides their noise
+FAST = {"spring", "pendulum"}
+#: what the verdict must be: one effect alone, or one of a class that these data cannot tell apart
+ALONE = {"chain", "exchanger", "belt", "pendulum"}
+
+
+def project(folder: Path, name: str, amplitude: float) -> Path:
+    """A user's project with the log in it."""
+    told("init", str(folder), "--minimal")
+    sampling: Sampling = "fast" if amplitude and name in FAST else "slow"
+    campaign = BenchCampaign(find_bench(name), amplitude, sampling, seed=0)
+    return write_bench(campaign, folder)
+
+
+@pytest.mark.parametrize("name", list(BENCHES))
+def test_a_bench_that_hides_nothing_is_called_adequate(name: str, tmp_path: Path) -> None:
+    log = project(tmp_path / "mine", name, 0.0)
+    with chdir(tmp_path / "mine"):
+        told("import", str(log), "--rig", "rig.yaml")
+        found = answer("diagnose", "latest", "--model", "model.yaml")
+    assert found["verdict"] == "adequate", found["statement"]
+
+
+@pytest.mark.parametrize("name", list(BENCHES))
+def test_what_a_bench_hides_is_found_and_what_it_adds_holds_on_records_that_no_fit_saw(
+    name: str, tmp_path: Path
+) -> None:
+    bench = find_bench(name)
+    log = project(tmp_path / "mine", name, HIDDEN[name])
+    with chdir(tmp_path / "mine"):
+        told("import", str(log), "--rig", "rig.yaml")
+        found = answer("diagnose", "latest", "--model", "model.yaml", "--hold-out", bench.hold_out)
+        assert found["verdict"] in ("missing_effect", "ambiguous"), found["statement"]
+        if name in ALONE:
+            assert found["verdict"] == "missing_effect", found["statement"]
+        assert len(found["effects"]) == 1, found["statement"]
+        named = {*found["effects"], *(member for group in found["classes"] for member in group)}
+        right = named & set(bench.hidden.counts_as)
+        assert right, found["statement"]
+        added = answer(
+            "model", "add", "model.yaml", min(right), "--fit", "latest", "--hold-out", bench.hold_out
+        )
+    before, after = added["before"]["heldout_rmse"], added["after"]["heldout_rmse"]
+    gain = [math.log(after[channel] / before[channel]) for channel in before]
+    assert min(gain) < -0.02
+    assert sum(gain) < 0.0
