@@ -1,10 +1,14 @@
 """Look-up tables of a family: a smooth curve through given points, in the engine's own operations.
 
-``y(x) = y_0 + m_0·(x − x_0) + Σ_i [a_i·(x − x_i)₊² + b_i·(x − x_i)₊³]`` is the monotone piecewise cubic
-through the points (F. N. Fritsch, R. E. Carlson, SIAM J. Numer. Anal. 17 (1980)), with a continuous slope and
-without a branch: (·)₊ is `positive_part`. ``y_0 + Σ_i s_i·(x − x_i)₊`` is the straight line from point to
-point, its corners rounded within a fiftieth of the shorter neighbouring interval. Outside, the curve goes on
-as a straight line with the slope at its end.
+Each interval from x_i to x_(i+1), h_i wide, adds a polynomial of ``s_i = [(x − x_i)₊ − (x − x_(i+1))₊]/h_i``,
+which goes from 0 to 1 over it and stays there; (·)₊ is `positive_part`, so that there is no branch:
+
+    y(x) = y_0 + m_0·[x − x_0 − (x − x_0)₊] + Σ_i p_i(s_i) + m_n·(x − x_n)₊
+
+p_i is the monotone cubic with the slopes m_i at the points (F. N. Fritsch, R. E. Carlson, SIAM J. Numer.
+Anal. 17 (1980)), or straight, with corners rounded within a fiftieth of the shorter interval beside them.
+Outside, the curve goes on as a straight line with the slope at its end. Every s_i is of order 1, so that
+points at very uneven distances lose no figures, as sums of powers of x would.
 """
 
 from __future__ import annotations
@@ -57,38 +61,38 @@ class Curve:
         """Its value at x, in the quantities of `m`."""
         length = self.x[-1] - self.x[0]
         t = (x - m.constant(self.x[0], si_unit(self.over))) / m.constant(length, si_unit(self.over))
-        first, terms = self._terms
-        inner: Scalar = first * t
-        for knot, width, powers in terms:
-            plus = positive_part(t - knot, width)
-            for exponent, coefficient in powers:
-                inner = inner + coefficient * plus**exponent
+        knots, widths, polynomials, (first, last) = self._shape
+        plus = [positive_part(t - knot, width) for knot, width in zip(knots, widths, strict=True)]
+        inner: Scalar = first * (t - plus[0]) + last * plus[-1]
+        for begun, ended, step, (one, two, three) in zip(
+            plus, plus[1:], np.diff(knots).tolist(), polynomials, strict=False
+        ):
+            s = (begun - ended) / step
+            inner = inner + (s * (one + s * (two + s * three)) if two or three else s * one)
         unit = si_unit(self.unit)
         return m.constant(self.y[0], unit) + m.constant(1.0, unit) * inner
 
     @cached_property
-    def _terms(self) -> tuple[float, list[tuple[float, float, list[tuple[int, float]]]]]:
-        """The first slope; then each knot, its width, and (exponent, coefficient) of what begins there."""
+    def _shape(
+        self,
+    ) -> tuple[list[float], list[float], list[tuple[float, float, float]], tuple[float, float]]:
+        """Knots from 0 to 1 and their widths; the coefficients of s, s² and s³; the slopes at both ends."""
         knots = (np.array(self.x) - self.x[0]) / (self.x[-1] - self.x[0])
-        values = np.array(self.y) - self.y[0]
-        steps = np.diff(knots)
+        steps, changes = np.diff(knots), np.diff(np.array(self.y))
         beside = np.minimum(np.append(steps, steps[-1]), np.insert(steps, 0, steps[0]))
         if self.kind == "linear":
-            slopes = np.diff(values) / steps
-            jumps = np.append(np.diff(slopes), 0.0)
-            terms = [
-                (float(knot), float(_ROUNDED * width), [(1, float(jump))])
-                for knot, width, jump in zip(knots[1:], beside[1:], jumps, strict=True)
-                if jump != 0.0
-            ]
-            return float(slopes[0]), terms
+            slopes = changes / steps
+            straight = [(float(change), 0.0, 0.0) for change in changes]
+            return (
+                knots.tolist(),
+                (_ROUNDED * beside).tolist(),
+                straight,
+                (float(slopes[0]), float(slopes[-1])),
+            )
         from scipy.interpolate import PchipInterpolator
 
-        cubic, square, slopes, _ = PchipInterpolator(knots, values).c
-        ended = np.append(square, 0.0) - np.insert(square + 3.0 * cubic * steps, 0, 0.0)
-        jumps = np.diff(cubic, prepend=0.0, append=0.0)
-        terms = [
-            (float(knot), float(_TINY * width), [(2, float(a)), (3, float(b))])
-            for knot, width, a, b in zip(knots, beside, ended, jumps, strict=True)
-        ]
-        return float(slopes[0]), terms
+        slopes = PchipInterpolator(knots, np.array(self.y)).derivative()(knots)
+        begun, ended = slopes[:-1] * steps, slopes[1:] * steps
+        cubic = np.column_stack([begun, 3.0 * changes - 2.0 * begun - ended, begun + ended - 2.0 * changes])
+        terms = [(float(one), float(two), float(three)) for one, two, three in cubic]
+        return knots.tolist(), (_TINY * beside).tolist(), terms, (float(slopes[0]), float(slopes[-1]))
