@@ -22,7 +22,7 @@ from rigctl.rig.load import load_rig
 
 #: χ² of the best effect of the library on the published strokes
 BEST = 5.5
-NEVER, UNFIT = "at any size that physics allows", "at the size that fits best"
+NEVER, UNFIT = "at any usual size", "at the size that fits best"
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import chdir
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,8 +23,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     with chdir(folder):
         told("import", "data/heater-board-steps.csv", "--rig", "rigs/heater-board.yaml")
         chosen = ("--only", "heater_1 > 0 %", "--hold-out", EVERY_SECOND)
-        done = answer("diagnose", "latest", "--model", MODEL, *chosen, "--apply")
-        return done | {"history": answer("model", "history", MODEL)}
+        done = answer("diagnose", "latest", "--model", MODEL, *chosen, "--apply", "-o", "page.html")
+        page = Path("page.html").read_text("utf-8")
+        return done | {"history": answer("model", "history", MODEL), "page": page}
 
 
 def test_coupling_a_lag_and_radiation_are_found_one_after_the_other(found: dict[str, Any]) -> None:
@@ -68,3 +70,5 @@ def test_what_is_left_is_a_part_of_the_last_answer(found: dict[str, Any]) -> Non
     assert left["p_value"] < 0.01 < left["size"]
     assert left["slot"]
     assert left["statement"].startswith(f"{100 * left['share']:.0f} % of the misfit is left")
+    _, now = found["page"].split("The model as it is now</h2>", 1)
+    assert f"{100 * left['share']:.0f} % of the misfit is left, " in now.partition("<h2")[0]

@@ -69,7 +69,7 @@ def alone(before: ModelComparison, candidate: Candidate, *, from_null: bool) -> 
 
 def at_sizes(before: ModelComparison, found: Alone) -> tuple[FitResult, ...]:
     """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
-    largest that physics allows."""
+    largest that is usual."""
     return found.at_sizes or tuple(one for _, one in _held_at_sizes(before, found.candidate))
 
 

@@ -13,7 +13,7 @@ class Exclusion:
     Attributes
     ----------
     reached: the share of the missing change that it makes at its best: 0 for none, below 0 for the wrong way;
-        `at_most` the largest at any size that was looked at, up to the largest that physics allows.
+        `at_most` the largest at any size that was looked at, up to the largest that is usual.
     only: the conditions at which it makes at least half of it; empty where at none or at all.
     worse: by so many standard deviations it fits less well than the best does.
     """

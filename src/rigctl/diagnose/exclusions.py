@@ -75,8 +75,7 @@ def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
     sentences = []
     if never:
         sentences.append(
-            f"excluded, because alone and at any size that physics allows they cannot {change}: "
-            f"{', '.join(never)}"
+            f"excluded, because alone and at any usual size they cannot {change}: {', '.join(never)}"
         )
     if unfit:
         sentences.append(
