@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.compare.projected import Projected
 from rigctl.compare.scores import Screening
+from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
 
 #: the chance of calling a right model wrong
 LEVEL = 0.01
+#: an error of less than this share of the noise is below it, whatever the fitted unknowns took
+_BELOW = 0.9
 #: so many spreads above its mean a statistic is no chance any more, at `LEVEL`
 _SURE = 2.33
 
@@ -61,10 +64,13 @@ class Adequacy:
     tests: ``score`` (the largest candidate's), ``plane`` (residuals of each phase and channel over the
         operating point), ``chi2`` (the whole misfit).
     p_value: Holm's smallest: three times the smallest of them.
-    adequate: p_value is not below `LEVEL`.
+    below_noise: a test rejects, and yet the error of every channel is smaller than its noise: the noise is
+        not what was learned (slower, or narrower here), and the tests, which rest on it, say nothing.
+    adequate: p_value is not below `LEVEL`, or the error is below the noise.
     """
 
     tests: dict[str, Test]
+    below_noise: bool = False
 
     @property
     def p_value(self) -> float:
@@ -73,8 +79,8 @@ class Adequacy:
 
     @property
     def adequate(self) -> bool:
-        """True when no test rejects."""
-        return self.p_value >= LEVEL
+        """True when no test rejects, or none can be believed."""
+        return self.p_value >= LEVEL or self.below_noise
 
 
 def adequacy(projected: Projected, screening: Screening) -> Adequacy:
@@ -82,9 +88,17 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     tests = {"plane": plane_test(projected), "chi2": chi2_test(projected)}
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
-    return Adequacy(
+    found = Adequacy(
         {name: test for name, test in tests.items() if name == "chi2" or test.freedom or name == "score"}
     )
+    if found.adequate or projected.linearisation.fit.problem.measurements.table:
+        return found
+    return replace(found, below_noise=_below_noise(projected.linearisation.fit))
+
+
+def _below_noise(fit: FitResult) -> bool:
+    """Whether no channel's error is as large as its noise; a right model's is, as far as that is known."""
+    return all(error.nrmse < _BELOW for error in fit.errors.values())
 
 
 def plane_test(projected: Projected) -> Test:

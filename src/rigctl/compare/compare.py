@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from rigctl.compare.adequacy import adequacy
+from rigctl.compare.adequacy import Adequacy, adequacy
 from rigctl.compare.candidates import candidates
 from rigctl.compare.cells import cell_map
 from rigctl.compare.chance import chance_text
@@ -113,7 +113,7 @@ def judge(
         where=(),
         trends=(),
         slots=(),
-        statement=_statement(name, tests.adequate, tests.p_value, (), ""),
+        statement=_statement(name, tests, (), ""),
         linearisation=linearisation,
         projected=projected,
         screening=screening,
@@ -138,7 +138,7 @@ def _located(found: ModelComparison) -> ModelComparison:
         slots=slots,
         statement=table_statement(found.name, tests, rows, direction)
         if rows
-        else _statement(found.name, tests.adequate, tests.p_value, where, direction, own),
+        else _statement(found.name, tests, where, direction, own),
         rows=rows,
         findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
         record_level=own,
@@ -147,12 +147,17 @@ def _located(found: ModelComparison) -> ModelComparison:
 
 def _statement(
     name: str,
-    adequate: bool,
-    p: float,
+    tests: Adequacy,
     where: Sequence[Place],
     direction: str,
     own: Sequence[RecordQuantity] = (),
 ) -> str:
+    adequate, p = tests.adequate, tests.p_value
+    if tests.below_noise:
+        return (
+            f"{name} is nearer to the measurements than their noise: a test sees a pattern in what is left "
+            f"({chance_text(p)}), but the noise of these readings is not what was learned: they cannot tell"
+        )
     suspicious = next((quantity.statement for quantity in own if quantity.statement), "")
     if adequate and suspicious:
         return f"{name} agrees with the measurements within their noise (p = {p:.2g}), but {suspicious}"
@@ -185,6 +190,11 @@ def _notes(fitted: FitResult) -> list[str]:
         for channel in problem.noise.channels
         if channel.edges
     ]
+    guesses = [
+        f"the noise of {channel.name} is only guessed: no verdict that rests on it is surer than that"
+        for channel in problem.noise.channels
+        if channel.guessed and not problem.measurements.table
+    ]
     silent = [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
     inputs = input_noise_notes(problem)
-    return [*problem.measurements.notes, *inputs, problem.noise.statement, *spikes, *edges, *silent]
+    return [*problem.measurements.notes, *inputs, problem.noise.statement, *spikes, *edges, *guesses, *silent]

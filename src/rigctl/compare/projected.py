@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.compare.linearise import Linearisation, RecordTriangle
+from rigctl.model.fit.fit import FitResult
+from rigctl.noise import Source
 
 Floats = NDArray[np.float64]
 
 #: a signature of which less than this share is left has no direction of its own
 HIDDEN = 1e-3
 _RANK = 1e-8
+#: degrees of freedom that a guess of the noise is worth, by where it comes from: a rig file's number is good
+#: to a quarter, a share of the readings to a half
+_WORTH: dict[Source, int] = {"rig": 8, "quiet": 4, "differences": 4, "replicates": 4, "assumed": 2}
 #: at the end of a table's fit, squares that the unknowns could still take away: by steps so large that the
 #: linear problem does not hold for them, or past their bounds
 _STUCK = 9.0
@@ -57,18 +62,34 @@ class Projected:
 
     @property
     def noise_degrees(self) -> int:
-        """Degrees of freedom behind the noise of a table's rows; 0 where the noise counts as known.
+        """Degrees of freedom behind the noise; 0 where it counts as known.
 
-        The samples of records tell their noise well enough; a handful of rows does not.
+        The samples of records tell their noise well enough; a handful of rows does not, and a guess is worth
+        few degrees of freedom (`_WORTH`). That of some channels of records counts where these hold most of
+        the misfit.
         """
         problem = self.linearisation.fit.problem
+        if not problem.measurements.table:
+            return _guessed_degrees(self.linearisation.fit)
         known = [channel.degrees for channel in problem.noise.channels if channel.degrees]
-        return min(known) if known and problem.measurements.table else 0
+        return min(known) if known else 0
 
     def project(self, columns: Floats) -> Floats:
         """``(I − P_J)`` of columns that stand in the records' rows; the priors' rows are added."""
         padded = np.vstack([columns, np.zeros((self.residual.size - columns.shape[0], columns.shape[1]))])
         return np.asarray(padded - self.basis @ (self.basis.T @ padded))
+
+
+def _guessed_degrees(fit: FitResult) -> int:
+    """What the guessed noise of records is worth, where such channels hold most of what is beyond noise."""
+    guessed = {one.name: _WORTH[one.source] for one in fit.problem.noise.channels if one.guessed}
+    if not guessed:
+        return 0
+    beyond = {name: max(0.0, one.count * (one.nrmse**2 - 1.0)) for name, one in fit.errors.items()}
+    counted = {name: degrees for name, degrees in guessed.items() if beyond.get(name, 0.0) > 0.0}
+    if 2.0 * sum(beyond[name] for name in counted) <= sum(beyond.values()) or not counted:
+        return 0
+    return min(counted.values())
 
 
 def project(linearisation: Linearisation, places: Sequence[int] | None = None) -> Projected:

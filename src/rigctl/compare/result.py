@@ -98,6 +98,7 @@ class ModelComparison:
         return {
             "model": self.name,
             "adequate": self.adequate,
+            "below_noise": self.adequacy.below_noise,
             "p_value": self.adequacy.p_value,
             "tests": tests,
             "chi2_reduced": _finite(self.fit.chi2_reduced),

@@ -13,6 +13,7 @@ from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import compare
 from rigctl.compare.fitting import require_free_parameters
 from rigctl.compare.linearise import slopes_at
+from rigctl.compare.overdispersion import variance_factor
 from rigctl.compare.result import ModelComparison
 from rigctl.compare.scores import Score
 from rigctl.dataset.run import Run
@@ -176,7 +177,8 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
         price = search.price(tried[score.candidate])
         sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + price
     # what is better than the best set is so by less than shapes may do, or it would be the best
-    least, less = search.mbic(best), softened(search.none.chi2 - best.chi2)
+    least = search.mbic(best)
+    less = max(softened(search.none.chi2 - best.chi2), _factor(search, best))
     behind = {names: min(max(value - least, 0.0) / less, 1400.0) for names, value in sets.items()}
     weights = {names: math.exp(-0.5 * value) for names, value in behind.items()}
     total = sum(weights.values())
@@ -195,6 +197,12 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
         ranked.append(_ranked(search, best, score, min(1.0, shares.get(name, 0.0))))
     own = set(best.effects)
     return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.effect not in own, one.delta_bic))
+
+
+def _factor(search: Search, best: Trial) -> float:
+    """By how much differences of mBIC count less: 1 where the best set leaves noise alone."""
+    here = search.at(best) if best.candidates else search.before
+    return 1.0 if here.adequacy.adequate else variance_factor(best.fit)
 
 
 def _score_beside(search: Search, best: Trial, name: str) -> Score:
