@@ -56,3 +56,18 @@ def test_every_format_gives_back_every_sample_of_a_run(strokes: Path, ending: st
             assert np.allclose(after[column], before[column], rtol=1e-9, atol=1e-9, equal_nan=True), column
     for _, rows in after.groupby("record"):
         assert np.all(np.diff(rows["time"]) >= 0.0)
+
+
+STEPS = ("-a", "powers=20 %, 80 %, 50 %, 10 %", "-a", "second=30 %", "-a", "dwell=6 min", "--seed", "3")
+
+
+@pytest.mark.parametrize("hidden", [None, "radiation"])
+def test_a_heater_boards_verdict_is_the_same_after_the_way_through_a_file(hidden: str | None) -> None:
+    hide = ("--with", hidden) if hidden else ()
+    run = Path(answer("simulate", "procedures/heater-board-steps.yaml", *STEPS, *hide)["path"])
+    paths = (run, came_back(run, "mat", "heater-board"))
+    found = [answer("diagnose", str(path), "--model", "models/heater-board.yaml") for path in paths]
+    for one in found:
+        assert (one["verdict"] == "adequate") == (hidden is None), one["statement"]
+        assert one["effects"] == ([hidden] if hidden else []), one["statement"]
+    assert found[0]["verdict"] == found[1]["verdict"]
