@@ -71,3 +71,10 @@ def test_a_heater_boards_verdict_is_the_same_after_the_way_through_a_file(hidden
         assert (one["verdict"] == "adequate") == (hidden is None), one["statement"]
         assert one["effects"] == ([hidden] if hidden else []), one["statement"]
     assert found[0]["verdict"] == found[1]["verdict"]
+
+
+def test_the_true_model_agrees_with_strokes_that_went_through_a_file(strokes: Path) -> None:
+    found = answer(
+        "compare", str(came_back(strokes, "mf4", "hl32-bench")), "--model", "models/hl32-textbook.yaml"
+    )
+    assert found["adequate"], found["statement"]
