@@ -8,6 +8,10 @@ from rigctl.units import Dimension, parse_unit
 
 #: what a person calls it, rather than a product of base units
 _NAMED = ("Pa", "N", "W", "J", "V")
+#: further names, for units that are made up of others
+_ELECTRICAL = ("ohm", "H", "F", "C")
+#: by what share a factor below the line reads worse than one above it
+_BELOW = 0.1
 
 
 @lru_cache(maxsize=256)
@@ -42,3 +46,38 @@ def _quotient(dimension: Dimension) -> str:
     if not below:
         return top
     return f"{top}/{below[0]}" if len(below) == 1 else f"{top}/({'*'.join(below)})"
+
+
+def shortest_unit(dimension: Dimension) -> str:
+    """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
+
+    At most one unit with a name of its own, above or below the line, beside powers of the base units.
+    """
+    found = unit_of(dimension)
+    fewest = _reading(dimension) if found not in _NAMED else 0.0
+    for name in (*_NAMED, *_ELECTRICAL):
+        named = parse_unit(name).dimension
+        for rest, line in ((dimension / named, 1.0), (dimension * named, 1.0 + _BELOW)):
+            if line + _reading(rest) < fewest:
+                fewest = line + _reading(rest)
+                found = _with_named(rest, name, above=line == 1.0)
+    return found
+
+
+def _reading(dimension: Dimension) -> float:
+    """How much there is to read: the sum of the exponents' sizes, a little more for those below the line."""
+    return float(sum(abs(one) * (1.0 if one > 0 else 1.0 + _BELOW) for one in dimension.exponents))
+
+
+def _with_named(rest: Dimension, name: str, *, above: bool) -> str:
+    """A unit with a name of its own times, or under, a product of base units."""
+    if rest.dimensionless:
+        return name if above else f"1/{name}"
+    top, _, bottom = _quotient(rest).partition("/")
+    below = bottom.strip("()").split("*") if bottom else []
+    over = [] if top == "1" else top.split("*")
+    over, below = ([name, *over], below) if above else (over, [name, *below])
+    line = "*".join(over) or "1"
+    if not below:
+        return line
+    return f"{line}/{below[0]}" if len(below) == 1 else f"{line}/({'*'.join(below)})"

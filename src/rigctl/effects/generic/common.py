@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rigctl.effects.declaration import EffectParameter
 from rigctl.engine.symbols import Scalar, positive_part, smooth_sign
-from rigctl.physics.units import unit_of
+from rigctl.physics.units import shortest_unit
 from rigctl.units import parse_unit
 
 #: bounds in units of a typical size: wide, as the typical size is a guess
@@ -20,7 +20,7 @@ def quotient(above: str, *below: str) -> str:
     dimension = parse_unit(above).dimension
     for unit in below:
         dimension = dimension / parse_unit(unit).dimension
-    return unit_of(dimension)
+    return shortest_unit(dimension)
 
 
 def one_sign(name: str, unit: str, typical: float, meaning: str, difference: bool = True) -> EffectParameter:

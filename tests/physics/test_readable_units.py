@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.physics.units import shortest_unit
+from rigctl.units import Dimension, parse_unit
+
+
+@pytest.mark.parametrize(
+    ("written", "shortest"),
+    [
+        ("V/A", "ohm"),
+        ("N*m/(rad/s)", "J*s"),
+        ("kg/s", "kg/s"),
+        ("W/K", "W/K"),
+        ("J/K", "J/K"),
+        ("A/V", "1/ohm"),
+        ("Pa*s", "Pa*s"),
+        ("m^3/s/Pa", "m^3/(Pa*s)"),
+        ("m/s", "m/s"),
+        ("1/s", "1/s"),
+        ("1", "1"),
+        ("V*s", "V*s"),
+    ],
+)
+def test_a_unit_in_the_fewest_factors(written: str, shortest: str) -> None:
+    assert shortest_unit(parse_unit(written).dimension) == shortest
+
+
+@given(st.lists(st.integers(-3, 3), min_size=7, max_size=7))
+def test_it_is_of_the_same_dimension_always(exponents: list[int]) -> None:
+    dimension = Dimension(tuple(Fraction(one) for one in exponents))
+    found = parse_unit(shortest_unit(dimension))
+    assert (found.dimension, found.factor, found.offset) == (dimension, 1.0, 0.0)
