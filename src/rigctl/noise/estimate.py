@@ -12,6 +12,7 @@ from rigctl.noise import differences
 from rigctl.noise.converter import find_step, stretch_bias
 from rigctl.noise.learning import ChannelData, learn_noise
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
+from rigctl.noise.pooling import Pooled
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.spikes import find_spikes_in_records
 from rigctl.noise.statements import channel_statement, model_statement
@@ -21,6 +22,8 @@ from rigctl.noise.variance import smooth_course, variance_law
 _ROUNDING = 1e-12
 #: what is as slow as this in the quietest stretches may be a signal
 _SLOW = 0.975
+#: orders of the trend inside a window that are tried where a lower one leaves what may be a signal
+_HIGHER_ORDERS = (4, 6)
 #: assumed where nothing at all is known: this share of the values' size
 _ASSUMED = 0.01
 
@@ -112,7 +115,7 @@ def _channel_noise(
     values = [record.values[kept[:, channel], channel] for record, kept in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
-    pooled = learn_noise(ChannelData(records, ok, channel, spacing, step))
+    pooled = _learnt(ChannelData(records, ok, channel, spacing, step))
     if pooled is not None and pooled.fit.sigma > _ROUNDING * size:
         source: Source = "replicates" if pooled.replicates > pooled.quiet else "quiet"
         fit = pooled.fit
@@ -123,7 +126,7 @@ def _channel_noise(
             fit.correlation,
             step,
             source,
-            guessed=source == "quiet" and fit.correlation > _SLOW and fit.white < 0.5,
+            guessed=_may_be_signal(pooled),
             masked=masked,
             white=fit.white,
             bias=bias,
@@ -133,6 +136,28 @@ def _channel_noise(
         noise = _without_windows(records, ok, channel, name, step, known, masked, size)
     noise = _with_law(noise, records, ok, channel, spacing)
     return noise.stated(channel_statement(noise, known))
+
+
+def _learnt(data: ChannelData) -> Pooled | None:
+    """The noise from windows under the lowest trend that leaves nothing as slow as a signal.
+
+    A signal that turns within a window is left over by a parabola, and what is left is slow. A trend of a
+    higher order takes it, and of slow noise too little to hide it: the likelihood counts what a trend takes
+    (REML). Where every order leaves something slow, it may be noise, and the lowest is kept.
+    """
+    found = learn_noise(data)
+    if found is None or not _may_be_signal(found):
+        return found
+    for order in _HIGHER_ORDERS:
+        again = learn_noise(replace(data, order=order))
+        if again is not None and not _may_be_signal(again) and again.fit.sigma < found.fit.sigma:
+            return again
+    return found
+
+
+def _may_be_signal(found: Pooled) -> bool:
+    """Whether what the quiet stretches show is mostly so slow that it could be a signal."""
+    return found.replicates <= found.quiet and found.fit.correlation > _SLOW and found.fit.white < 0.5
 
 
 def _with_law(

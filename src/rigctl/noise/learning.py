@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigctl.noise.converter import noise_before, window_share
 from rigctl.noise.pooling import Pooled, pool
 from rigctl.noise.record import NoiseRecord
-from rigctl.noise.windows import Cell, WindowGroup, contrasts, cut_windows
+from rigctl.noise.windows import TREND_ORDER, Cell, WindowGroup, contrasts, cut_windows
 
 #: windows in a row that may become one: the longer, the better slow noise is seen
 _LONGEST_JOIN = 4
@@ -25,13 +25,14 @@ _SWALLOWED = 0.2
 
 @dataclass(frozen=True)
 class ChannelData:
-    """One channel of all records, and the step of its converter (SI, 0 for none)."""
+    """One channel of all records, the step of its converter (SI, 0 for none), and the order of its trends."""
 
     records: Sequence[NoiseRecord]
     ok: Sequence[NDArray[np.bool_]]
     channel: int
     spacing: float
     step: float
+    order: int = TREND_ORDER
 
 
 def learn_noise(data: ChannelData) -> Pooled | None:
@@ -42,7 +43,7 @@ def learn_noise(data: ChannelData) -> Pooled | None:
     levels (`window_share`): a rod that rests in the middle of a step looks quieter than it is, and the
     sigma returned is ``√(σ₀² + Δ²/12)``.
     """
-    groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing)
+    groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing, order=data.order)
     found = pool(groups, contrasts(groups), len(cells))
     if found is None:
         return None
@@ -63,7 +64,9 @@ def _over_long_windows(
 ) -> Pooled:
     joined = _runs([cell for cell, used in zip(cells, found.used.tolist(), strict=True) if used])
     while joined:
-        groups, longer = cut_windows(data.records, data.ok, data.channel, data.spacing, joined)
+        groups, longer = cut_windows(
+            data.records, data.ok, data.channel, data.spacing, joined, order=data.order
+        )
         again = _pool(groups, len(longer), step, before, found)
         if again is None:
             return found

@@ -77,12 +77,14 @@ def cut_windows(
     channel: int,
     spacing: float,
     joined: Mapping[Cell, int] | None = None,
+    order: int = TREND_ORDER,
 ) -> tuple[list[WindowGroup], list[Cell]]:
     """One channel of all records, cut into windows counted from the end of each phase.
 
     Parameters
     ----------
     joined: how many windows in a row, from the cell named towards the front, are one long window.
+    order: of the polynomial that stands for the signal inside a window.
 
     Returns
     -------
@@ -99,7 +101,7 @@ def cut_windows(
             cell = cells.setdefault((phase, nth), len(cells))
             found[tuple(places.tolist())].append((record.values[use, channel], cell, record.condition))
     patterns = sorted(found, key=lambda pattern: -len(found[pattern]))[:_PATTERNS]
-    return [_group(pattern, found[pattern]) for pattern in patterns], list(cells)
+    return [_group(pattern, found[pattern], order) for pattern in patterns], list(cells)
 
 
 def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[int, int, int, int]]:
@@ -120,10 +122,10 @@ def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[i
 
 
 def _group(
-    pattern: tuple[float, ...], members: Sequence[tuple[NDArray[np.float64], int, int]]
+    pattern: tuple[float, ...], members: Sequence[tuple[NDArray[np.float64], int, int]], order: int
 ) -> WindowGroup:
     places = np.array(pattern)
-    polynomials = np.polynomial.legendre.legvander(2.0 * places / places[-1] - 1.0, TREND_ORDER)
+    polynomials = np.polynomial.legendre.legvander(2.0 * places / places[-1] - 1.0, order)
     trend = np.linalg.qr(polynomials)[0]
     values = np.stack([value for value, _, _ in members])
     # the level is taken off first, so that nothing is lost to rounding on 300 K with noise of 1 mK
