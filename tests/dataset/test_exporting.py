@@ -76,7 +76,7 @@ def test_a_file_that_is_there_is_kept(run: Run, tmp_path: Path) -> None:
 
 def test_what_does_not_exist_is_told(run: Run, tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="unknown kind of file"):
-        export_run(run, tmp_path / "out.xlsx")
+        export_run(run, tmp_path / "out.ods")
     with pytest.raises(RigctlError) as caught:
         export_run(run, tmp_path / "out.csv", table="record")
     assert caught.value.nearest == "records"

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import errno
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -206,3 +208,16 @@ def test_a_block_of_the_wrong_width_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="3 columns"):
         writer.append_block(np.zeros((2, 4)))
     writer.close()
+
+
+def test_a_journal_of_an_earlier_version_is_read(tmp_path: Path) -> None:
+    """Its frames: length and CRC-32, then the payload; the first is JSON."""
+    path = tmp_path / "samples.journal"
+    facts = b'{"session": 0, "offset": 0.0, "columns": ["time", "record", "position"]}'
+    rows = [np.array([[row, 0.0, 1.0]]).tobytes() for row in range(3)]
+    frames = [struct.pack("<II", len(one), zlib.crc32(one)) + one for one in (facts, *rows)]
+    path.write_bytes(b"RIGJRNL1" + b"".join(frames) + b"torn")
+    found = read_journal(path)
+    assert content(found)[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert (found.lost_bytes, found.lost_rows(3)) == (4, 0)
+    assert found.facts is not None

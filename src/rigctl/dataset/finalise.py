@@ -9,7 +9,14 @@ from typing import Any, Final
 from rigctl.dataset import journal, log, run_json, samples, tables
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.annotations import as_data, excluded_records, read_annotations
-from rigctl.dataset.history import COMPLETE, DAMAGED, History, ended_at, read_history
+from rigctl.dataset.history import (
+    COMPLETE,
+    DAMAGED,
+    History,
+    RecordEntry,
+    ended_at,
+    read_history,
+)
 from rigctl.dataset.lock import lock_folder
 from rigctl.dataset.parquet import write_table
 from rigctl.dataset.samples import SampleFacts, sample_facts, set_aside_journal, write_samples
@@ -78,11 +85,19 @@ def _mark_damaged(history: History, facts: SampleFacts) -> int:
     """Count the samples that the log knows of and that are not there; records that miss some are damaged."""
     missing = 0
     for entry in history.records:
-        short = (entry.rows or 0) - facts.rows_of_record[entry.index]
+        # logs of earlier versions count no samples; a record without any is not complete all the same
+        due = entry.rows if entry.rows is not None else int(_measured(history, entry))
+        short = due - facts.rows_of_record[entry.index]
         if short > 0:
             entry.outcome = DAMAGED
             missing += short
     return missing
+
+
+def _measured(history: History, entry: RecordEntry) -> bool:
+    """Whether a record of a bench took long enough for two samples at least."""
+    took = (entry.end or entry.start) - entry.start
+    return history.header.source == "bench" and took * entry.rate >= 2.0
 
 
 def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str, Any]:

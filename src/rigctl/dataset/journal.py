@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAGIC: Final = b"RIGJRNL2"
+#: of earlier versions, whose frames have a length and a checksum alone
+_FIRST_MAGIC: Final = b"RIGJRNL1"
+_FIRST_HEADER = struct.Struct("<II")
 NAME: Final = "samples.journal"
 #: begins every frame; no two bytes alike, so that no shifted copy of it matches
 _MARKER: Final = b"\xa7RGJ\x1eF\x95\n"
@@ -260,7 +263,10 @@ def _scan(path: Path, file: BinaryIO) -> Journal:
     at, size = len(MAGIC), path.stat().st_size
     if size < at:
         return Journal(path, None, (), size)
-    lost = 0 if file.read(at) == MAGIC else at
+    magic = file.read(at)
+    if magic == _FIRST_MAGIC:
+        return _scan_first_format(path, file, size)
+    lost = 0 if magic == MAGIC else at
     while at < size:
         frame, payload = _read_frame(file, at)
         if frame is None:
@@ -274,6 +280,23 @@ def _scan(path: Path, file: BinaryIO) -> Journal:
             frames.append(frame)
         at = frame.start + frame.length
     return Journal(path, facts, tuple(frames), lost)
+
+
+def _scan_first_format(path: Path, file: BinaryIO, size: int) -> Journal:
+    """A journal that an earlier version has left: its frames up to the first damage."""
+    facts, frames, rows, at = None, list[Frame](), 0, len(_FIRST_MAGIC)
+    while len(head := file.read(_FIRST_HEADER.size)) == _FIRST_HEADER.size:
+        length, checksum = _FIRST_HEADER.unpack(head)
+        payload = file.read(length) if 0 < length <= _MAX_FRAME_BYTES else b""
+        if not payload or len(payload) != length or zlib.crc32(payload) != checksum:
+            break
+        if facts is None:
+            facts = json.loads(payload)
+        else:
+            frames.append(Frame(len(frames) + 1, rows, at + _FIRST_HEADER.size, length))
+            rows += length // (8 * len(facts["columns"]))
+        at += _FIRST_HEADER.size + length
+    return Journal(path, facts, tuple(frames), size - at)
 
 
 def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
