@@ -78,6 +78,8 @@ class MeasuredRecord:
     @cached_property
     def switch_kinds(self) -> Integers:
         """(switches) 0 to more, 1 to less, 2 to 0: of the input that changes most beside its range."""
+        if self.inputs.shape[1] == 0:  # nothing is commanded: a pendulum swings freely
+            return np.zeros(len(self.inputs), dtype=np.intp)
         changes = np.diff(self.inputs, axis=0, prepend=self.inputs[:1])
         width = np.ptp(self.inputs, axis=0)
         place = np.argmax(np.abs(changes) / np.where(width > 0.0, width, 1.0), axis=1)
