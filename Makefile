@@ -37,9 +37,11 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
 
 # Hours of random damage; its minute is among the tests. SEED and what it takes are printed with what was found.
+# TORTURE says how many, e.g. "--endings 500 --files 0".
 SEED ?= 0
+TORTURE ?=
 torture: $(VENV)/.installed-dev
-	PYTHONPATH=tests $(BIN)/python -m torture --seed $(SEED)
+	PYTHONPATH=tests $(BIN)/python -m torture --seed $(SEED) $(TORTURE)
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py

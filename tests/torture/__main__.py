@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from torture import broken_files, corruptions
+from torture import broken_files, corruptions, endings
 
 
 def main() -> None:
     asked = argparse.ArgumentParser(prog="python -m torture", description=__doc__)
     asked.add_argument("--corruptions", type=int, default=5000)
     asked.add_argument("--files", type=int, default=100_000)
+    asked.add_argument("--endings", type=int, default=2000)
     asked.add_argument("--seed", type=int, default=0)
     given = asked.parse_args()
+    kinds = endings.available()
     with tempfile.TemporaryDirectory() as folder:
         runs, files = Path(folder) / "runs", Path(folder) / "files"
         files.mkdir()
         found = {
             "corruptions": asdict(corruptions.torture(runs, given.corruptions, given.seed)),
             "broken_files": asdict(broken_files.torture(files, given.files, given.seed)),
+            "endings": asdict(endings.torture(Path(folder) / "endings", given.endings, given.seed, kinds)),
         }
     print(json.dumps({"seed": given.seed, **found}, indent=1))  # noqa: T201
+    if found["endings"]["failures"]:
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -100,13 +100,24 @@ class Sampling:
             return
         self._sound([alarm])
 
+    def keep(self, sample: Sample) -> None:
+        """Journal a sample of a run that has ended: what was measured is kept, nothing follows from it."""
+        bench = self._bench
+        try:
+            bench.writer.append(self._row(sample))
+        except RigctlError as error:
+            bench.trouble = bench.trouble or error
+
     def note(self, time: float, kind: str, message: str) -> None:
         """Keep something for whoever watches the run."""
         self.happenings.append(Happening(time, kind, message))
 
+    def _row(self, sample: Sample) -> Row:
+        return (sample.time, self._bench.record_of(sample.time), *sample.values, *sample.commands)
+
     def _take(self, sample: Sample) -> Row:
         bench = self._bench
-        row = (sample.time, bench.record_of(sample.time), *sample.values, *sample.commands)
+        row = self._row(sample)
         bench.newest = row
         self.newest = sample.time
         self._fault = ""

@@ -188,7 +188,9 @@ class _Session:
         give_up = bench.now + LAST_TRY
         while bench.unconfirmed is not None and bench.now < give_up and signals.count == before:
             try:
-                self._backend.next_sample(min(RESPONSE * self._backend.clock.speed, 0.5))
+                sample = self._backend.next_sample(min(RESPONSE * self._backend.clock.speed, 0.5))
+                if sample is not None:
+                    self._sampling.keep(sample)
             except Exception as error:  # noqa: BLE001 - nothing may keep the run from being closed
                 bench.event("fault", f"the bench is not looked for any longer: {error}")
                 return

@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from torture.endings import Tally, available, one, torture
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a trial is a process of its own, by fork")
+
+
+def test_a_run_that_ends_at_a_random_moment_is_safe_keeps_its_samples_and_says_so(tmp_path: Path) -> None:
+    tally = torture(tmp_path, 24, seed=1, kinds=available())
+    assert tally.failures == []
+    assert tally.judged_in_time >= 5
+    assert tally.statuses["aborted"] >= 3
+    assert tally.statuses["failed"] >= 3
+    assert tally.conditions["recovered"] >= 1, "what was killed"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
+def test_samples_that_wait_while_a_lost_bench_is_looked_for_at_the_end_are_kept(tmp_path: Path) -> None:
+    one(tmp_path, "1-115", "emulated", Tally())  # noise on the line: 0.68 s of them were thrown away
