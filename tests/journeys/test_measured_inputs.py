@@ -165,7 +165,10 @@ def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert answer(*asked, "--assume", "heater_2=0 %")["adequate"]
     assert "did you mean 'heater_2'" in refusal(*asked, "--assume", "heater2=0")
     assert "out of range" in refusal(*asked, "--assume", "heater_2=120")
-    assert "a name and a value" in refusal(*asked, "--assume", "heater_2")
+    assert "not a value for a name" in refusal(*asked, "--assume", "heater_2")
+    said = refusal(*asked, "--assume", "ambient_temperature=21")
+    assert "ambient_temperature: the unit is missing" in said
+    assert "21 degC" in said
 
 
 def test_conditions_are_what_was_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

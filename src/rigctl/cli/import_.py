@@ -202,7 +202,7 @@ def _options(
 ) -> Options:
     """What the command line and a saved mapping say of a file; the command line goes first."""
     from rigctl.cli.plans import find_file
-    from rigctl.dataset.importing.assume import read_assumptions
+    from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing.columns import read_mapping
     from rigctl.dataset.importing.mapping import load_mapping
     from rigctl.dataset.importing.options import Options, checked_choices

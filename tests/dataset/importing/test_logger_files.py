@@ -319,6 +319,8 @@ def test_what_is_assumed_is_kept_with_the_run(desk: Desk) -> None:
         ({"temperature_1": "20 degC"}, "temperature_1 is in the file"),
         ({"heater_2": "20 bar"}, "heater_2: wrong dimension"),
         ({"ambient_temperature": "21"}, "ambient_temperature: the unit is missing"),
+        ({"ambient_temperature": "21"}, "21 degC"),
+        ({"wind": "3"}, "wind: the unit is missing"),
     ):
         assert said in str(desk.refusal(text, assume=assume))
 

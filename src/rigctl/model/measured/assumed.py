@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+from rigctl.dataset.assumptions import assumed_value, read_assumptions
 from rigctl.dataset.run import Run
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import unknown_name
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
-from rigctl.units import read_si, show
+from rigctl.units import show
 
 #: where a run keeps it: {input or actuator: SI value}
 KEY = "assumed"
@@ -27,37 +28,25 @@ def assuming(run: Run, model: Model, written: Sequence[str]) -> Run:
     Raises
     ------
     RigctlError
-        it is no name and value, there is no such input or actuator, or the value is none of it.
+        it is no name and value, there is no such input or actuator, or the value is none of it or lacks
+        its unit.
     """
     if not written:
         return run
     said = dict(assumed_of(run))
-    for text in written:
-        name, value = read_assumption(text, model)
-        said[name] = value
+    for name, text in read_assumptions(written).items():
+        said[name] = _value(name, text, model)
     return replace(run, info=MappingProxyType({**run.info, KEY: said}))
 
 
-def read_assumption(text: str, model: Model) -> tuple[str, float]:
-    """The name and the SI value of ``name=value``.
-
-    Raises
-    ------
-    RigctlError
-        as `assuming`.
-    """
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or not name or not value:
-        raise RigctlError("an assumption is a name and a value", value=text, expected="e.g. 'heater=0'")
+def _value(name: str, text: str, model: Model) -> float:
     actuators = model.rig.actuators if model.rig is not None else {}
     inputs = {item.name: item for item in model.family.inputs}
     if name in actuators:
-        unit = actuators[name].display_unit
-        number = f"{value} {unit}" if _bare(value) and actuators[name].kind == "level" else value
-        return name, actuators[name].read(number)
+        return assumed_value(name, text, model.rig)
     if name not in inputs:
         raise unknown_name("input or actuator", name, {**inputs, **actuators})
-    return name, read_si(f"{value} {inputs[name].unit}" if _bare(value) else value, inputs[name].unit)
+    return assumed_value(name, text, model.rig, inputs[name].unit, difference=inputs[name].difference)
 
 
 def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
@@ -70,11 +59,3 @@ def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
         if name in actuators or name in units
     ]
     return [f"assumed of {run.id}, not recorded: {', '.join(shown)}"] if shown else []
-
-
-def _bare(value: str) -> bool:
-    try:
-        float(value)
-    except ValueError:
-        return False
-    return True
