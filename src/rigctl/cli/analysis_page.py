@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
+from rigctl.cli.echo import echo
 
 if TYPE_CHECKING:
     from rigctl.compare.result import Comparison, ModelComparison
@@ -45,7 +45,7 @@ def write_page(
     from rigctl.report import write_report
 
     written = write_report(runs, output, sections=sections, force=force)
-    typer.echo(f"Wrote {written.summary()}", err=True)
+    echo(f"Wrote {written.summary()}", err=True)
 
 
 def compare_with_versions(

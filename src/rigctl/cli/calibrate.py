@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.manual import Backend, Port, RigFile, Speed
 from rigctl.errors import RigctlError, unknown_name
 
@@ -149,7 +150,7 @@ def _from_bench(
             console,
             readings=readings,
             rate=rate or rig.monitor_rate,
-            tell=lambda text: typer.echo(f"  {text}", err=True),
+            tell=lambda text: echo(f"  {text}", err=True),
         )
 
 
@@ -247,31 +248,31 @@ def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
     from rigctl.rig.calibration_fit import interval
 
     for line in residual_lines(channel, fit):
-        typer.echo(line)
+        echo(line)
     terms = ("", f"·{channel.raw_unit}", *(f"·{channel.raw_unit}^{k}" for k in range(2, 8)))
     formula = " ".join(
         f"{value:+.7g}{term}" for value, term in zip(fit.coefficients, terms, strict=False)
     ).removeprefix("+")
-    typer.echo(f"{name} [{channel.unit}] = {formula}")
+    echo(f"{name} [{channel.unit}] = {formula}")
     spread = f", residuals {interval(channel, fit.residual_std):.3g}" if fit.residual_std is not None else ""
     change = interval(channel, fit.largest_change(channel.calibration.coefficients))
     unit = channel.interval_unit
-    typer.echo(
+    echo(
         f"uncertainty {interval(channel, fit.uncertainty):.3g} {unit} (95 %{spread}); "
         f"up to {change:.3g} {unit} from the calibration before"
     )
     for remark in _remarks(channel, fit):
-        typer.echo(f"note: {remark}")
+        echo(f"note: {remark}")
 
 
 def _finish(told: dict[str, Any], *, as_json: bool) -> None:
     from rigctl.files.write import to_json
 
     if as_json:
-        typer.echo(to_json(told))
+        echo_json(to_json(told))
     elif told["written"]:
-        typer.echo(f"written to {told['rig']}; before it: {told['backup']}")
-        typer.echo(f"points: {told['points_file']}")
-        typer.echo(f"figure: {told['figure']}")
+        echo(f"written to {told['rig']}; before it: {told['backup']}")
+        echo(f"points: {told['points_file']}")
+        echo(f"figure: {told['figure']}")
     else:
-        typer.echo("nothing written")
+        echo("nothing written")

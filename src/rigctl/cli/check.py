@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.family import FamilyOption, check_family_of
 from rigctl.errors import RigctlError
 
@@ -58,7 +59,10 @@ def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *,
     if rig is not None or arg:
         raise RigctlError(f"--rig and --arg are for procedures, and this is a {kind} file", value=str(path))
     document = describe(kind, path)
-    typer.echo(json.dumps(document, indent=1, ensure_ascii=False) if as_json else "\n".join(lines(document)))
+    if as_json:
+        echo_json(json.dumps(document, indent=1, ensure_ascii=False))
+    else:
+        echo("\n".join(lines(document)))
 
 
 def _check_procedure(
@@ -77,7 +81,7 @@ def _check_procedure(
     warnings = seen.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:
         document = {"kind": "procedure", **as_document(seen, warnings)}
-        typer.echo(json.dumps(document, indent=1, ensure_ascii=False))
+        echo_json(json.dumps(document, indent=1, ensure_ascii=False))
         return
     from rigctl.cli.tables import console
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -59,9 +60,9 @@ def _ask(run: str | None, request: Request, as_json: bool) -> None:
     folder = find_run(run) if run is not None else _in_progress()
     answer = send(folder, request)
     if as_json:
-        typer.echo(json.dumps({"run": folder.name, "answer": answer}))
+        echo_json(json.dumps({"run": folder.name, "answer": answer}))
     else:
-        typer.echo(f"{folder.name}: {answer}")
+        echo(f"{folder.name}: {answer}")
 
 
 def _in_progress() -> Path:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.echo import echo_json
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -78,7 +80,7 @@ def demo(
         f"[bold]{3 if plain else 5}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
     )
     if as_json:
-        typer.echo(to_json(told | {"page": str(page), "bytes": size}))
+        echo_json(to_json(told | {"page": str(page), "bytes": size}))
     if show:
         typer.launch(str(page))
     elif not as_json:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.echo import echo_json
 from rigctl.cli.finding import Finding
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ def doctor(
             "ports": ports_document(ports),
             "asked": [answer for _, answer in asked],
         }
-        typer.echo(json.dumps(told, indent=1))
+        echo_json(json.dumps(told, indent=1))
     else:
         _show(findings)
     raise typer.Exit(1 if broken else 0)

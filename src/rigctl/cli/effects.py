@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.echo import echo
 from rigctl.cli.family import use_family
 from rigctl.errors import Location, RigctlError, SeveralErrors
 
@@ -132,9 +133,9 @@ def show(
     if seen is not None:
         show_signature(seen, bench)
     elif picture:
-        typer.echo("\nThe family has no 'standard_record' on which to draw what it changes.")
+        echo("\nThe family has no 'standard_record' on which to draw what it changes.")
     if figure is not None:
-        typer.echo(f"Wrote {figure}")
+        echo(f"Wrote {figure}")
 
 
 @app.command()
@@ -223,4 +224,4 @@ def _rig(path: Path | None) -> Rig | None:
 
 
 def _tell(text: str) -> None:
-    typer.echo(text, err=True)
+    echo(text, err=True)

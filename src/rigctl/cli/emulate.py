@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.echo import echo
+
 
 def emulate(
     rig: Annotated[Path, typer.Option(help="The rig file of the bench that its pins are on.")] = Path(
@@ -48,10 +50,10 @@ def emulate(
         with Signals() as signals:
             if link is not None:
                 bridge.link(link)
-            typer.echo(f"{link or bridge.port} at {baud} baud; Ctrl-C ends it")
+            echo(f"{link or bridge.port} at {baud} baud; Ctrl-C ends it")
             while not signals.count:
                 bridge.step()
-        typer.echo("ended", err=True)
+        echo("ended", err=True)
     finally:
         bridge.unlink()
         bridge.close()

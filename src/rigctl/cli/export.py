@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
+
 
 def export(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
@@ -54,7 +56,7 @@ def export(
     exported = export_run(opened, path, table=table, records=record, overwrite=overwrite, disarm=disarm)
     if as_json:
         facts = {"run": opened.id, "path": str(path), "table": table}
-        typer.echo(to_json({**facts, "rows": exported.rows, "disarmed": exported.disarmed}))
+        echo_json(to_json({**facts, "rows": exported.rows, "disarmed": exported.disarmed}))
     else:
         also = f"; {exported.disarmed} cells were disarmed with an apostrophe" if exported.disarmed else ""
-        typer.echo(f"{path}: {exported.rows} rows{also}")
+        echo(f"{path}: {exported.rows} rows{also}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def new(
     if as_json:
         from rigctl.files.write import to_json
 
-        typer.echo(to_json(document))
+        echo_json(to_json(document))
     else:
         _show(document, tried)
 
@@ -221,10 +222,10 @@ def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
             listed.add_row(column["theirs"], column["role"], unit, column["reason"])
         console().print(listed)
     for path in document["files"]:
-        typer.echo(f"  {path}")
+        echo(f"  {path}")
     if tried is not None:
         for line in tried.lines():
-            typer.echo(line)
-    typer.echo("Edit these files; 'rigctl check FILE' says what is wrong with one.")
+            echo(line)
+    echo("Edit these files; 'rigctl check FILE' says what is wrong with one.")
     for place, command in enumerate(document["next"]):
-        typer.echo(f"{'Next: ' if place == 0 else '      '}{command}")
+        echo(f"{'Next: ' if place == 0 else '      '}{command}")

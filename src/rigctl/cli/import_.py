@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
+
 if TYPE_CHECKING:
     from rigctl.dataset.importing import Imported
     from rigctl.dataset.importing.options import Options
@@ -158,12 +160,12 @@ def import_(
     if save_mapping is not None:
         save(save_mapping, options)
     if not as_json:
-        typer.echo(done.run)
+        echo(done.run)
     _tell(done, paths[0])
     if as_json:
         counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
         document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
-        typer.echo(to_json(document))
+        echo_json(to_json(document))
     else:
         _lead_on(rig)
 
@@ -178,18 +180,18 @@ def _show(
 
     preview = preview_files(paths, rig, options)
     for fault in preview.faults[:_TOLD]:
-        typer.echo(f"bad: {fault.error(paths[0])}", err=True)
+        echo(f"bad: {fault.error(paths[0])}", err=True)
     if preview.bad_rows > _TOLD:
-        typer.echo(f"bad: {preview.bad_rows - _TOLD} more rows", err=True)
+        echo(f"bad: {preview.bad_rows - _TOLD} more rows", err=True)
     for note in preview.notes:
-        typer.echo(f"note: {note}", err=True)
+        echo(f"note: {note}", err=True)
     if output is not None:
-        typer.echo(f"figure: {write_preview(preview, output)}", err=True)
+        echo(f"figure: {write_preview(preview, output)}", err=True)
     if as_json:
-        typer.echo(to_json(preview.as_data()))
+        echo_json(to_json(preview.as_data()))
     else:
         show_preview(preview)
-        typer.echo("Nothing was imported.", err=True)
+        echo("Nothing was imported.", err=True)
 
 
 def _options(
@@ -222,7 +224,7 @@ def _lead_on(rig: Path | None) -> None:
 
     model = _model_of(rig)
     command = "rigctl report latest" if model is None else analysis("compare", ["latest"], model)
-    typer.echo(f"Next: {command}", err=True)
+    echo(f"Next: {command}", err=True)
 
 
 def _model_of(rig: Path | None) -> str | None:
@@ -240,10 +242,10 @@ def _model_of(rig: Path | None) -> str | None:
 def _tell(done: Imported, file: Path) -> None:
     """What is worth knowing, on stderr: bad rows, notes, how much there is."""
     for fault in done.faults[:_TOLD]:
-        typer.echo(f"left out: {fault.error(file)}", err=True)
+        echo(f"left out: {fault.error(file)}", err=True)
     if done.left_out > _TOLD:
-        typer.echo(f"left out: {done.left_out - _TOLD} more rows, see the run's events", err=True)
+        echo(f"left out: {done.left_out - _TOLD} more rows, see the run's events", err=True)
     for note in done.notes:
-        typer.echo(f"note: {note}", err=True)
+        echo(f"note: {note}", err=True)
     records = f"{done.records} record{'' if done.records == 1 else 's'}"
-    typer.echo(f"{records}, {done.rows} rows in {done.path}", err=True)
+    echo(f"{records}, {done.rows} rows in {done.path}", err=True)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import Location, RigctlError
 
 _MARKER = """\
@@ -119,10 +120,10 @@ def init(
     """
     written = create_project(directory, minimal=minimal)
     if as_json:
-        typer.echo(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
+        echo_json(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
         return
     for path in written:
-        typer.echo(f"  {path}")
+        echo(f"  {path}")
     inside = "" if directory == Path() else f"cd {directory} && "
     command = "family new my-bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
-    typer.echo(f"\nNext: {inside}rigctl {command}")
+    echo(f"\nNext: {inside}rigctl {command}")

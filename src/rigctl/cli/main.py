@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
+from rigctl.cli.echo import echo
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 
 
@@ -64,7 +65,7 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"rigctl {version('rigctl')}")
+        echo(f"rigctl {version('rigctl')}")
         raise typer.Exit
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
@@ -56,7 +57,10 @@ def off(
         "confirmed": result.confirmed,
         "known_by": result.known_by,
     }
-    typer.echo(json.dumps({**said, "ended": list(result.ended)}) if as_json else result.done)
+    if as_json:
+        echo_json(json.dumps({**said, "ended": list(result.ended)}))
+    else:
+        echo(result.done)
 
 
 def jog(
@@ -139,7 +143,7 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
             yield lambda reading: display(reading.sample, reading.alarms)
         return
     line = _as_json if as_json else _as_line
-    yield lambda reading: typer.echo(line(rig, reading))
+    yield lambda reading: echo(line(rig, reading))
 
 
 def say_guards() -> None:

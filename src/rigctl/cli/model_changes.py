@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import typer
 from rich.markup import escape
 
 from rigctl.cli.compare import open_runs
+from rigctl.cli.echo import echo
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.next_command import analysis, show_next
 from rigctl.cli.plans import find_file
@@ -132,12 +132,12 @@ def _show(made: Model, version: Version) -> None:
         "add": (f"without {done.effect}", f"with {done.effect}"),
         "remove": (f"with {done.effect}", f"without {done.effect}"),
     }[done.kind]
-    typer.echo(f"{head} is now version {version.number}, {new}.")
+    echo(f"{head} is now version {version.number}, {new}.")
     if done.before is not None and done.after is not None:
         show_errors([(old, done.before), (new, done.after)])
-        typer.echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
+        echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
         _show_values(made)
-    typer.echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
+    echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
         command = analysis("compare", done.runs, str(head), only=done.only, hold_out=done.hold_out)
         show_next(f"{command} --no-fit", "says whether it agrees with them now")

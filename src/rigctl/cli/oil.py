@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import echo_json
 from rigctl.cli.quantities import read_quantities
 from rigctl.errors import RigctlError
 from rigctl.units import convert, parse_quantity, parse_unit, read_si
@@ -62,7 +63,7 @@ def oil(
     rows = oil_table(chosen, temperatures, read_quantities(pressure or "0 bar", "Pa"), model)
     errors = misfit(chosen.kinematic_viscosity, [(p.temperature, p.kinematic_measured) for p in published])
     if as_json:
-        typer.echo(json.dumps(_document(chosen, model, rows, errors), indent=1))
+        echo_json(json.dumps(_document(chosen, model, rows, errors), indent=1))
     else:
         asked = temperature is not None or pressure is not None
         _show(chosen, model, rows if asked or not errors else (), errors)

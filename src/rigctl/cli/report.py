@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.family import FamilyOption
 from rigctl.errors import RigctlError
 
@@ -94,9 +95,9 @@ def report(
             "figures": list(written.figures),
             "runs": list(written.runs),
         }
-        typer.echo(to_json(facts))
+        echo_json(to_json(facts))
     else:
-        typer.echo(f"Wrote {written.summary()}")
+        echo(f"Wrote {written.summary()}")
 
 
 def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Section]:

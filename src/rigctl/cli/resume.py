@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.echo import echo
 from rigctl.cli.family import FamilyOption
 
 
@@ -39,7 +40,7 @@ def resume(
     header = before.history.header
     kind = header.backend.get("kind", before.plan.rig.backend.kind)
     given = bench_options(kind, before.plan.rig, port=port or header.options.get("port"), seed=header.seed)
-    typer.echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
+    echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
     how = Launch(
         runs=before.folder.parent,
         operator=AutomaticOperator(),

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
+
 if TYPE_CHECKING:
     from rigctl.procedure.plan import Plan
     from rigctl.runner.launch import Launch
@@ -72,11 +74,11 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
             "unconfirmed": result.unconfirmed,
             "by_hand": result.by_hand,
         }
-        typer.echo(to_json(told))
+        echo_json(to_json(told))
     else:
-        typer.echo(result.summary())
+        echo(result.summary())
         if result.folder is not None:
-            typer.echo(f"  {result.folder}")
+            echo(f"  {result.folder}")
     if result.unconfirmed is not None:
         said = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
         typer.secho(f"{said}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
@@ -86,7 +88,7 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
 def say_warnings(warnings: Sequence[str]) -> None:
     """What is not wrong but worth reading before a run."""
     for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        echo(f"warning: {warning}", err=True)
 
 
 def _typing_possible() -> bool:

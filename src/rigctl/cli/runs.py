@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import ExitCode
 from rigctl.printable import printable
 
@@ -47,7 +48,7 @@ def list_(
     if as_json:
         _print_json({"runs": [asdict(run) for run in shown]})
     elif not shown:
-        typer.echo("There are no runs yet; 'rigctl simulate PROCEDURE' makes one.")
+        echo("There are no runs yet; 'rigctl simulate PROCEDURE' makes one.")
     else:
         _print_table(_runs_table(shown))
 
@@ -75,7 +76,7 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
         _print_table(_records_table(records, facts))
     for said in info.get("annotations", ()):
         about = "" if said["record"] is None else f" (record {said['record']})"
-        typer.echo(f"{_instant(said['when'])} {said['by']}: {said['kind']}{about}: {said['text']}")
+        echo(f"{_instant(said['when'])} {said['by']}: {said['kind']}{about}: {said['text']}")
 
 
 @app.command()
@@ -104,11 +105,11 @@ def verify(
         _print_json({"runs": told, "broken": broken})
     else:
         for verdict in verdicts:
-            typer.echo(f"{verdict.id}: {verdict.condition.value}")
+            echo(f"{verdict.id}: {verdict.condition.value}")
             for problem in verdict.problems:
-                typer.echo(f"  {problem}")
+                echo(f"  {problem}")
         if not verdicts:
-            typer.echo("There are no runs yet.")
+            echo("There are no runs yet.")
     if broken:
         raise typer.Exit(ExitCode.FAILED)
 
@@ -294,14 +295,14 @@ def _print_table(table: Table) -> None:
 def _print_json(document: Mapping[str, Any]) -> None:
     from rigctl.files.write import to_json
 
-    typer.echo(to_json(document, indent=1))
+    echo_json(to_json(document, indent=1))
 
 
 def _confirm(facts: Mapping[str, Any], sentence: str, *, as_json: bool) -> None:
     if as_json:
         _print_json(facts)
     else:
-        typer.echo(sentence)
+        echo(sentence)
 
 
 def _cell(value: object) -> str:

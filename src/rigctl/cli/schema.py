@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.echo import echo
 from rigctl.errors import unknown_name
 
 #: kind of file: where its pydantic model is, and what editors call it
@@ -49,7 +50,7 @@ def schema(
     module, name = target.split(":")
     text = json.dumps(json_schema(getattr(import_module(module), name), title=title), indent=1)
     if output is None:
-        typer.echo(text)
+        echo(text)
     else:
         require_output(output, replaces=is_schema, force=force)
         write_text(output, text + "\n")

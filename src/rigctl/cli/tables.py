@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from rigctl.cli.echo import echo_json
 from rigctl.files.write import to_json
 from rigctl.printable import printable
 
@@ -19,7 +19,7 @@ _PIPED_WIDTH = 160
 
 def print_json(document: Mapping[str, Any]) -> None:
     """One JSON document on stdout."""
-    typer.echo(to_json(document))
+    echo_json(to_json(document))
 
 
 class PrintableConsole(Console):
