@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +52,7 @@ class Bench:
         self.commanded: dict[str, float] = {}
         self.pulses: dict[str, Pulse] = {}
         self.values: dict[str, float] = {}  #: measures and operators' answers, by name
-        self.doubtful: dict[str, float] = {}  #: commands that were cut off and may have been carried out
+        self.doubtful: dict[str, float] = {}  #: commands without an answer, which may have been carried out
         self.missed: list[str] = []  #: what lay outside its limits while the procedure went on
         self.question: Question | None = None
         self.reachable = True
@@ -164,16 +165,15 @@ class Bench:
             ready = self.rested_at(actuator, value)
             while self.now < ready:
                 yield Until(ready)
-            try:
+            with suppress(OutOfReach):
                 return self.switch(actuator, value, duration)
-            except OutOfReach as error:
-                self._cut_off(actuator, value, error)
             yield Until(when=every_sample)
 
     def switch(self, actuator: str, value: float, duration: float | None = None) -> CommandReceipt:
         """Switch an actuator now; for what cannot wait. Otherwise as `command`.
 
-        A bench that cannot time a pulse itself is switched back by `finish_pulse`.
+        A bench that cannot time a pulse itself is switched back by `finish_pulse`. A command whose answer
+        does not come, or is another one than expected, may have been carried out: see `unconfirmed`.
 
         Raises
         ------
@@ -181,7 +181,14 @@ class Bench:
             contact is lost for the moment.
         """
         timed = duration is not None and self.backend.timed
-        receipt = self.backend.command(actuator, value, duration=duration if timed else None)
+        if value != self.safe_value(actuator):
+            self.doubtful[actuator] = value  # until it is answered, however the call ends
+        try:
+            receipt = self.backend.command(actuator, value, duration=duration if timed else None)
+        except OutOfReach as error:
+            self.event("note", f"{actuator} could not be commanded: {error}")
+            raise
+        self.doubtful.pop(actuator, None)
         self.take_receipts()  # what the bench did before comes first
         self.pulses.pop(actuator, None)
         if duration is not None:
@@ -192,18 +199,14 @@ class Bench:
 
     def release(self, actuator: str) -> None:
         """Bring an actuator back to its safe value now; a bench out of reach is made safe when it is back."""
-        if not self.reachable or self.commanded.get(actuator) == self.safe_value(actuator):
+        if not self.reachable or self.is_at(actuator, self.safe_value(actuator)):
             return
-        try:
+        with suppress(OutOfReach):
             self.switch(actuator, self.safe_value(actuator))
-        except OutOfReach as error:
-            self._cut_off(actuator, self.safe_value(actuator), error)
 
-    def _cut_off(self, actuator: str, value: float, error: OutOfReach) -> None:
-        """Note a command of which nobody knows whether it was carried out."""
-        if value != self.safe_value(actuator):
-            self.doubtful[actuator] = value
-        self.event("note", f"{actuator} could not be commanded: {error}")
+    def is_at(self, actuator: str, value: float) -> bool:
+        """Whether an actuator is known to be commanded to a value, with no unanswered command since."""
+        return self.commanded.get(actuator) == value and actuator not in self.doubtful
 
     def rested_at(self, actuator: str, value: float) -> float:
         """When an actuator that needs rest between two switches may be switched to `value`, s.
@@ -296,7 +299,7 @@ class Bench:
         """Give driven actuators the values they had before a pause."""
         for actuator, value in commands.items():
             driven = self.rig.actuators[actuator].by == "driven"
-            if driven and self.commanded.get(actuator) != value:
+            if driven and not self.is_at(actuator, value):
                 self.switch(actuator, value)
 
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:

@@ -230,15 +230,15 @@ class LineBench:
         """
         first: PortLost | Refused | None = None
         silent = False
-        for exchange, text in self._setter.safe_commands():
+        for step in self._setter.safe_commands():
             try:
                 if silent:
-                    talk.send(text)
+                    talk.send(step.text)
                 else:
-                    talk.ask(exchange, text, tries=1, timeout=_SAFE_ANSWER)
+                    step.require(talk.ask(step.exchange, step.text, tries=1, timeout=_SAFE_ANSWER))
             except GuardActed as acted:
                 self._guard_acted(acted)
-                talk.send(text)
+                talk.send(step.text)
             except PortLost as error:
                 first, silent = first or error, True
             except Refused as error:

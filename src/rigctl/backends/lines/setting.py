@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 
 from rigctl.backends.lines.duty import SafeOrder
 from rigctl.backends.lines.meaning import Meaning
-from rigctl.backends.lines.talk import Refused, Talk
+from rigctl.backends.lines.talk import Answer, Refused, Talk
 from rigctl.backends.protocol import CommandReceipt
 from rigctl.rig import Exchange, Lines, Rig
 from rigctl.rig.line_pattern import VALUE
+
+
+@dataclass(frozen=True)
+class SafeCommand:
+    """One command that makes outputs safe.
+
+    Parameters
+    ----------
+    exchange, text: what is sent, and what answers it.
+    require: raises `Refused` where an answer says that something else was set.
+    """
+
+    exchange: Exchange
+    text: str
+    require: Callable[[Answer], None]
 
 
 class Setter:
@@ -33,9 +50,7 @@ class Setter:
         part = self._lines.actuators[actuator]
         text = self._meaning.command(actuator, value)
         answer = talk.ask(part, text)
-        echoed = answer.found.get(VALUE)
-        if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
-            raise Refused(text, echoed, self._rig.actuators[actuator].show(value))
+        self._require(actuator, value, text, answer)
         if self._lines.confirm is not None:
             try:
                 talk.ask(self._lines.confirm, tries=1)
@@ -43,6 +58,12 @@ class Setter:
                 raise Refused(text, refused.answer) from None
         middle, half = 0.5 * (answer.sent + answer.received), 0.5 * (answer.received - answer.sent)
         return CommandReceipt(middle, actuator, value, half)
+
+    def _require(self, actuator: str, value: float, text: str, answer: Answer) -> None:
+        """Where an answer repeats the value, it must be the one that was commanded."""
+        echoed = answer.found.get(VALUE)
+        if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
+            raise Refused(text, echoed, self._rig.actuators[actuator].show(value))
 
     def orders(self) -> tuple[SafeOrder, ...]:
         """The same for the guard, who knows nothing of the rig: bytes, and what confirms them."""
@@ -65,10 +86,12 @@ class Setter:
             return None
         return SafeOrder(who.send.encode("utf-8") + self._lines.send_ends.encode("utf-8"), tuple(who.reply))
 
-    def safe_commands(self) -> Iterator[tuple[Exchange, str]]:
+    def safe_commands(self) -> Iterator[SafeCommand]:
         """What is sent to make outputs safe: what the file says first, then each actuator's safe value."""
         for exchange in self._lines.safe:
-            yield exchange, exchange.send
+            yield SafeCommand(exchange, exchange.send, lambda _answer: None)
         for name, value in self._rig.safe_state.items():
             if self._rig.actuators[name].by == "driven":
-                yield self._lines.actuators[name], self._meaning.command(name, float(value))
+                text = self._meaning.command(name, float(value))
+                require = partial(self._require, name, float(value), text)
+                yield SafeCommand(self._lines.actuators[name], text, require)

@@ -70,7 +70,7 @@ class _Thermostat:
             return
         bench, name = self._bench, self._action.actuator
         ready = max(self._next_switch, bench.rested_at(name, wanted))
-        if time >= ready and bench.commanded.get(name) != wanted:
+        if time >= ready and not bench.is_at(name, wanted):
             with suppress(OutOfReach):  # by the next sample it may be back
                 bench.switch(name, wanted)
                 self._next_switch = time + self._rest
