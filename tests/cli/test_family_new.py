@@ -132,6 +132,23 @@ def test_what_leads_all_others_is_the_input(empty: Path) -> None:
     assert {c["name"]: c["role"] for c in said["columns"]} == {"a": "input", "b": "output"}
 
 
+@pytest.mark.parametrize(("unit", "full"), [("%", 100.0), ("1", 1.0), ("mV", 5000.0)])
+def test_a_heater_begins_near_the_truth_whatever_its_unit(empty: Path, unit: str, full: float) -> None:
+    """A body of 40 K full rise and 30 s: what is drafted, unfitted, follows the file."""
+    rng = np.random.default_rng(2)
+    rows, body, duty = [], 22.0, 0.0
+    for k in range(240):
+        rows.append(f"{k},{duty * full:g},{body + rng.normal(0.0, 0.05):.3f}")
+        duty = 0.0 if k < 20 else 0.5 if k < 130 else 0.9
+        body = 22.0 + 40.0 * duty + (body - 22.0 - 40.0 * duty) * np.exp(-1.0 / 30.0)
+    head = f"time [s],duty [{unit}],body [degC]"
+    (empty / "log.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    done = answer("family", "new", "heat", "--csv", "log.csv", "--template", "heater", "--no-fit")
+    follow([command for command in done["next"] if command.startswith("rigctl import")])
+    compared = answer("compare", "latest", "--model", done["model"], "--no-fit")
+    assert compared["channels"]["body"]["rmse"] < 1.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

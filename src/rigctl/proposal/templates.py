@@ -476,10 +476,7 @@ def heater(table: Table) -> Draft:
     parameters, states = dict[str, Parameter](), dict[str, State]()
     constants = dict[str, tuple[str, str]]()
     if not known:
-        constants["rated_power"] = (
-            f"{1.0 / power.display.factor:.4g} {ratio('W', power.unit)}",
-            "measure it",
-        )
+        constants["rated_power"] = (f"1 {ratio('W', power.unit)}", "measure it")
     heat = power.name if known else f"rated_power*{power.name}"
     around = room.name if room is not None else "room"
     coldest = min((float(np.nanmin(b.values)) for b in bodies if b.values.size), default=293.15)
@@ -522,6 +519,7 @@ def _heater_values(
     """C, UA and the room's temperature."""
     if not body.values.size:
         return 500.0, 2.0, 293.15
+    # the power as the draft has it: 1 W for one of the input's unit
     watts = (power.values / power.display.factor, power.stepped)
     away = body.values - room.values if room is not None else body.values
     found, _ = rates(table, body, [watts, (away, False)])
