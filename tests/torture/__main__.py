@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from torture import broken_files, corruptions, endings
+from torture import broken_files, corruptions, endings, guarded
 
 
 def main() -> None:
@@ -17,6 +17,7 @@ def main() -> None:
     asked.add_argument("--corruptions", type=int, default=5000)
     asked.add_argument("--files", type=int, default=100_000)
     asked.add_argument("--endings", type=int, default=2000)
+    asked.add_argument("--guarded", type=int, default=80)
     asked.add_argument("--seed", type=int, default=0)
     given = asked.parse_args()
     kinds = endings.available()
@@ -27,9 +28,14 @@ def main() -> None:
             "corruptions": asdict(corruptions.torture(runs, given.corruptions, given.seed)),
             "broken_files": asdict(broken_files.torture(files, given.files, given.seed)),
             "endings": asdict(endings.torture(Path(folder) / "endings", given.endings, given.seed, kinds)),
+            "guarded": asdict(
+                guarded.torture(
+                    Path(folder) / "guarded", given.guarded if sys.platform == "linux" else 0, given.seed
+                )
+            ),
         }
     print(json.dumps({"seed": given.seed, **found}, indent=1))  # noqa: T201
-    if found["endings"]["failures"]:
+    if found["endings"]["failures"] or found["guarded"]["failures"]:
         sys.exit(1)
 
 

@@ -462,6 +462,10 @@ def _check_data(trial: Trial, kept: Path, facts: dict[str, Any], ended: float, t
     bound = LOSS_BOUND if "killed" in facts else 0.6 if trial.kind == "lines" else 0.11
     assert lost <= bound, f"{lost:.3f} s of samples are lost: {missing[:3]}..{missing[-3:]} of {len(given)}"
     assert len(have) <= len(set(given)), "nothing is invented"
+    if not trial.has(*_LINE, "silent", "hang", "reset", "stall", "sensor"):
+        usual = 0.6 if trial.kind == "lines" else 0.12
+        tail = ended - max(have, default=ended)
+        assert tail <= usual + (LOSS_BOUND if "killed" in facts else 0.0), f"nothing of the last {tail:.3f} s"
 
 
 def _span(missing: list[float], given: list[float], ended: float) -> float:
@@ -526,7 +530,8 @@ def _due(trial: Trial, facts: dict[str, Any]) -> list[tuple[float, float, float]
     for one in trial.disturbances:
         if one.begin < facts["opened"] + 0.3:
             continue  # the run had not begun
-        if one.what in _SIGNALS and not line:
+        killed_first = facts.get("killed", math.inf) < one.begin + SIGNAL_BOUND[trial.kind]
+        if one.what in _SIGNALS and not line and not killed_first:
             found.append((one.begin, SIGNAL_BOUND[trial.kind], math.inf))
         elif trial.kind == "emulated" and (
             one.what == "kill" or (one.what in ("stall", "loss") and one.end - one.begin > WATCHDOG_BOUND)
