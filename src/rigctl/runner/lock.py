@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
+from rigctl.backends.processes import process_exists
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.runner.requests import Order, Request
@@ -52,7 +53,7 @@ class Owner:
         if self.host != platform.node():
             return abs(time.time() - self.date) < OLD
         age = time.monotonic() - self.beat
-        return 0.0 <= age < OLD and _process_exists(self.pid)
+        return 0.0 <= age < OLD and process_exists(self.pid)
 
 
 class RigLock:
@@ -198,19 +199,6 @@ def read_owner(path: Path) -> Owner | None:
     whole = all(isinstance(text, str) for text in texts) and isinstance(owner.pid, int)
     plain = all(isinstance(number, int | float) and math.isfinite(number) for number in numbers)
     return owner if whole and plain else None
-
-
-def _process_exists(pid: int) -> bool:
-    """False when there is no such process; on Windows, where asking would end it, the heartbeat decides."""
-    if os.name != "posix":
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 def _state_folder() -> Path:

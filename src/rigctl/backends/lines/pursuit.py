@@ -13,11 +13,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
 from rigctl.backends.lines.duty import SafeOrder
+from rigctl.backends.processes import process_exists
 from rigctl.backends.serial.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -26,6 +28,7 @@ LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
 _LOOK = 0.05  # s between two looks whether somebody else has taken the port over
 _ANSWER = 0.5  # s for an answer
+_OLD = 60.0  # s without a report, after which nobody can tell whether a guard still tries
 
 
 @dataclass(frozen=True)
@@ -45,13 +48,16 @@ class Notice:
     given_up: bool = False
 
     def __str__(self) -> str:
-        age = max(time.time() - self.since, 0.0)
-        tries = "gave up" if self.given_up else f"has tried for {age:.0f} s"
+        last = datetime.fromtimestamp(self.newest).astimezone().isoformat(" ", "seconds")
+        if self.given_up or not process_exists(self.pid):
+            what = f"ended without success at {last}, after {self.attempts} attempts"
+        elif abs(time.time() - self.newest) > _OLD:
+            what = f"was last heard of at {last}, after {self.attempts} attempts"
+        else:
+            age = max(time.time() - self.since, 0.0)
+            what = f"has tried for {age:.0f} s, {self.attempts} times,"
         trouble = f": {self.trouble}" if self.trouble else ""
-        return (
-            f"a guard (process {self.pid}) {tries}, {self.attempts} times, to make outputs safe on "
-            f"{self.port}{trouble}"
-        )
+        return f"a guard (process {self.pid}) {what} to make outputs safe on {self.port}{trouble}"
 
 
 class Orders(Protocol):
@@ -100,6 +106,7 @@ class Pursuit:
         self._path = _path_of(orders.url)
         now = time.time()
         self._notice = Notice(uuid4().hex, orders.url, os.getpid(), now, now)
+        self._announced = False  # whether the notice was ever written
         self._rest = b""
 
     def carry_out(self, port: Port | None) -> bool:
@@ -176,7 +183,6 @@ class Pursuit:
         return not self._taken_over()
 
     def _say(self, trouble: str, *, given_up: bool) -> None:
-        first = self._notice.attempts == 0
         self._notice = replace(
             self._notice,
             newest=time.time(),
@@ -184,13 +190,20 @@ class Pursuit:
             trouble=trouble,
             given_up=given_up,
         )
-        if first or not self._taken_over():
-            _write(self._path, self._notice)
+        if not self._announced or not self._taken_over():
+            self._announced = _write(self._path, self._notice) or self._announced
 
     def _taken_over(self) -> bool:
+        """Whether another program has taken the notice away, or left its own there.
+
+        One that could never be written, or cannot be read, was taken away by nobody.
+        """
+        if not self._announced:
+            return False
         found = _read(self._path)
-        # a folder that cannot be written to must not end it; a file that is gone was taken away
-        return self._path.parent.is_dir() and (found is None or found.token != self._notice.token)
+        if found is not None:
+            return found.token != self._notice.token
+        return self._path.parent.is_dir() and not self._path.exists()
 
     def _withdraw(self) -> None:
         found = _read(self._path)
@@ -240,14 +253,20 @@ def _folder() -> Path:
 
 def _read(path: Path) -> Notice | None:
     try:
-        return Notice(**json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        notice = Notice(**json.loads(path.read_text(encoding="utf-8")))
+        str(notice)  # values of another kind
+    except (OSError, ValueError, TypeError, OverflowError):
         return None
+    return notice
 
 
-def _write(path: Path, notice: Notice) -> None:
+def _write(path: Path, notice: Notice) -> bool:
+    """Write a notice; False where the disk does not take it, which must not keep a device from being safe."""
     draft = path.with_suffix(".tmp")
-    with suppress(OSError):  # a full disk must not keep a device from being made safe
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft.write_text(json.dumps(asdict(notice)), encoding="utf-8", newline="\n")
         draft.replace(path)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,128 @@
+"""A guard that goes on trying to make a device safe, and what it leaves for others to read."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rigctl.backends.lines import pursuit
+from rigctl.backends.lines.duty import SafeOrder
+from rigctl.backends.lines.guard import Orders
+from rigctl.backends.lines.pursuit import Notice, Pursuit, pursuits, take_over
+from rigctl.backends.serial.port import Port, PortLost
+from rigctl.clock import VirtualClock
+from tclab_board import MemoryPort, Sketch
+
+URL = "/dev/ttyACM0"
+SAFE = (SafeOrder(b"X\n", ("{_}",)), SafeOrder(b"Q1 0.00\n", ("{value}",), "0.00"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(pursuit, "_folder", lambda: tmp_path / "guards")
+    return tmp_path / "guards"
+
+
+class Line:
+    """A heating board whose plug is out for the first attempts."""
+
+    def __init__(self, attempts: int) -> None:
+        self.clock = VirtualClock()
+        self.sketch = Sketch(self.clock.now)
+        self.sketch.take(b"Q1 60\n")
+        self.attempts = attempts
+
+    def open(self) -> Port:
+        self.attempts -= 1
+        if self.attempts >= 0:
+            raise PortLost("the plug is pulled")
+        return MemoryPort(self.sketch, self.clock)
+
+    def pursue(self) -> bool:
+        orders = Orders(URL, 9600, "8N1", SAFE, 2.0)
+        return Pursuit(orders, self.clock, self.open, lambda: False).carry_out(None)
+
+
+@pytest.mark.parametrize("obstacle", ["draft", "folder", "none"])
+def test_a_disk_that_takes_no_notice_does_not_end_the_attempts(folder: Path, obstacle: str) -> None:
+    if obstacle == "draft":  # the folder is there, and nothing can be written to it: as on a full disk
+        pursuit._path_of(URL).with_suffix(".tmp").mkdir(parents=True)
+    elif obstacle == "folder":
+        folder.write_text("no folder", encoding="utf-8")
+    line = Line(3)
+    assert line.pursue()
+    assert line.sketch.heaters == (0.0, 0.0)
+    assert pursuits() == []
+
+
+def test_a_notice_that_is_taken_away_ends_the_attempts(folder: Path) -> None:
+    line = Line(1000)
+    opened = line.open
+
+    def taken() -> Port:
+        if line.attempts < 998:
+            assert take_over(URL) is not None
+        return opened()
+
+    line.open = taken  # type: ignore[method-assign]
+    assert not line.pursue()
+    assert line.sketch.heaters == (60.0, 0.0)
+    assert line.attempts == 996, "the attempt that found it gone was the last"
+
+
+def leave(folder: Path, **fields: object) -> None:
+    now = time.time()
+    notice = {
+        "token": "t",
+        "port": URL,
+        "pid": os.getpid(),
+        "since": now - 90.0,
+        "newest": now,
+        "attempts": 7,
+    }
+    folder.mkdir(exist_ok=True)
+    pursuit._path_of(URL).write_text(json.dumps({**notice, **fields}), encoding="utf-8")
+
+
+def said() -> str:
+    (notice,) = pursuits()
+    assert isinstance(notice, Notice)
+    return str(notice)
+
+
+def test_a_guard_that_tries_says_for_how_long(folder: Path) -> None:
+    leave(folder)
+    assert re.search(r"has tried for \d+ s, 7 times, to make outputs safe on /dev/ttyACM0$", said())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there nobody can ask for a process without ending it")
+def test_a_guard_whose_process_is_gone_tries_no_longer(folder: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        gone.wait()
+    leave(folder, pid=gone.pid)
+    assert "ended without success at 20" in said()
+    assert "after 7 attempts to make outputs safe on /dev/ttyACM0" in said()
+    assert "has tried" not in said()
+
+
+def test_a_guard_that_was_not_heard_of_for_long_may_be_gone(folder: Path) -> None:
+    leave(folder, newest=time.time() - 3600.0)
+    assert "was last heard of at 20" in said()
+
+
+def test_a_guard_that_gave_up_says_so(folder: Path) -> None:
+    leave(folder, given_up=True)
+    assert "ended without success at 20" in said()
+
+
+@pytest.mark.parametrize("fields", [{"pid": "x"}, {"newest": None}, {"since": "x"}, {"newest": 1e300}])
+def test_a_notice_that_is_none_is_left_alone(folder: Path, fields: dict[str, object]) -> None:
+    leave(folder, **fields)
+    assert pursuits() == []
