@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+import os
+import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from threading import Timer
 
 import pytest
 
@@ -160,3 +164,13 @@ def test_a_query_reads_and_writes_nothing_else(two: Path, tmp_path: Path, sql: s
     assert [path.name for path in folder.iterdir()] == ["secret.csv"]
     assert kept.read_bytes() == before
     assert len(some_frame) == 1
+
+
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="Windows has no signal to send to another process's Ctrl-C"
+)
+def test_ctrl_c_stops_a_query_that_never_ends(two: Path) -> None:
+    endless = "SELECT count(*) FROM range(10000000) a, range(10000000) b WHERE a.range + b.range = 7"
+    Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        query(endless, two)

@@ -18,6 +18,7 @@ from rigctl.errors import RigctlError, unknown_name
 if TYPE_CHECKING:
     import duckdb
     import pandas as pd
+    import pyarrow as pa
     import pyarrow.dataset as ds
 
 #: views over the files of all runs, and the columns they have when there is no run
@@ -50,6 +51,8 @@ _RUN_COLUMNS: Final = (
     ("complete_records", "INTEGER", ("complete_records",)),
     ("rows", "BIGINT", ("rows",)),
 )
+#: how often Ctrl-C is looked for while a query is computed, s; a wait without end hears none on Windows
+_LOOK: Final = 0.2
 #: every view there is
 VIEWS: Final = ("runs", "records", "samples", "events", "units")
 
@@ -89,11 +92,32 @@ def query(sql: str, runs: Path | None = None) -> QueryResult:
         try:
             _require_select(sql)
             _make_views(connection, closed, sql)
-            answer = connection.sql(sql).to_arrow_table()
+            answer = _interruptible(connection, sql)
         except duckdb.Error as problem:
             _refuse(connection, problem)
         columns = [[_plain(value) for value in column.to_pylist()] for column in answer.columns]
         return QueryResult(tuple(answer.column_names), tuple(zip(*columns, strict=True)))
+
+
+def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
+    """The answer, computed in a thread: Ctrl-C is heard here, and stops the database.
+
+    The database itself looks at no signal while it computes.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(lambda: connection.sql(sql).to_arrow_table())
+        try:
+            while True:
+                try:
+                    return answer.result(timeout=_LOOK)
+                except TimeoutError:
+                    if answer.done():
+                        raise
+        except KeyboardInterrupt:
+            connection.interrupt()
+            raise
 
 
 def _closed_runs(folders: Iterable[Path]) -> dict[Path, dict[str, Any]]:
