@@ -154,6 +154,8 @@ SPELLINGS: Mapping[str, str] = {
 _SIGNS = str.maketrans({"·": "*", "⋅": "*", "×": "*", "µ": "u", "μ": "u", "−": "-", "Ω": "Ω"})
 _RAISED = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+#: names of angles, and of angles per time; none has a dimension of its own
+_ANGLES = frozenset(("rad", "mrad", "deg", "radian", "degree", "turn", "revolution", "rpm", "rps"))
 #: units of whole texts: turns a minute, as German data sheets write them
 _WHOLE = {"U/min": "rpm", "u/min": "rpm", "rev/min": "rpm", "r/min": "rpm"}
 
@@ -328,6 +330,18 @@ def _name_to_unit(name: str) -> Unit:
     except (pint.errors.PintError, AttributeError, ValueError, TypeError) as problem:
         raise _unknown_unit(name) from problem
     return Unit(name, _dimension(dict(parsed.dimensionality)), one - zero, zero)
+
+
+def is_speed_of_rotation(text: str) -> bool:
+    """Whether a unit counts an angle per time: rad/s, rpm or deg/s; a 1/s may be anything's.
+
+    Raises
+    ------
+    RigctlError
+        the unit is unknown.
+    """
+    per_time = parse_unit(text).dimension == parse_unit("Hz").dimension
+    return per_time and not _ANGLES.isdisjoint(_TOKEN.findall(_plain_spelling(text)))
 
 
 def _unknown_unit(text: str) -> RigctlError:

@@ -109,6 +109,34 @@ def test_friction_acts_on_a_speed_and_leaks_on_what_is_stored() -> None:
     assert "leak_on_speed" not in motor
 
 
+GROWTH = """
+family: culture
+states:
+  pace: {start: 0.1 1/s, scale: 1e-3 1/s, rate: (feed*step - pace)/lag}
+inputs: {feed: {value: "0"}}
+parameters:
+  lag: {value: 10 s, bounds: [1 s, 100 s]}
+  step: {value: 1 1/s, bounds: [0.1 1/s, 10 1/s]}
+outputs: {pace: {unit: 1/s, formula: pace}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("unit", "turns"),
+    [("1/s", False), ("Hz", False), ("1/min", False)]
+    + [(unit, True) for unit in ("rad/s", "rpm", "deg/s", "U/min")],
+)
+def test_friction_acts_on_what_turns_and_not_on_what_grows(unit: str, turns: bool) -> None:
+    known = set(library(family(GROWTH.replace("0.1 1/s, scale: 1e-3 1/s", f"1 {unit}, scale: 1e-2 {unit}"))))
+    assert ("coulomb_on_pace" in known) == turns
+    assert ("leak_on_pace" in known) != turns
+
+
+def test_a_rate_turns_where_an_angle_is_its_integral() -> None:
+    angle = "  angle: {start: '0', scale: 0.1, rate: pace}\ninputs:"
+    assert "coulomb_on_pace" in library(family(GROWTH.replace("inputs:", angle)))
+
+
 def test_heat_leaks_to_the_room_and_a_mean_of_two_states_lags_like_any_reading() -> None:
     oven = family(OVEN)
     known = library(oven)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigctl.errors import RigctlError
-from rigctl.model.measured.record import Measurements
+from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.physics.derived_slots import rates_in_symbols
 from rigctl.physics.family import ModelFamily
 
@@ -15,7 +16,7 @@ from rigctl.physics.family import ModelFamily
 _ENDS = (0.005, 0.995)
 
 #: the lowest and the highest value of a state, of "reading NAME", of its span ("length of NAME"), of an
-#: input's size ("|u|") or of a record's "time", SI
+#: input ("input NAME"), of its size ("|u|") and span ("travel of NAME"), or of a record's "time", SI
 Ranges = Mapping[str, tuple[float, float]]
 
 
@@ -35,16 +36,24 @@ def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
         if name in states:
             found[states[name]] = (low, high)
     for k, name in enumerate(measurements.inputs):
-        largest = max(
-            (float(np.abs(record.inputs[:, k]).max()) for record in measurements.records), default=0.0
-        )
-        found[f"|{name}|"] = (0.0, largest)
+        values = np.concatenate([np.empty(0), *(_acting(record, k) for record in measurements.records)])
+        if values.size:
+            low, high = float(values.min()), float(values.max())
+            found |= {f"input {name}": (low, high), f"travel of {name}": (0.0, high - low)}
+            found[f"|{name}|"] = (0.0, max(-low, high))
     lengths = [
         float(record.times[-1] - record.times[0]) for record in measurements.records if record.times.size
     ]
     if lengths:
         found["time"] = (0.0, float(np.median(lengths)))
     return {name: ends for name, ends in found.items() if ends[1] > ends[0]}
+
+
+def _acting(record: MeasuredRecord, place: int) -> NDArray[np.float64]:
+    """What an input was in a record: its course where it changes steadily, else its commands."""
+    if place in record.along:
+        return record.lines[:, record.along.index(place)]
+    return record.inputs[:, place]
 
 
 def _read_states(family: ModelFamily) -> dict[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from rigctl.units import Dimension, parse_unit
+from rigctl.units import Dimension, is_speed_of_rotation, parse_unit
 
 #: what a person calls it, rather than a product of base units
 _NAMED = ("Pa", "N", "W", "J", "V")
@@ -16,7 +16,7 @@ _BELOW = 0.1
 
 @lru_cache(maxsize=256)
 def si_unit(unit: str) -> str:
-    """The unit of the same dimension with factor one: ``mm^2`` is ``m^2``, ``l/min`` is ``m^3/s``.
+    """The unit of the same dimension with factor one: ``mm^2`` is ``m^2``, ``rpm`` is ``rad/s``.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def si_unit(unit: str) -> str:
     parsed = parse_unit(unit)
     if parsed.factor == 1.0 and parsed.offset == 0.0:
         return unit
-    return unit_of(parsed.dimension)
+    return "rad/s" if is_speed_of_rotation(unit) else unit_of(parsed.dimension)
 
 
 def unit_of(dimension: Dimension) -> str:

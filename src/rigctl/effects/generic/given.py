@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
 from rigctl.effects.generic.common import CORNER, beyond, either_sign, one_sign, quotient, shape, share
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import Given, Late
+from rigctl.effects.generic.places import Given, Late, is_point_on_scale
 from rigctl.effects.lag import reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, positive_part
 from rigctl.physics.family import ModelFamily
@@ -25,8 +25,9 @@ def at_input(family: ModelFamily, place: Given, sizes: Magnitudes) -> Iterator[E
         return
     yield made.gain()
     yield made.quadratic()
-    yield made.saturation()
-    yield made.dead_band()
+    if not is_point_on_scale(place.input):  # 0 K is no rest from which it would be limited
+        yield made.saturation()
+        yield made.dead_band()
     if family.states:  # without time nothing is late
         yield made.backlash()
         yield made.lag()
@@ -94,7 +95,9 @@ class _Made:
         return constant_like(CORNER * self.span, x)
 
     def limit(self, meaning: str, shares: tuple[float, ...]) -> EffectParameter:
-        return shape("limit", self.unit, 0.5 * self.span, meaning, within=f"|{self.name}|", shares=shares)
+        point = is_point_on_scale(self.place.input)
+        within = f"travel of {self.name}" if point else f"|{self.name}|"
+        return shape("limit", self.unit, 0.5 * self.span, meaning, within=within, shares=shares)
 
     def offset(self) -> Effect:
         return self.effect(

@@ -11,7 +11,16 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.generic.balance import at_balance
 from rigctl.effects.generic.given import at_input, at_switches
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import Balance, Given, Late, Nowhere, Place, Reading, places
+from rigctl.effects.generic.places import (
+    Balance,
+    Given,
+    Late,
+    Nowhere,
+    Place,
+    Reading,
+    is_point_on_scale,
+    places,
+)
 from rigctl.effects.generic.reading import at_reading
 from rigctl.physics.family import ModelFamily
 
@@ -101,7 +110,13 @@ def _why_not(place: Place) -> str:
             return "no friction: it is no speed"
         case Reading() if not place.slopes and not place.inputs:
             return "no gain, lag, saturation or hysteresis: it reads no state"
-        case Given(surroundings=True):
-            return "an offset alone: it is not commanded"
+        case Given():
+            return _why_not_of_input(place)
         case _:
             return ""
+
+
+def _why_not_of_input(place: Given) -> str:
+    if place.surroundings:
+        return "an offset alone: it is not commanded"
+    return "no saturation or dead band: 0 K is no rest" if is_point_on_scale(place.input) else ""

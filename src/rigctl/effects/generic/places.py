@@ -18,14 +18,12 @@ from rigctl.physics.derived_slots import input_slot, kinematics, rate_slot
 from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
 from rigctl.physics.scope import Addition, Scope
 from rigctl.physics.units import si_unit
-from rigctl.units import parse_unit
+from rigctl.units import is_speed_of_rotation, parse_unit
 
 #: words of a name that make a variable the surroundings of others
 _SURROUNDINGS = frozenset(
     ("ambient", "room", "environment", "surroundings", "outside", "atmosphere", "atmospheric", "reference")
 )
-#: what moves: a speed, a rate of rotation
-_SPEEDS = ("m/s", "rad/s")
 #: quantities whose zero is far from where a bench works: they are counted from their surroundings or start
 _FAR_FROM_ZERO = ("K", "Pa")
 
@@ -245,7 +243,8 @@ class _Probed:
         if not slope or not math.isfinite(slope):
             return Nowhere(slot, "it does nothing where the family starts")
         state = {state.name: state for state in self.family.states}[name]
-        moves = name in self.positions or _is_one_of(state.unit, _SPEEDS)
+        # 1/s alone may be a growth: it turns where it is a position's rate, or is written in rad/s
+        moves = name in self.positions or _is_one_of(state.unit, ("m/s",)) or is_speed_of_rotation(state.unit)
         around, reference = self._counted_from(state)
         return Balance(
             slot,
@@ -291,6 +290,11 @@ class _Probed:
             if isinstance(variable, Expr) and variable.declared == dimension:
                 return name, self.at[name]
         return None, state.start if _is_one_of(state.unit, _FAR_FROM_ZERO) and not state.difference else 0.0
+
+
+def is_point_on_scale(item: InputVariable) -> bool:
+    """Whether an input is an absolute temperature, whose zero is nothing that a bench comes near."""
+    return _is_one_of(item.unit, ("K",)) and not item.difference
 
 
 def _is_one_of(unit: str, units: Sequence[str]) -> bool:

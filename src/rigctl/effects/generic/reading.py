@@ -17,7 +17,7 @@ from rigctl.effects.generic.common import (
     sign,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import Reading
+from rigctl.effects.generic.places import Reading, is_point_on_scale
 from rigctl.effects.lag import deviation_rate, reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, power
 from rigctl.physics.family import ModelFamily
@@ -215,7 +215,8 @@ class _Made:
 
     def with_input(self, name: str) -> Iterator[Effect]:
         """What a settled value may lack that depends on a setting."""
-        unit = {item.name: item.unit for item in self.family.inputs}[name]
+        item = {item.name: item for item in self.family.inputs}[name]
+        unit, point = item.unit, is_point_on_scale(item)
         span = self.sizes.input(name)
         label = self.place.label
 
@@ -260,10 +261,11 @@ class _Made:
                     unit,
                     0.5 * span,
                     "where it begins",
-                    within=f"|{name}|",
+                    within=f"input {name}" if point else f"|{name}|",
                     shares=(0.3, 0.5, 0.65, 0.8),
                     low=-100.0 * span,
                     high=100.0 * span,
+                    difference=not point,
                 ),
                 shape("exponent", "1", 1.0, "n", low=1.0, high=3.0),
             ),
