@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from made_fit import made_fit, made_noise
-from rigctl.compare.adequacy import Adequacy, Test, _below_noise
+from rigctl.compare.adequacy import BELOW, Adequacy, Test, error_below
 from rigctl.compare.overdispersion import variance_factor
 from rigctl.compare.projected import _guessed_degrees
 from rigctl.noise import NoiseModel, Source
@@ -60,12 +60,14 @@ def test_a_guess_of_a_channel_without_a_misfit_weakens_no_other() -> None:
 
 def test_an_error_below_its_noise_is_not_called_a_misfit() -> None:
     right: Any = made_fit(made_noise(), 3)
-    assert not _below_noise(right)
+    assert not error_below(right, BELOW)
     problem = right.problem
     wide = made_noise(sigma=0.15)
     problem.noise = wide
     problem.sigma = tuple(wide.sigma_at(record.values) for record in problem.records)
-    assert _below_noise(replace(right))
+    assert error_below(replace(right), BELOW)
     rejected = {"plane": Test(99.0, 1e-9, 4)}
     assert not Adequacy(rejected).adequate
-    assert Adequacy(rejected, below_noise=True).adequate
+    below = Adequacy(rejected, below_noise=True)
+    assert below.adequate
+    assert not below.agrees

@@ -133,6 +133,9 @@ def _lead_on(found: Comparison, runs: list[str], model: str, hold_out: str | Non
     if found.models[-1].adequate and found.models[-1].rows:
         command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
         show_next(command, "says what so few values could have shown, and what to measure next")
+    elif found.models[-1].adequacy.below_noise:
+        command = page_of("compare", runs, model, only=only, hold_out=hold_out)
+        show_next(command, "makes the page of it; measure the noise, then ask again")
     elif found.models[-1].adequate:
         command = page_of("compare", runs, model, only=only, hold_out=hold_out)
         show_next(command, "makes the page of it; these data ask for nothing more")

@@ -60,8 +60,8 @@ def show_comparison(found: Comparison) -> None:
 
 
 def show_statement(model: ModelComparison) -> None:
-    """What a comparison says in one sentence, green where it agrees."""
-    colour = "green" if model.adequate else "red"
+    """What a comparison says in one sentence: green where it agrees, yellow where it cannot tell."""
+    colour = "yellow" if model.adequacy.below_noise else "green" if model.adequate else "red"
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
 
 
@@ -144,8 +144,14 @@ def _side_by_side(models: Sequence[ModelComparison]) -> Table:
         if any(tests):
             made.add_row(f"p of {test} test", *("" if one is None else chance(one.p_value) for one in tests))
     made.add_row("p of all", *(chance(model.adequacy.p_value) for model in models))
-    made.add_row("adequate", *("[green]yes[/]" if model.adequate else "[red]no[/]" for model in models))
+    made.add_row("adequate", *map(_adequate, models))
     return made
+
+
+def _adequate(model: ModelComparison) -> str:
+    if model.adequacy.below_noise:
+        return "[yellow]cannot tell[/]"
+    return "[green]yes[/]" if model.adequate else "[red]no[/]"
 
 
 def _tests(model: ModelComparison) -> Table:

@@ -105,6 +105,9 @@ def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | Non
     if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, str(model), only=only, hold_out=hold_out)
         show_next(command, "makes the page of it, with what to measure next")
+    elif found.doubt:
+        command = page_of("compare", runs, str(model), only=only, hold_out=hold_out)
+        show_next(command, "makes the page of it; measure the noise, then ask again")
     elif found.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, str(model), only=only, hold_out=hold_out)
         show_next(command, "makes the page of it; these data ask for nothing more")

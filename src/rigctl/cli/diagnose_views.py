@@ -61,7 +61,8 @@ def show_diagnosis(found: Diagnosis) -> None:
 
 def _show_verdict(found: Diagnosis) -> None:
     names = f" ({', '.join(found.effects)})" if found.effects else ""
-    title = f"[bold {_COLOURS[found.verdict]}]{found.title}{escape(names)}[/]"
+    colour = "yellow" if found.doubt else _COLOURS[found.verdict]
+    title = f"[bold {colour}]{found.title}{escape(names)}[/]"
     console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
 
 

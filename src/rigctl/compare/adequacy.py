@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 #: the chance of calling a right model wrong
 LEVEL = 0.01
 #: an error of less than this share of the noise is below it, whatever the fitted unknowns took
-_BELOW = 0.9
+BELOW = 0.9
 #: so many spreads above its mean a statistic is no chance any more, at `LEVEL`
 _SURE = 2.33
 
@@ -66,7 +66,8 @@ class Adequacy:
     p_value: Holm's smallest: three times the smallest of them.
     below_noise: a test rejects, and yet the error of every channel is smaller than its noise: the noise is
         not what was learned (slower, or narrower here), and the tests, which rest on it, say nothing.
-    adequate: p_value is not below `LEVEL`, or the error is below the noise.
+    agrees: no test rejects.
+    adequate: no test rejects, or none can be believed; it ends a search, and says nothing of what explains.
     """
 
     tests: dict[str, Test]
@@ -78,9 +79,14 @@ class Adequacy:
         return min(1.0, len(self.tests) * min(test.p_value for test in self.tests.values()))
 
     @property
+    def agrees(self) -> bool:
+        """True when no test rejects: p_value is not below `LEVEL`."""
+        return self.p_value >= LEVEL
+
+    @property
     def adequate(self) -> bool:
         """True when no test rejects, or none can be believed."""
-        return self.p_value >= LEVEL or self.below_noise
+        return self.agrees or self.below_noise
 
 
 def adequacy(projected: Projected, screening: Screening) -> Adequacy:
@@ -91,14 +97,18 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     found = Adequacy(
         {name: test for name, test in tests.items() if name == "chi2" or test.freedom or name == "score"}
     )
-    if found.adequate or projected.linearisation.fit.problem.measurements.table:
+    if found.agrees or projected.linearisation.fit.problem.measurements.table:
         return found
-    return replace(found, below_noise=_below_noise(projected.linearisation.fit))
+    return replace(found, below_noise=error_below(projected.linearisation.fit, BELOW))
 
 
-def _below_noise(fit: FitResult) -> bool:
-    """Whether no channel's error is as large as its noise; a right model's is, as far as that is known."""
-    return all(error.nrmse < _BELOW for error in fit.errors.values())
+def error_below(fit: FitResult, share: float) -> bool:
+    """Whether every channel's error is at most this share of its noise.
+
+    A right model's is as large as the noise, as far as that is known: below `BELOW` the noise is not what it
+    was taken for.
+    """
+    return all(error.nrmse <= share for error in fit.errors.values())
 
 
 def plane_test(projected: Projected) -> Test:

@@ -185,8 +185,9 @@ def _notes(fitted: FitResult) -> list[str]:
         if channel.masked
     ]
     edges = [
-        f"{channel.edges} readings of {channel.name} lie on edges beside a switch that are shorter than "
-        "the sampling: dominated by timing error; masked"
+        f"{channel.edges} {'reading' if channel.edges == 1 else 'readings'} of {channel.name} "
+        f"{'lies' if channel.edges == 1 else 'lie'} on edges beside a switch that are shorter than the "
+        f"sampling: {'it is' if channel.edges == 1 else 'they are'} dominated by timing error, and masked"
         for channel in problem.noise.channels
         if channel.edges
     ]

@@ -169,6 +169,8 @@ class Comparison:
                 f"{name} {one['rmse']:.3g} {one['unit']}" for name, one in model.channels().items()
             )
             verdict = "adequate" if model.adequate else "not adequate"
+            if model.adequacy.below_noise:
+                verdict = "not decided"
             lines.append(f"{model.name}: {verdict} (p = {model.adequacy.p_value:.2g}); error {errors}")
             lines.append(f"  {model.statement}")
         return "\n".join(lines)

@@ -92,12 +92,13 @@ def diagnose_comparison(
     by_name = {one.effect: one for one in ranking}
     chosen = [(candidate, by_name[candidate.name]) for candidate in best.candidates]
     drift = _drift(before, best)
-    evidence: list[str] = power_text(before.projected) if before.adequate else []
+    evidence: list[str] = power_text(before.projected) if before.adequacy.agrees else []
     evidence += [quantity.statement for quantity in before.record_level if quantity.statement]
     for candidate, ranked in chosen:
         evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
     remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
-    doubt = whether_at_all(before) if verdict is Verdict.OUTSIDE_LIBRARY else ""
+    undecided = verdict is Verdict.OUTSIDE_LIBRARY or before.adequacy.below_noise
+    doubt = whether_at_all(before) if undecided else ""
     seen = _seen(search, ranking) if not best.candidates else None
     after = search.at(best) if best.candidates else None
     return Diagnosis(
@@ -144,7 +145,8 @@ def _verdict(
         # several effects that neither explain all of it nor predict what they were not fitted on make up
         # together for one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
-    if close or failed or best.unusual:
+    unsettled = left is not None and left.below_noise  # the noise is not what the tests take it for
+    if close or failed or best.unusual or unsettled:
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
 
@@ -202,7 +204,7 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
 def _factor(search: Search, best: Trial) -> float:
     """By how much differences of mBIC count less: 1 where the best set leaves noise alone."""
     here = search.at(best) if best.candidates else search.before
-    return 1.0 if here.adequacy.adequate else variance_factor(best.fit)
+    return 1.0 if here.adequacy.agrees else variance_factor(best.fit)
 
 
 def _score_beside(search: Search, best: Trial, name: str) -> Score:
@@ -211,9 +213,10 @@ def _score_beside(search: Search, best: Trial, name: str) -> Score:
     projected = search.at(best).without(member)
     columns = range(len(member.columns))
     gain = search.explained(best, member)
+    places = {one.name: k for k, one in enumerate(search.before.linearisation.candidates)}
     return Score(
         effect=name,
-        candidate=0,
+        candidate=places[name],
         gain=gain,
         z=math.sqrt(gain),
         p_value=1.0,  # on the model as it is
@@ -229,8 +232,12 @@ def _ranked(search: Search, best: Trial, score: Score, probability: float) -> Ra
     if trial is None or without is None:
         lin = search.before.linearisation
         candidate = lin.candidates[score.candidate]
-        sizes = search.alone_sizes(name) or score.sizes.tolist()
-        parameters = _linear_parameters(candidate, sizes)
+        if trial is None:
+            sizes = search.alone_sizes(name) or score.sizes.tolist()
+            parameters = _linear_parameters(candidate, sizes)
+        else:  # a member of the best set, the rest of which could not be fitted
+            (member,) = (one for one in trial.candidates if one.name == name)
+            parameters = found_parameters(trial, member)
         difference = search.price(candidate) - search.promised(score)
         drop, size = 0.0, math.sqrt(search.promised(score))
     else:
@@ -357,7 +364,7 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
             whole[place] += float(np.square(columns).sum())
             taken[place] += float(np.square(basis.T @ columns).sum())
     names = " and ".join(inputs)
-    needs = f"{names} in the data: unrecorded, {'it does' if len(inputs) == 1 else 'they do'} nearly the same"
+    needs = f"a record of {names}: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do nearly the same"
     return [
         (one.effect, needs)
         for one, share, all_of_it in zip(suspects, taken, whole, strict=True)

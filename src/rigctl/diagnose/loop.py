@@ -31,6 +31,7 @@ class Ended(StrEnum):
 
     ADEQUATE = "adequate"  #: the data show nothing more that the model lacks
     NOTHING_HELPS = "nothing_helps"  #: mBIC falls with no further effect
+    NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing: `Diagnosis.doubt`
     MAX_EFFECTS = "max_effects"  #: as many as were asked for
 
 
@@ -107,6 +108,8 @@ class Improvement:
             else "the model agrees with the measurements within their noise",
             Ended.NOTHING_HELPS: "no further effect of the library pays for itself, and the model still does "
             "not agree with the measurements",
+            Ended.NOT_DECIDED: f"these data cannot tell whether anything {'more ' if names else ''}is "
+            f"missing: {self.last.doubt}",
             Ended.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree with the "
             "measurements",
         }[self.ended]
@@ -139,7 +142,8 @@ def improve(
 ) -> Improvement:
     """Add to a model what it lacks, one step after the other, each saved as the file's next version.
 
-    What is added is what the diagnosis says, effect by effect: of a set the member that gains most by itself
+    What is added is what the diagnosis says, effect by effect, and nothing where it says that these data
+    cannot tell whether anything is missing: of a set the member that gains most by itself
     first, or the whole at once where its members pay only together. Then the model is diagnosed again.
 
     Parameters
@@ -160,7 +164,7 @@ def improve(
         found = diagnose_comparison(
             here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), tell=tell
         )
-        plan = _plan(found, room) if found.verdict is not Verdict.ADEQUATE else []
+        plan = _plan(found, room)
         if not plan:
             elsewhere = unseen(compared, here, tell=tell)
             return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
@@ -183,10 +187,14 @@ class _Choice:
 
 
 def _plan(found: Diagnosis, room: int) -> list[_Choice]:
-    """The best set's effects in the order in which they are added; none when it does not pay, or has no room.
+    """The best set's effects in the order in which they are added.
+
+    None where nothing is missing, or that is not decided; nor where the set does not pay, or has no room.
 
     First the one that gains most by itself, then the set; at once where its members pay only together.
     """
+    if found.verdict is Verdict.ADEQUATE or found.doubt:
+        return []
     search = Search(found.before, found.before.whole)
     best, nothing = found.best, search.mbic(search.none)
     if not best.candidates or len(best.candidates) > room or search.mbic(best) >= nothing:
@@ -235,6 +243,8 @@ def _reason(found: Diagnosis, trial: Trial, effects: tuple[str, ...], difference
 
 
 def _why(found: Diagnosis, room: int) -> Ended:
+    if found.doubt:
+        return Ended.NOT_DECIDED
     if found.verdict is Verdict.ADEQUATE:
         return Ended.ADEQUATE
     return Ended.MAX_EFFECTS if len(found.best.candidates) > room else Ended.NOTHING_HELPS

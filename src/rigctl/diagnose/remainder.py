@@ -31,6 +31,7 @@ class Remainder:
     over: the operating variable over which it changes most, "" where over none.
     effect: the one that takes most of it up beside the others, "" where none does.
     statement: in words.
+    below_noise: the error with the set is below the noise: the tests that see it rest on a wrong noise.
     """
 
     share: float
@@ -40,6 +41,7 @@ class Remainder:
     over: str
     effect: str
     statement: str
+    below_noise: bool = False
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -51,6 +53,7 @@ class Remainder:
             "over": self.over,
             "effect": self.effect,
             "statement": self.statement,
+            "below_noise": self.below_noise,
         }
 
 
@@ -60,7 +63,7 @@ def remainder(search: Search, best: Trial) -> Remainder | None:
         return None
     excess = search.excess(best)
     here = search.at(best)
-    if here.adequacy.adequate:
+    if here.adequacy.agrees:
         return None
     name, slot, taken = _next(search, best, excess)
     if taken < _MOST:
@@ -86,6 +89,7 @@ def remainder(search: Search, best: Trial) -> Remainder | None:
         over="" if trend is None else trend.variable,
         effect=name,
         statement=said,
+        below_noise=here.adequacy.below_noise,
     )
 
 

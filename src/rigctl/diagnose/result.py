@@ -135,7 +135,8 @@ class Diagnosis:
     best: the trial of `effects`.
     trials: every set that was refitted.
     remainder: what the best set leaves; None where the tests find nothing any more, or there is no set.
-    doubt: of `OUTSIDE_LIBRARY`, why these data cannot tell whether anything is missing; "" where they can.
+    doubt: why these data cannot tell whether anything is missing, of `OUTSIDE_LIBRARY`, and of `ADEQUATE`
+        where a test rejects a model whose error is below the noise; "" where they can.
     excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
     next_steps: of a table, what to measure next.
     """

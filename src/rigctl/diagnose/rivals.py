@@ -102,7 +102,7 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
         for trial, cos, d in tried:
             # the refits also know sizes that physics does not allow, and tell it up to chance
             told = max(d, _by_refit(trial, best) - _CHANCE)
-            if not search.at(best).adequacy.adequate:
+            if not search.at(best).adequacy.agrees:
                 # neither is right, and the noise no longer tells the chance of a difference
                 told = min(told, consistent_gain(best.fit, trial.fit, len(tried)))
             found += [

@@ -129,7 +129,7 @@ class Search:
     def left(self, trial: Trial) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""
         if not trial.candidates:
-            return 0.0 if self.before.adequate else 1.0
+            return 0.0 if self.before.adequacy.agrees else 1.0
         excess = self.excess(trial)
         return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
 
@@ -140,7 +140,7 @@ class Search:
         largest fall of χ² that any further effect promises beyond what mBIC asks of it.
         """
         here = self.at(trial)
-        if here.adequacy.adequate:
+        if here.adequacy.agrees:
             return 0.0
         there = here.linearisation.candidates
         promised = max(
@@ -148,6 +148,13 @@ class Search:
             default=0.0,
         )
         return max(promised, *(test.excess for test in here.adequacy.tests.values()))
+
+    def _below_noise(self, trial: Trial) -> bool:
+        """Whether to look for no more beside a set: what it leaves is smaller than the noise.
+
+        The tests then say nothing of what it leaves, neither that something is missing nor that nothing is.
+        """
+        return bool(trial.candidates) and self.at(trial).adequacy.below_noise
 
     def explained(self, trial: Trial, member: Candidate) -> float:
         """The rise of χ² without one of a set's effects; 0 where the rest cannot be fitted."""
@@ -286,7 +293,7 @@ class Search:
         Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
         """
         left = self.left(best)
-        if self.most < 2 or not left:
+        if self.most < 2 or not left or self._below_noise(best):
             return best
         if best.candidates and left <= SHAPE:
             self._forward(best)
@@ -310,7 +317,7 @@ class Search:
     def _exchanged(self, best: Trial) -> Trial:
         """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
         for _ in range(_SWAPS):
-            if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2:
+            if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2 or self._below_noise(best):
                 break
             found = self._least([best, *self._exchanges(best)])
             if found is best:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from rigctl.compare.adequacy import BELOW, error_below
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.chance import chance_text
 from rigctl.compare.result import ModelComparison
@@ -71,17 +72,23 @@ def verdict_text(
         return text if left is None else f"{text}. That is not all: {left.statement}"
     if verdict is Verdict.AMBIGUOUS:
         close = [rival for rival in rivals if not rival.told]
-        text = _ambiguous_text(described, close, checks, unusual or {})
+        text = _ambiguous_text(described, close, checks, unusual or {}, left)
         return text if left is None else f"{text}. That is not all: {left.statement}"
     return _outside_text(described, left, checks, seen, doubt)
 
 
 def whether_at_all(before: ModelComparison) -> str:
-    """Why a misfit that no effect explains need not mean that something is missing; "" where it does."""
+    """Why a misfit that no effect explains need not mean that something is missing; "" where it does.
+
+    An error below `BELOW` ends a search before it begins; one merely within the noise is asked first whether
+    an effect explains it, and is held against the model only then.
+    """
     guessed = [channel.name for channel in before.fit.problem.noise.channels if channel.guessed]
     if guessed:
         return f"these data do not tell the noise of {', '.join(guessed)}"
-    if all(error.nrmse <= 1.0 for error in before.fit.errors.values()):
+    if error_below(before.fit, BELOW):
+        return "the error of every channel is below its noise, which is not what it was taken for"
+    if error_below(before.fit, 1.0):
         return "the error of every channel is within its noise"
     return ""
 
@@ -125,12 +132,18 @@ def _ambiguous_text(
     close: Sequence[Rival],
     checks: Mapping[str, HeldOut | None],
     unusual: Mapping[str, str],
+    left: Remainder | None,
 ) -> str:
-    """What is most probable, and why it is not sure: a rival that is close, a check that failed, or a size
-    that nobody has seen."""
+    """What is most probable, and why it is not sure: a rival that is close, a check that failed, a size that
+    nobody has seen, or a noise that is not what it was taken for."""
     doubts = [f"{name} has its {text}" for name, text in unusual.items()]
     failed = _failed_text(checks)
     doubts += [failed] if failed else []
+    if left is not None and left.below_noise:
+        doubts.append(
+            "the error with it is below the noise and a test still rejects: the noise of these readings is "
+            "not what it was taken for"
+        )
     if not close:
         return (
             "Something is missing. No other effect of the library explains it as well as this, but "

@@ -69,6 +69,7 @@ def _model(model: ModelComparison) -> dict[str, object]:
     return {
         "name": model.name,
         "adequate": model.adequate,
+        "below_noise": model.adequacy.below_noise,
         "p_value": model.adequacy.p_value,
         "statement": model.statement,
         "channels": channels,

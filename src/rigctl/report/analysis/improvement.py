@@ -39,7 +39,7 @@ def left_sections(improved: Improvement) -> list[Section]:
         return []
     body = render(
         "model_now.html",
-        good=last.verdict is Verdict.ADEQUATE,
+        good=last.verdict is Verdict.ADEQUATE and not last.doubt,
         heading=last.title,
         statement=last.statement,
         remainder=last.remainder_text,
