@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from rigctl.files.shipped import shipped
 from tclab_board import Served
 
 
@@ -84,3 +85,36 @@ def test_a_corrupt_lock_is_no_obstacle(tmp_path: Path, content: str) -> None:
     assert RigLock("bench", "a test", tmp_path).owner() is None
     with RigLock("bench", "a test", tmp_path):
         assert read_owner(path) is not None
+
+
+@pytest.mark.parametrize(
+    ("reported", "answers", "confirmed", "known_by"),
+    [
+        (True, False, True, "read back from the bench"),
+        (False, True, True, "the bench has answered each command"),
+        (False, False, False, "sent, not confirmed: heater_1, heater_2; see for yourself whether it is off"),
+    ],
+)
+def test_what_is_only_remembered_here_confirms_nothing(
+    tmp_path: Path, reported: bool, answers: bool, confirmed: bool, known_by: str
+) -> None:
+    text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")
+    for heater in ("1", "2"):
+        if not reported:
+            query = f'      - {{send: R{heater}, reply: "{{heater_{heater}}}", every: 1 s}}\n'
+            assert query in text
+            text = text.replace(query, "")
+        if not answers:
+            setting = f'heater_{heater}: {{send: "Q{heater} {{value:.2f}}", reply: "{{value}}"}}'
+            assert setting in text
+            text = text.replace(setting, f'heater_{heater}: {{send: "Q{heater} {{value:.2f}}"}}')
+    (tmp_path / "board.yaml").write_text(text, encoding="utf-8")
+    with Served() as board:
+        for heater in ("1", "2"):
+            if not answers:
+                board.sketch.always[f"Q{heater} 0.00"] = b""
+        code, out, err = rigctl(tmp_path, "off", "--rig", "board.yaml", "--port", board.url, "--json")
+    told = json.loads(out)
+    assert (told["confirmed"], told["known_by"]) == (confirmed, known_by), err
+    assert code == (0 if confirmed else 1)
+    assert ("outputs are safe" in told["done"]) is confirmed

@@ -34,3 +34,8 @@ def check_command(rig: Rig, actuator: str, value: float, duration: float | None 
             f"{actuator}: a pulse needs a value to return to",
             expected=f"'{actuator}' in the rig's safe_state",
         )
+
+
+def driven_outputs(rig: Rig) -> frozenset[str]:
+    """The actuators that the bench drives; the others are turned by hand."""
+    return frozenset(name for name, actuator in rig.actuators.items() if actuator.by == "driven")

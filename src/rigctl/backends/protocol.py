@@ -90,6 +90,16 @@ class Backend(Protocol):
         """What becomes of the outputs when nobody can reach the bench, one sentence for whoever is there."""
         ...
 
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """Driven actuators whose state in the newest sample was read from the bench, not remembered here."""
+        ...
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """Driven actuators whose commands the bench answers, so that `safe` raises when one got no answer."""
+        ...
+
     def open(self) -> None:
         """Reach the bench, check that it is the right one, and bring its outputs to the safe state.
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, echo_json
-from rigctl.errors import RigctlError
+from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
@@ -61,6 +61,8 @@ def off(
         echo_json(json.dumps({**said, "ended": list(result.ended)}))
     else:
         echo(result.done)
+    if not result.confirmed:
+        raise typer.Exit(ExitCode.FAILED)
 
 
 def jog(
@@ -193,7 +195,6 @@ def open_rig_at(port: str) -> Rig:
     from rigctl.backends.serial.port import PortLost
     from rigctl.backends.serial.pyserial_port import PyserialPort
     from rigctl.clock import real_clock
-    from rigctl.errors import ExitCode
     from rigctl.files.shipped import shipped
     from rigctl.rig import load_rig
 

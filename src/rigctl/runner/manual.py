@@ -58,7 +58,8 @@ class SwitchedOff:
     Parameters
     ----------
     done: one sentence.
-    confirmed: whether the outputs were read back, or the run that has the bench did so.
+    confirmed: whether every output was read back, or the bench has answered its command, or the run that has
+        the bench says so.
     known_by: how that is known.
     ended: the runs that were ended, each with its answer.
     """
@@ -97,8 +98,8 @@ def switch_off(rig: Rig, how: Launch) -> SwitchedOff:
         return SwitchedOff(
             "; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended)
         )
-    done, known_by = _switch_off_here(rig, how)
-    return SwitchedOff("; ".join([*ended, done]), True, known_by, tuple(ended))
+    done, confirmed, known_by = _switch_off_here(rig, how)
+    return SwitchedOff("; ".join([*ended, done]), confirmed, known_by, tuple(ended))
 
 
 def _in_progress(rig: Rig, runs: Path) -> list[Path]:
@@ -127,16 +128,16 @@ def _made_safe(folder: Path) -> bool:
     return False
 
 
-def _switch_off_here(rig: Rig, how: Launch) -> tuple[str, str]:
-    """What was done, and how it is known."""
+def _switch_off_here(rig: Rig, how: Launch) -> tuple[str, bool, str]:
+    """What was done, whether it is confirmed, and how that is known."""
     told = ""
-    known_by = "the bench has answered each command"
+    confirmed, known_by = True, "the bench has answered each command"
     with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
         try:
             with opened(rig, how) as backend:
                 backend.safe()
-                if _read_back(rig, backend):
-                    known_by = "read back from the bench"
+                read = _read_back(rig, backend)
+                confirmed, known_by = _known_by(rig, read, backend.outputs_answered)
                 told = "".join(f"; {notice.message}" for notice in backend.take_notices())
         except BenchTripped as tripped:
             told = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
@@ -147,15 +148,31 @@ def _switch_off_here(rig: Rig, how: Launch) -> tuple[str, str]:
                 hint="Switch the bench off by hand, at its supply; then look at the cable",
             ) from None
     if (how.backend or rig.backend.kind) in UNREAL:
+        confirmed = True
         known_by = f"a {how.backend or rig.backend.kind} bench of its own: no real one was touched"
     states = ", ".join(
         f"{name} {rig.actuators[name].show(float(value))}" for name, value in rig.safe_state.items()
     )
-    return f"outputs are safe: {states}{told} ({known_by})", known_by
+    outputs = "outputs are safe" if confirmed else "OUTPUTS NOT CONFIRMED SAFE, commanded"
+    return f"{outputs}: {states}{told} ({known_by})", confirmed, known_by
 
 
-def _read_back(rig: Rig, backend: Backend) -> bool:
-    """Read the outputs as they are now; False where no sample came.
+def _known_by(rig: Rig, read: frozenset[str], answered: frozenset[str]) -> tuple[bool, str]:
+    """Whether every driven output is confirmed to be safe, and by what."""
+    outputs = [name for name in rig.safe_state if rig.actuators[name].by == "driven"]
+    unsure = [name for name in outputs if name not in read | answered]
+    if unsure:
+        return False, f"sent, not confirmed: {', '.join(unsure)}; see for yourself whether it is off"
+    unread = [name for name in outputs if name not in read]
+    if not unread:
+        return True, "read back from the bench"
+    if len(unread) == len(outputs):
+        return True, "the bench has answered each command"
+    return True, f"read back from the bench; {', '.join(unread)}: the bench has answered the command"
+
+
+def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
+    """Read the outputs as they are now: those that the bench reports; none where no sample came.
 
     Raises
     ------
@@ -165,7 +182,7 @@ def _read_back(rig: Rig, backend: Backend) -> bool:
     backend.start(rig.monitor_rate)
     sample = backend.next_sample(min(1.0, 2.0 / rig.monitor_rate))
     if sample is None:
-        return False
+        return frozenset()
     for name, value in zip(rig.layout.commands, sample.commands, strict=True):
         safe = rig.safe_state.get(name)
         if safe is not None and rig.actuators[name].by == "driven" and value != float(safe):
@@ -174,7 +191,7 @@ def _read_back(rig: Rig, backend: Backend) -> bool:
                 hint="Switch the bench off by hand, at its supply",
                 exit_code=ExitCode.FAILED,
             )
-    return True
+    return backend.outputs_read
 
 
 def jog(

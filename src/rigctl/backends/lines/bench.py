@@ -89,6 +89,16 @@ class LineBench:
         self._over = ""  # why the device cannot be trusted any more
         self._over_told = False
 
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """Actuators that a query has read since the device was reached."""
+        return frozenset(self._poll.states_read)
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """Actuators whose commands have a `reply`."""
+        return frozenset(name for name, part in self._lines.actuators.items() if part.patterns)
+
     # --- open and close -----------------------------------------------------------------------------------
 
     def open(self) -> None:

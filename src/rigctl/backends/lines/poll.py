@@ -46,11 +46,13 @@ class Poll:
         self._due = [-math.inf] * len(lines.queries)
         self._silenced: set[int] = set()  # queries whose trouble has been told
         self._stray = 0
+        self.states_read: set[str] = set()  #: actuators whose state was read since the line was opened
         self._notices: list[Notice] = []
 
     def forget(self, talk: Talk) -> None:
         """Ask everything anew, on a line that has just been opened."""
         self._values.clear()
+        self.states_read.clear()
         self._due = [-math.inf] * len(self._queries)
         self._stray = talk.stray
 
@@ -118,7 +120,10 @@ class Poll:
                 self._values[name] = self._meaning.channel(name, text)
                 continue
             state = self._meaning.setting(name, text, commanded[name])
-            if state is not None and state != commanded[name]:
+            if state is None:
+                continue
+            self.states_read.add(name)
+            if state != commanded[name]:
                 changed[name] = state
 
     def _tell_stray(self, talk: Talk) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from rigctl.backends.commands import check_command
+from rigctl.backends.commands import check_command, driven_outputs
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.replay.recording import Recording
@@ -57,6 +57,16 @@ class Player:
         ] = []  # the block being played, last row first
         self._pulse_ends: dict[str, float] = {}
         self._passed = 0  # switches of the recording that have been met
+
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """All of them."""
+        return driven_outputs(self._rig)
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """All of them."""
+        return driven_outputs(self._rig)
 
     def open(self) -> None:
         """Read the recording."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import TypeVar
 
-from rigctl.backends.commands import check_command
+from rigctl.backends.commands import check_command, driven_outputs
 from rigctl.backends.errors import BackendLost, BenchTripped, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.serial.board import Board, trip_causes
@@ -86,6 +86,16 @@ class SerialBench:
         self._cut_off: set[str] = set()  # what was driven, or may have been, when contact was lost
         self._ends: dict[str, float] = {}  # pulses that are timed here
         self._intake = Intake(self._translation, clock)
+
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """What the board reports with each sample."""
+        return self._translation.reported
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """The board answers every command."""
+        return driven_outputs(self._rig)
 
     # --- open and close -----------------------------------------------------------------------------------
 

@@ -77,6 +77,12 @@ class Translation:
             for channel, pin in self._sensors
         )
 
+    @property
+    def reported(self) -> frozenset[str]:
+        """Actuators whose state is in every reading; of a level only whether it is on."""
+        wired = self._wiring.outputs
+        return frozenset(wired[output] for output in ("heater", "valve") if output in wired)
+
     def commands(self, reading: Reading, commanded: Mapping[str, float]) -> tuple[float, ...]:
         """The outputs as they were when the reading was taken; a level as it was last set."""
         bits, wired = reading.outputs, self._wiring.outputs

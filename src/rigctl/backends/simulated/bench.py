@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from rigctl.backends.commands import check_command
+from rigctl.backends.commands import check_command, driven_outputs
 from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.backends.simulated.device import Device
@@ -60,6 +60,16 @@ class SimulatedBench:
         self._lost_at: float | None = None  # clock time since when there was no contact at all
         self._told: dict[str, float] = {}  # what driven actuators were commanded to since they were safe
         self._notices: list[Notice] = []
+
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """All of them."""
+        return driven_outputs(self._rig)
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """All of them."""
+        return driven_outputs(self._rig)
 
     def open(self) -> None:
         """Switch the device on; its time begins now."""
