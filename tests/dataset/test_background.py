@@ -177,3 +177,37 @@ def test_a_full_disk_at_the_end_leaves_a_whole_run_elsewhere(
     kept = open_run(tmp_path / "rescued" / ID)
     assert np.array_equal(kept.record(0).time, np.arange(400.0))
     assert verify(kept.folder).good
+
+
+@pytest.mark.parametrize("first", ["record", "row"])
+def test_a_disk_that_hangs_between_two_tasks_loses_none(
+    writer: BackgroundWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: str
+) -> None:
+    """The look whether the folder is there hangs as well, and then the next task has not begun."""
+    free, reached = threading.Event(), threading.Event()
+
+    def hanging(self: RunWriter) -> bool:
+        reached.set()
+        return free.wait()
+
+    if first == "row":
+        writer.open_record(0.0, "stroke", {}, "1", 100.0)
+        wait_for(lambda: not writer._tasks)
+    monkeypatch.setattr(RunWriter, "in_place", hanging)
+    reached.wait()
+    if first == "record":
+        writer.open_record(0.0, "stroke", {}, "1", 100.0)
+    put(writer, range(20))
+    writer.append(())  # no row at all: what a single task raises
+    writer.close_record(20.0, "complete")
+    monkeypatch.setattr(background, "STALLED", 0.3)
+    try:
+        with pytest.raises(RigctlError, match="the disk does not answer"):
+            writer.close("failed", "the disk")
+    finally:
+        free.set()
+    kept = open_run(tmp_path / "rescued" / ID)
+    assert np.array_equal(kept.record(0).time, np.arange(20.0))
+    assert kept.info["status"] == "failed"
+    writer._thread.join(10.0)
+    assert not writer._thread.is_alive(), "who hung leaves the rest to its successor"

@@ -49,6 +49,7 @@ class BackgroundWriter:
         self._warnings: deque[str] = deque()
         self._slow = False
         self._began: float | None = None  # when the task in progress was begun
+        self._in_progress: _Task | None = None  # the one at the queue's head once it was begun
         self._stuck: RunWriter | None = None
         self._abandoned = False  # the thread hangs, and somebody else writes
         self._ended = False
@@ -185,16 +186,19 @@ class BackgroundWriter:
             if now >= looked + _IN_PLACE:
                 looked = now
                 self._guarded(self._require_place)
+                if self._left_behind(self._writer):
+                    return
             if not self._tasks:
                 if self._ended:
                     return
                 self._wake.wait(_LOOK)
                 continue
-            task = self._tasks[0]
+            task = self._in_progress = self._tasks[0]
             self._guarded(task)
             if self._left_behind(self._writer):
                 return
             self._tasks.popleft()
+            self._in_progress = None
 
     def _guarded(self, task: _Task) -> None:
         self._began = monotonic()
@@ -251,7 +255,7 @@ class BackgroundWriter:
 
     def _leave_behind(self) -> None:
         """The disk hangs for good: what it has not taken goes to another folder, from this thread."""
-        stuck, tasks = self._writer, list(self._tasks)
+        begun, stuck, tasks = self._in_progress, self._writer, list(self._tasks)
         self._stuck, self._abandoned = stuck, True
         if stuck.closed:
             self._failure = RigctlError(
@@ -271,10 +275,12 @@ class BackgroundWriter:
             )
             return
         self._failure = _kept_elsewhere("the disk does not answer", stuck.folder, writer.folder)
-        for task in tasks[1:]:  # what the first one had to write waits in the writer's own memory
-            if task != self._finish:
-                with suppress(RigctlError):
-                    task(writer)
+        for task in tasks:
+            # what the one in progress had to write waits in the writer's own memory
+            if task is begun or task == self._finish:
+                continue
+            with suppress(Exception):  # one that fails must not take those after it along
+                task(writer)
         try:
             self._close(writer)
         except RigctlError as error:
