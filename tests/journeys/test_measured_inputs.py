@@ -171,6 +171,61 @@ def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "21 degC" in said
 
 
+def test_a_channel_that_the_data_lack_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a range on the rig the family's value stands for it; who reads the result must know."""
+    project(tmp_path, "bench", rows_of(False))
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/bench.yaml", "--columns", "room=-")
+    asked = ("compare", "latest", "--model", "models/bench.yaml", "--no-fit")
+    line = "not recorded: room; taken as 20 degC, '--assume room=…' says otherwise"
+    assert line in answer(*asked)["notes"]
+    assert line not in answer(*asked, "--assume", "room=21 degC")["notes"]
+
+
+HEATED = """
+family: heated
+states:
+  body: {start: 20 degC, scale: 10 mK, rate: (power - loss*(body - room))/capacity}
+inputs:
+  power: {value: 0 W, role: heat}
+  room: {value: 20 degC}
+parameters:
+  loss: {value: 2 W/K, bounds: [0 W/K, 100 W/K]}
+  capacity: {value: 500 J/K, bounds: [1 J/K, 10000 J/K]}
+outputs:
+  body: {unit: degC, formula: body}
+"""
+HEATED_RIG = """
+name: heated
+model: families/heated.yaml
+channels:
+  body: {unit: degC, quantity: temperature, noise: 0.02 K}
+actuators:
+  oven: {kind: level, unit: W}
+roles: {heat: {actuator: oven, channel: body, hysteresis: 1 K}}
+safe_state: {oven: 0 W}
+backend: {kind: simulated}
+monitor_rate: 1 Hz
+"""
+
+
+def test_a_heater_without_a_range_must_be_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    create_project(tmp_path)
+    model = (
+        "model: families/heated.yaml\nrig: rigs/heated.yaml\nparameters: {loss: {value: 2 W/K, fit: true}}\n"
+    )
+    for kind, text in (("families", HEATED), ("rigs", HEATED_RIG), ("models", model)):
+        (tmp_path / kind).mkdir(exist_ok=True)
+        (tmp_path / kind / "heated.yaml").write_text(text, encoding="utf-8")
+    rows = [f"{k},{20.0 + 0.01 * (k % 7):.2f}" for k in range(60)]
+    (tmp_path / "log.csv").write_text("\n".join(["time [s],body [degC]", *rows]), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/heated.yaml")
+    asked = ("compare", "latest", "--model", "models/heated.yaml", "--no-fit")
+    assert "--assume oven=" in refusal(*asked)
+    assert answer(*asked, "--assume", "oven=0 W")["channels"]["body"]["rmse"] < 0.05
+
+
 def test_conditions_are_what_was_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same command in every record: their first readings differ by noise, and make no condition."""
     board(tmp_path, np.zeros(4), recorded=True)

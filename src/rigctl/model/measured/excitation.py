@@ -40,6 +40,7 @@ class Acting:
     along: places among the inputs.
     unrecorded: of inputs that nobody recorded, the lowest and the highest value, SI.
     absent: the actuators of these inputs.
+    taken: of measured inputs that this record lacks, the family's value that stands for it, SI.
     bridged, spikes: by input, how many readings of it are missing, and how many were spikes.
     """
 
@@ -51,6 +52,7 @@ class Acting:
     along: tuple[int, ...]
     unrecorded: Mapping[str, tuple[float, float]]
     absent: Mapping[str, tuple[str, ...]]
+    taken: Mapping[str, float]
     bridged: Mapping[str, int]
     spikes: Mapping[str, int]
 
@@ -108,6 +110,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
         along=tuple(lines),
         unrecorded=builder.unrecorded,
         absent=builder.absent,
+        taken=builder.taken,
         bridged=builder.bridged,
         spikes=builder.spikes,
     )
@@ -124,6 +127,7 @@ class _Builder:
         self.lines: dict[int, Floats] = {}
         self.unrecorded: dict[str, tuple[float, float]] = {}
         self.absent: dict[str, tuple[str, ...]] = {}
+        self.taken: dict[str, float] = {}
         self.bridged: dict[str, int] = {}
         self.spikes: dict[str, int] = {}
 
@@ -150,6 +154,8 @@ class _Builder:
                 self.unrecorded[source.input] = span
             else:
                 self.constant(place, source.value)
+                if not source.said:
+                    self.taken[source.input] = source.value
         elif source.hold == "previous":
             self.steps(place, readings)
         else:

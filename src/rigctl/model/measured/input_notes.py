@@ -107,6 +107,12 @@ def acting_notes(
             f"them, the same all through it, between {show(low, unit)} and {show(high, unit)}. If it is "
             f"known, '--assume {_written(name, acts)}=…' says so"
         )
+    taken = {name: value for act in acts for name, value in act.taken.items()}
+    for name, value in taken.items():
+        count = sum(name in act.taken for act in acts)
+        where = "" if count == len(acts) else f" in {count} of {len(acts)} records"
+        shown = show(value, input_unit(model, rig, name))
+        yield f"not recorded: {name}{where}; taken as {shown}, '--assume {name}=…' says otherwise"
 
 
 def _written(name: str, acts: Sequence[Acting]) -> str:

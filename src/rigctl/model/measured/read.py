@@ -196,17 +196,19 @@ def _require_channels(model: Model, runs: Sequence[Run], known: Sequence[str]) -
 def _require_commands(model: Model, run: Run, rig: Rig, sources: Sequence[InputSource]) -> None:
     """What moves or drives the bench must be known: no prior stands in for it.
 
-    An input beside it that nobody recorded is an unknown of each record, where the rig says its range.
+    An input beside it that nobody recorded is an unknown of each record, where the rig says its range; so is
+    a heater, even alone.
     """
     roles = {item.name: item.role for item in model.family.inputs}
     wanted: list[str] = []
-    driven = [source for source in sources if source.actuators and roles[source.input] != "heat"]
-    nothing = all(unrecorded_actuators(source, run) for source in driven)
-    for source in driven:
+    commanded = [source for source in sources if source.actuators]
+    nothing = all(unrecorded_actuators(one, run) for one in commanded if roles[one.input] != "heat")
+    for source in commanded:
         absent = unrecorded_actuators(source, run)
         low_high = [actuator_range(rig.actuators[name]) for name in absent]
         ranged = all(np.isfinite(low) and np.isfinite(high) for low, high in low_high)
-        if nothing or roles[source.input] is not None or not ranged:
+        drives = roles[source.input] != "heat" and (nothing or roles[source.input] is not None)
+        if drives or not ranged:
             wanted += absent
     absent = list(dict.fromkeys(wanted))
     if absent:
