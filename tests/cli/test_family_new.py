@@ -78,6 +78,17 @@ def test_two_tanks_from_a_file_to_a_comparison(empty: Path) -> None:
     assert {"upper", "lower"} == set(compared["channels"])
 
 
+def test_the_readme_of_a_minimal_project_can_be_followed(empty: Path) -> None:
+    text = steps("time [s],push [V],sensor [V]", lambda t: 3.0 * (1.0 - np.exp(-max(t - 2.0, 0.0) / 1.7)))
+    (empty / "log.csv").write_text(text, encoding="utf-8")
+    lines = (empty / "README.md").read_text(encoding="utf-8").splitlines()
+    commands = [line.partition("#")[0].strip() for line in lines if line.startswith("    ")]
+    assert len(commands) >= 5
+    follow(commands)
+    named = (empty / "rigctl.toml").read_text(encoding="utf-8").partition('# rig = "')[2].partition('"')[0]
+    assert (empty / named).is_file()
+
+
 def test_a_table_without_time_becomes_a_static_family(empty: Path) -> None:
     pump_curve(empty / "curve.csv")
     done = answer("family", "new", "Pump curve", "--csv", "curve.csv", "--template", "flow")

@@ -50,17 +50,17 @@ _MINIMAL_MARKER = """\
 runs = "runs"
 
 # the rig that 'rigctl off', 'jog' and 'monitor' mean when no --rig is given
-# rig = "rigs/my-bench.yaml"
+# rig = "rigs/my_bench.yaml"
 """
 
 _MINIMAL_README = """\
 # A rigctl project
 
-    rigctl family new my-bench --csv log.csv       # a first family, rig and model file from your own data
-    rigctl family new my-bench --template motor    # or from a template
-    rigctl check rigs/my-bench.yaml                # what a file is, and whether anything is wrong with it
-    rigctl import log.csv --rig rigs/my-bench.yaml
-    rigctl compare latest --model models/my-bench.yaml
+    rigctl family new my_bench --csv log.csv       # a first family, rig and model file from your own data
+    rigctl family new other --template motor       # or from a template, without data
+    rigctl check rigs/my_bench.yaml                # what a file is, and whether anything is wrong with it
+    rigctl import log.csv --rig rigs/my_bench.yaml # with the --columns that 'family new' says, if it says any
+    rigctl compare latest --model models/my_bench.yaml
 """
 
 
@@ -125,5 +125,5 @@ def init(
     for path in written:
         echo(f"  {path}")
     inside = "" if directory == Path() else f"cd {directory} && "
-    command = "family new my-bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
+    command = "family new my_bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
     echo(f"\nNext: {inside}rigctl {command}")
