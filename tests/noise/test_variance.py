@@ -22,6 +22,8 @@ from rigctl.noise import (
     spikes_of,
     whiten,
 )
+from rigctl.noise.statements import channel_statement
+from rigctl.noise.variance import VarianceLaw
 
 Floats = NDArray[np.float64]
 SIZE, RECORDS, REST = 600, 12, 0.03
@@ -234,3 +236,16 @@ def test_a_slow_level_in_steps_of_a_converter_keeps_its_sigma() -> None:
 def test_a_channel_without_a_law_has_one_sigma() -> None:
     channel = ChannelNoise("x", 0.5)
     assert channel.sigma_at(np.array([1.0, np.nan, -3.0]), np.arange(3.0)).tolist() == [0.5, 0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("origin", "of"),
+    [
+        (0.0, "3 % of it)"),
+        (293.0, "3 % of its distance from the lowest"),
+        (-5.0, "the highest level"),
+    ],
+)
+def test_the_statement_says_from_where_a_level_counts(origin: float, of: str) -> None:
+    law = VarianceLaw(0.01, 0.03, 0.0, origin, 50)
+    assert of in channel_statement(ChannelNoise("body", 0.05, source="quiet", guessed=False, law=law), None)

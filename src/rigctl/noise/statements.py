@@ -64,8 +64,10 @@ def _growth(noise: ChannelNoise) -> str:
     law = noise.law
     if law is None:
         return ""
+    end = "lowest" if law.origin > 0.0 else "highest"  # in words: units are unknown here
+    of = f"its distance from the {end} level" if law.origin else "it"
     terms = [
-        *([f"the level (by {100.0 * law.level:.2g} % of it)"] if law.level else []),
+        *([f"the level (by {100.0 * law.level:.2g} % of {of})"] if law.level else []),
         *([f"the rate of change (by {law.rate:.2g} s of it)"] if law.rate else []),
     ]
     return f"grows with {' and '.join(terms)}: typically {noise.sigma / law.floor:.1f} times that at rest"
