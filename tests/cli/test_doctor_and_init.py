@@ -14,6 +14,12 @@ from rigctl.errors import RigctlError
 from tclab_board import Served
 
 
+@pytest.fixture(autouse=True)
+def no_guards_of_other_tests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A guard of a board that an earlier test has closed still tries to reach it, and doctor says so."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
 def test_init_makes_a_project_whose_procedures_are_valid(tmp_path: Path) -> None:
     made = CliRunner().invoke(app, ["init", str(tmp_path / "bench"), "--json"])
     assert made.exit_code == 0
