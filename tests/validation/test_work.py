@@ -22,7 +22,7 @@ def test_a_large_effect_is_found_and_its_size_is_as_wanted() -> None:
     by_its_cosine = outcome.sizes[0] * ((1.0 - outcome.rival_cosine) / 2.0) ** 0.5
     assert outcome.separation is not None and 0.0 < outcome.separation <= 1.03 * by_its_cosine
     assert [interval.parameter for interval in outcome.intervals] == ["conductance"]
-    assert Outcome.read(outcome.document()) == outcome
+    assert Outcome.read(outcome.document(), Scenario.read) == outcome
 
 
 def test_what_was_taken_from_the_library_is_not_named() -> None:
