@@ -16,6 +16,7 @@ from rigctl.effects.generic.common import (
     beyond,
     either_sign,
     one_sign,
+    placed,
     quotient,
     shape,
     sign,
@@ -98,20 +99,20 @@ class _At:
         confused: tuple[str, ...] = (),
         needs: str | None = None,
     ) -> Effect:
-        label = self.place.label
-        return Effect(
-            name=f"{kind}_on_{label}",
-            family=self.family.name,
+        return placed(
+            self.family,
+            self.place.slot.name,
+            kind,
+            f"_on_{self.place.label}",
             summary=summary,
             equation=equation,
             source=source,
             looks_like=looks_like,
-            terms=((self.place.slot.name, term),),
+            term=term,
             parameters=parameters,
             states=states,
-            confused_with=tuple(f"{one}_on_{label}" for one in confused),
+            confused=confused,
             needs=needs,
-            own_family=self.family,
         )
 
 

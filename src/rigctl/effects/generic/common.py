@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from rigctl.effects.declaration import EffectParameter
+from typing import Any
+
+from rigctl.effects.declaration import Effect, EffectParameter, Term
 from rigctl.engine.symbols import Scalar, positive_part, smooth_sign
+from rigctl.physics.family import ModelFamily
 from rigctl.physics.units import shortest_unit
 from rigctl.units import parse_unit
 
@@ -21,6 +24,33 @@ def quotient(above: str, *below: str) -> str:
     for unit in below:
         dimension = dimension / parse_unit(unit).dimension
     return shortest_unit(dimension)
+
+
+def placed(
+    family: ModelFamily,
+    slot: str,
+    law: str,
+    ending: str,
+    *,
+    term: Term,
+    confused: tuple[str, ...] = (),
+    **declared: Any,
+) -> Effect:
+    """The effect of a law at a place of a family, called ``<law><ending>``; its rivals are at the same place.
+
+    Parameters
+    ----------
+    confused: laws of the effects it may be taken for.
+    declared: what else `rigctl.effects.declaration.Effect` says.
+    """
+    return Effect(
+        name=f"{law}{ending}",
+        family=family.name,
+        terms=((slot, term),),
+        confused_with=tuple(f"{one}{ending}" for one in confused),
+        own_family=family,
+        **declared,
+    )
 
 
 def one_sign(name: str, unit: str, typical: float, meaning: str, difference: bool = True) -> EffectParameter:

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
-from rigctl.effects.generic.common import CORNER, beyond, either_sign, one_sign, quotient, shape, share
+from rigctl.effects.generic.common import (
+    CORNER,
+    beyond,
+    either_sign,
+    one_sign,
+    placed,
+    quotient,
+    shape,
+    share,
+)
 from rigctl.effects.generic.magnitudes import Magnitudes
 from rigctl.effects.generic.places import Given, Late, is_point_on_scale
 from rigctl.effects.lag import reading_error
@@ -73,19 +82,20 @@ class _Made:
         confused: tuple[str, ...] = (),
         needs: str | None = None,
     ) -> Effect:
-        return Effect(
-            name=f"{kind}_of_{self.label}",
-            family=self.family.name,
+        return placed(
+            self.family,
+            self.place.slot.name,
+            kind,
+            f"_of_{self.label}",
             summary=summary,
             equation=equation,
             source=_TAO,
             looks_like=looks_like,
-            terms=((self.place.slot.name, term),),
+            term=term,
             parameters=parameters,
             states=states,
-            confused_with=tuple(f"{one}_of_{self.label}" for one in confused),
+            confused=confused,
             needs=needs,
-            own_family=self.family,
         )
 
     def u(self, m: Scope) -> Scalar:

@@ -11,6 +11,7 @@ from rigctl.effects.generic.common import (
     beyond,
     either_sign,
     one_sign,
+    placed,
     quotient,
     shape,
     share,
@@ -70,20 +71,21 @@ class _Made:
     ) -> Effect:
         label, sensor = self.place.label, self.place.slot.kind == "sensor"
         ending = f"_{'of' if sensor else 'on'}_{label}" + (f"_with_{of}" if of else "")
-        return Effect(
-            name=f"{kind}{ending}",
-            family=self.family.name,
+        return placed(
+            self.family,
+            self.place.slot.name,
+            kind,
+            ending,
             summary=summary,
             equation=equation,
             source=SENSORS,
             looks_like=looks_like,
-            terms=((self.place.slot.name, lambda m, p: self._signed(term(m, p))),),
+            term=lambda m, p: self._signed(term(m, p)),
             parameters=parameters,
             states=states,
-            kind="sensor" if sensor else "process",
-            confused_with=tuple(f"{one}{ending}" for one in confused),
+            confused=confused,
             needs=needs,
-            own_family=self.family,
+            kind="sensor" if sensor else "process",
         )
 
     def _signed(self, value: Scalar) -> Scalar:
