@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs clean system constraints torture
+.PHONY: demo test check lint types imports unit bench docs clean system constraints torture explore
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -42,6 +42,10 @@ SEED ?= 0
 TORTURE ?=
 torture: $(VENV)/.installed-dev
 	PYTHONPATH=tests $(BIN)/python -m torture --seed $(SEED) $(TORTURE)
+
+# New examples for every property that leaves their number open; those of `make test` are the same each time.
+explore: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m hypothesis --hypothesis-profile=explore
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py

@@ -66,7 +66,7 @@ def test_a_bench_that_was_not_started_gives_no_sample(make_bench: MakeBench) -> 
     assert bench.clock.now() == 0.5
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(duration=st.floats(0.001, 2.0), rate=st.floats(5.0, 400.0))
 def test_a_pulse_moves_the_rod_by_its_duration_whatever_the_rate(
     rig: Rig, duration: float, rate: float

@@ -59,7 +59,7 @@ class Case:
 
 
 @given(seed=st.integers(0, 10_000), size=st.sampled_from([0.0, 10.0, 100.0]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_it_is_the_mean_likelihood_over_the_grid(seed: int, size: float) -> None:
     case = Case(seed, size)
     found = evidence(case.component, case.normal, case.phi)

@@ -23,7 +23,7 @@ from rigctl.engine.least_squares import Unknown
 from rigctl.physics.families import find_family
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 3), st.integers(0, 2**31))
 def test_the_best_of_a_cone_is_the_non_negative_least_squares_fit(count: int, seed: int) -> None:
     """max 2θᵀz − θᵀCθ over θ ≥ 0 is the fall of |r|² by the non-negative fit of r on the columns."""
@@ -37,7 +37,7 @@ def test_the_best_of_a_cone_is_the_non_negative_least_squares_fit(count: int, se
     assert sizes[0] == pytest.approx(theta, abs=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(1, 3), st.integers(0, 2**31))
 def test_without_signs_the_gain_is_the_free_one(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -22,7 +22,7 @@ def content(found: Journal) -> np.ndarray:
 
 
 @given(parts=st.lists(rows, max_size=6), in_blocks=st.booleans())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_was_flushed_is_read_back_to_the_bit(
     tmp_path_factory: pytest.TempPathFactory, parts: list, in_blocks: bool
 ) -> None:
@@ -107,7 +107,7 @@ def test_a_flipped_bit_costs_its_own_frame_alone(tmp_path: Path) -> None:
 
 
 @given(data=st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_random_damage_never_invents_nor_reorders_rows(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:

@@ -158,7 +158,7 @@ def test_a_bound_that_blocks_does_not_stall_the_others() -> None:
     assert "held at its bound" in result.summary()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_bounded_linear_problems_agree_with_scipy(seed: int) -> None:
     random = np.random.default_rng(seed)

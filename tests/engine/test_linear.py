@@ -30,7 +30,7 @@ def eliminate(matrix: Floats, unit: Floats) -> tuple[bool, Floats, NDArray[np.in
     return False, factors, exchanges
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(1, 9), st.integers(0, 10_000))
 def test_solutions_are_exact_whichever_way(n: int, seed: int) -> None:
     """In units twelve powers of ten apart, as pressures and positions are."""

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from rigctl.engine import symbols
@@ -105,6 +105,7 @@ def test_derivative_agrees_with_finite_differences(tree: Tree, point: dict[str, 
 
 
 @given(TREES, TREES)
+@example(("exp", "x", ("add", -0.5, -0.5)), ("exp", "y", ("add", -0.5, -0.5)))  # the sum of two negatives
 def test_equal_formulas_are_one_node(tree: Tree, other: Tree) -> None:
     graph = Graph()
     named = variables(graph)

@@ -124,7 +124,7 @@ def formulas(draw: st.DrawFn, depth: int = 4) -> tuple[str, Callable[[dict[str, 
     return f"({left_text} {sign} {right_text})", lambda values: compute(left(values), right(values))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(formulas(), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
 def test_it_computes_what_python_computes(
     formula: tuple[str, Callable[[dict[str, float]], float]], a: float, b: float

@@ -187,7 +187,7 @@ def test_a_negative_value_keeps_its_sign_in_the_text() -> None:
     assert parse(replaced.text).evaluate({}) == 5.0
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(
     st.lists(
         st.sampled_from(FRAGMENTS),

@@ -177,7 +177,7 @@ def test_an_empty_file_is_nothing() -> None:
     assert document.locate(("a",)) == Location(None, 1, 1)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.text(alphabet=st.sampled_from("ab1 :-[]{},&*!|>'\"%@`#?~\n\t\r\\<=°\x00\ufeff\u2028"), max_size=60))
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:
@@ -189,7 +189,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         assert document.data == document.data or "nan" in text
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     start=st.integers(0, len(RIG_TEXT)),
     length=st.integers(0, 40),

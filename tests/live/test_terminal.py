@@ -113,7 +113,7 @@ def test_texts_cannot_steer_the_terminal(plan: Plan) -> None:
     assert "[red]x" in shown
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     state=st.text(max_size=8),
     path=st.sampled_from([EXTEND, "", "nowhere"]),

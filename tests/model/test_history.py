@@ -223,7 +223,7 @@ def test_errors_are_known_of_the_version_before_a_fit_too(head: Path) -> None:
     assert found[0].runs == ("a",)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(st.sampled_from(("fit", "add", "remove", "edit", "put back", "old")), max_size=8))
 def test_no_sequence_of_changes_alters_an_earlier_version(steps: list[str]) -> None:
     with TemporaryDirectory() as folder:

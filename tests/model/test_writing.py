@@ -99,7 +99,7 @@ _CHANGES = st.lists(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.sampled_from(sorted(LAYOUTS)), _CHANGES)
 def test_any_changes_in_any_layout(
     layout: str, changes: list[tuple[str, float, float | None, str] | str]

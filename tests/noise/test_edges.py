@@ -23,7 +23,7 @@ def edges(values: np.ndarray, *switches: float, times: np.ndarray = TIMES, half:
     return np.flatnonzero(found[:, 0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), ramp=st.floats(-50.0, 50.0), swing=st.floats(0.0, 1e3))
 def test_without_a_switch_there_is_no_edge(seed: int, ramp: float, swing: float) -> None:
     rng = np.random.default_rng(seed)
@@ -31,7 +31,7 @@ def test_without_a_switch_there_is_no_edge(seed: int, ramp: float, swing: float)
     assert not edges(SIGMA * rng.standard_normal(300) + ramp * TIMES + jump).size
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     place=st.integers(10, 280),
@@ -48,7 +48,7 @@ def test_a_jump_at_a_switch_is_an_edge_and_what_is_beside_it_is_not(
     assert found <= set(range(place, place + 8))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
     samples=st.floats(3.0, 40.0),

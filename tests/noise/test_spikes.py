@@ -67,7 +67,7 @@ def test_bursts_of_up_to_three_samples_are_spikes_and_longer_ones_are_signal() -
     assert np.flatnonzero(mask).tolist() == [50, 100, 101, 150, 151, 152]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), height=st.floats(0.5, 100.0), ramp=st.floats(-20.0, 20.0))
 def test_steps_and_ramps_are_no_spikes(seed: int, height: float, ramp: float) -> None:
     rng = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ def model(*channels: tuple[float, float, float], spacing: float = 0.01) -> Noise
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     rho=st.floats(0.0, 0.98),
     white=st.floats(0.0, 1.0),

@@ -246,7 +246,7 @@ SPLINTERS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.sampled_from([TEXT, SMALL]), st.integers(0, 2**32), st.integers(1, 4))
 def test_no_file_gives_anything_but_a_family_or_a_clear_error(text: str, seed: int, count: int) -> None:
     chance = random.Random(seed)

@@ -59,7 +59,7 @@ def test_tables_and_exponents_of_a_family_file_and_their_derivatives() -> None:
     assert slopes[:, 1, 1] == pytest.approx(expected, abs=1e-5)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     steps=st.lists(st.floats(0.01, 100.0), min_size=1, max_size=30),
     seed=st.integers(0, 10**6),

@@ -45,7 +45,7 @@ def check(text: str) -> None:
         assert "pydantic" not in str(found).casefold()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.sampled_from(TEXTS), st.integers(0, 2**32), st.integers(1, 4))
 def test_splinters_anywhere(text: str, seed: int, count: int) -> None:
     chance = random.Random(seed)
@@ -56,7 +56,7 @@ def test_splinters_anywhere(text: str, seed: int, count: int) -> None:
     check(text)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(TEXTS), st.integers(0, 2**32))
 def test_lines_lost_doubled_or_moved(text: str, seed: int) -> None:
     chance = random.Random(seed)
@@ -75,7 +75,7 @@ def test_lines_lost_doubled_or_moved(text: str, seed: int) -> None:
     check("".join(lines))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.text(max_size=300))
 @example("procedure: x\nsteps: &a\n  - do: *a\n")
 @example("procedure: x\nsteps: [" + "{do: [" * 200)
@@ -100,7 +100,7 @@ VERBS = st.sampled_from(
 )  # fmt: skip
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(VERBS, VALUES, VALUES)
 def test_any_value_of_any_step(verb: str, value: object, inside: object) -> None:
     import json

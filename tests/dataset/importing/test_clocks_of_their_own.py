@@ -102,7 +102,7 @@ def test_groups_that_are_parts_of_one_measurement(tmp_path: Path, board: Rig, en
     fast=st.lists(st.floats(0.02, 0.06), min_size=10, max_size=60),
     step=st.floats(0.05, 0.4),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_straight_lines_stay_straight_and_nothing_is_made_up(
     tmp_path_factory: pytest.TempPathFactory, board: Rig, slow: list[float], fast: list[float], step: float
 ) -> None:

@@ -342,7 +342,7 @@ def test_two_imports_of_one_second_are_two_runs(importer: Importer) -> None:
         max_size=20,
     )
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_what_is_in_the_file_is_in_the_run(
     tmp_path_factory: pytest.TempPathFactory, rig: Rig, rows: list[tuple[float, float | None, int]]
 ) -> None:

@@ -160,7 +160,7 @@ FORMATS = {
     delimiter=st.sampled_from([";", "\t", "|"]),
     comma=st.booleans(),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_any_date_in_any_form_is_the_instant_that_it_says(
     tmp_path_factory: pytest.TempPathFactory,
     board: Rig,
@@ -374,7 +374,7 @@ def test_policies_for_times_that_do_not_go_on(desk: Desk) -> None:
 
 
 @given(rate=st.integers(2, 20), seconds=st.integers(2, 8), cut=st.integers(0, 19))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_logger_that_writes_whole_seconds_gets_its_rate_back(
     tmp_path_factory: pytest.TempPathFactory, board: Rig, rate: int, seconds: int, cut: int
 ) -> None:

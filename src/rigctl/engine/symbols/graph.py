@@ -112,6 +112,9 @@ class Graph:
             return self.constant(float(a.value) - float(b.value), a.declared)
         if b.op == "negative":
             return self.add(a, b.args[0])
+        if a.op == "negative":
+            # signs move outwards, so that -u - v and -v - u are one node; exact in IEEE arithmetic
+            return self.negative(self.add(a.args[0], b))
         return self._make("-", (a, b))
 
     def negative(self, a: Expr) -> Expr:
