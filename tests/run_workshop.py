@@ -14,9 +14,9 @@ from rigctl.clock import Clock, VirtualClock
 from rigctl.dataset.header import RunHeader, Source, source_of_rig
 from rigctl.dataset.log import read_lines
 from rigctl.dataset.writer import RunWriter
+from rigctl.plan import Plan
 from rigctl.procedure.expand import expand
 from rigctl.procedure.load import parse_procedure
-from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig, load_rig, parse_rig
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.requests import Order, Request

@@ -16,7 +16,8 @@ from rigctl.backends.registry import create_backend
 from rigctl.clock import VirtualClock
 from rigctl.dataset import RunHeader, RunWriter, Source, source_of_rig
 from rigctl.files.shipped import shipped
-from rigctl.procedure import Plan, expand, parse_procedure
+from rigctl.plan import Plan
+from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.session import run

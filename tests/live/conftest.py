@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from live.shipped import RIG_FILE, bench, campaign
+from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
-from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
-from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig, load_rig
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from live.shipped import campaign
 from rigctl.live.steps import PlanPlaces, Stage, outline
-from rigctl.procedure.plan import Leaf, Loop, Plan, iteration_path, walk
+from rigctl.plan import Leaf, Loop, Plan, iteration_path, walk
 
 
 def test_the_sweep_in_progress_is_opened_and_the_rest_is_closed(plan: Plan) -> None:

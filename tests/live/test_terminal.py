@@ -17,7 +17,7 @@ from rigctl.live import MonitorDisplay, view
 from rigctl.live.display import redrawable
 from rigctl.live.plain import PlainDisplay
 from rigctl.live.terminal import TerminalDisplay
-from rigctl.procedure.plan import Plan
+from rigctl.plan import Plan
 from rigctl.runner.interlocks import Alarm
 from rigctl.runner.view import Happening, View
 

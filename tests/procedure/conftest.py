@@ -8,9 +8,9 @@ from textwrap import dedent
 
 import pytest
 
-from rigctl.procedure import Plan, expand, parse_procedure
-from rigctl.procedure.actions import Action
-from rigctl.procedure.plan import Leaf, walk
+from rigctl.plan import Leaf, Plan, walk
+from rigctl.plan.action import Action
+from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig, load_rig
 
 RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"

@@ -9,7 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
-from rigctl.procedure import Plan, expand, parse_procedure
+from rigctl.plan import Plan
+from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
 
 ROOT = Path(__file__).parents[2]

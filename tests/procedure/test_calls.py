@@ -8,10 +8,10 @@ from textwrap import dedent
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl.procedure import GroupKind, Plan, RecordNode, expand, load_procedure
-from rigctl.procedure.actions import Heat
-from rigctl.procedure.plan import Leaf, walk
+from rigctl.plan import GroupKind, Leaf, Plan, RecordNode, walk
+from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig
+from rigctl.steps.heat import Heat
 
 
 def write(folder: Path, name: str, text: str) -> Path:

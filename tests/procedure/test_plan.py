@@ -9,8 +9,8 @@ from textwrap import dedent
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl.procedure import Loop, Plan, RecordNode, expand, parse_procedure
-from rigctl.procedure.plan import cleanup_blocks, iteration_path, walk
+from rigctl.plan import Loop, Plan, RecordNode, cleanup_blocks, iteration_path, walk
+from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig
 
 

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from rigctl.files.schema import json_schema
 from rigctl.files.yaml import parse_document, read_document
 from rigctl.procedure import ProcedureFile
-from rigctl.procedure.steps.any_step import BY_VERB, STEPS
+from rigctl.steps.registry import BY_VERB, STEPS
 
 PROCEDURES = sorted((Path(__file__).parents[2] / "procedures").glob("*.yaml"))
 

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.procedure import Plan, RecordNode, expand, load_procedure
-from rigctl.procedure.actions import Measure, Prompt, Wait
-from rigctl.procedure.plan import Leaf, walk
+from rigctl.plan import Leaf, Plan, RecordNode, walk
+from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
 from rigctl.runner.simulation import simulate
+from rigctl.steps.measure import Measure
+from rigctl.steps.prompt import Prompt
+from rigctl.steps.wait import Wait
 
 ROOT = Path(__file__).parents[2]
 PROCEDURES = sorted((ROOT / "procedures").glob("*.yaml"))

@@ -10,9 +10,10 @@ import time
 import pytest
 
 from rigctl.errors import RigctlError
+from rigctl.plan.behaviour import Question
 from rigctl.runner.console import Console
 from rigctl.runner.keys import _PosixKeys, open_keys
-from rigctl.runner.operator import AutomaticOperator, Question, ScriptedOperator, read_answer
+from rigctl.runner.operator import AutomaticOperator, ScriptedOperator, read_answer
 from rigctl.runner.requests import Request
 
 TIME = Question("Flow time?", name="flow_time", unit="s", low=1.0, high=600.0)

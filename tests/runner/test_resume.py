@@ -11,8 +11,8 @@ import pytest
 from rigctl.clock import VirtualClock
 from rigctl.dataset.run import open_run
 from rigctl.errors import RigctlError
+from rigctl.plan import Group, Node
 from rigctl.procedure import expand, load_procedure
-from rigctl.procedure.plan import Group, Node
 from rigctl.rig import load_rig
 from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator

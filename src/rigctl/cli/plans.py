@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
-    from rigctl.procedure import Plan
+    from rigctl.plan import Plan
 
 
 def read_assignments(texts: Sequence[str], option: str = "--arg") -> dict[str, str]:

@@ -14,7 +14,7 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 
 if TYPE_CHECKING:
-    from rigctl.procedure.plan import Plan
+    from rigctl.plan import Plan
     from rigctl.runner.launch import Launch
     from rigctl.runner.session import RunResult
 

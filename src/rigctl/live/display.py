@@ -7,7 +7,7 @@ import sys
 from types import TracebackType
 from typing import Protocol, Self, TextIO
 
-from rigctl.procedure.plan import Plan
+from rigctl.plan import Plan
 from rigctl.runner.view import View
 
 

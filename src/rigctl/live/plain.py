@@ -7,9 +7,9 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from rigctl.live.steps import PlanPlaces
+from rigctl.plan import Plan
 from rigctl.planning.outline import clock_time
 from rigctl.printable import printable
-from rigctl.procedure.plan import Plan
 from rigctl.runner.view import Happening, View
 
 _STEP = 0.1  # of the progress, between two lines

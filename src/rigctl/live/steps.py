@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
 
-from rigctl.procedure.plan import (
+from rigctl.plan import (
     Branch,
     Group,
     GroupKind,

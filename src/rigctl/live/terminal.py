@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Self, TextIO
 from rigctl.live.plain import stamp
 from rigctl.live.readings import Readings, readings_table
 from rigctl.live.steps import PlanPlaces, Stage, StepLine, outline
+from rigctl.plan import Plan
 from rigctl.planning.outline import clock_time
 from rigctl.printable import printable
-from rigctl.procedure.plan import Plan
 from rigctl.runner.view import View
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """Before anything moves: how long a plan takes, what it records, and how near it comes to the limits."""
 
-from rigctl.planning.forecasts import Basis
+from rigctl.plan.forecast import Basis
 from rigctl.planning.limits import LimitUse
 from rigctl.planning.preview import Preview, PreviewNode, SweepSize, preview
 

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from rigctl.plan.forecast import State
 from rigctl.planning.cylinder import Cylinder, cylinder_of
 from rigctl.planning.tank import Tank, tank_of
 from rigctl.rig import Rig
-
-#: s that a person is assumed to take: to turn a valve until the gauge is right, to answer, to type a value
-TURNING = 20.0
-ANSWERING = 10.0
-TYPING = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """Where the bench is expected to be; SI, None where the rig does not tell."""
-
-    temperature: float | None
-    pressure: float
-    position: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +18,11 @@ class Bench:
     tank: Tank | None
     cylinder: Cylinder | None
     simulated: bool  #: the operator is simulated and answers after the rig's `answer_delay`
+
+    @property
+    def stroke(self) -> float | None:
+        """The length of the cylinder in m; None when the rig does not say."""
+        return self.cylinder.stroke if self.cylinder is not None else None
 
     def operator_time(self, person: float) -> float:
         """Seconds that the operator takes where a person would take `person`."""

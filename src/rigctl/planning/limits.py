@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from rigctl.planning.forecasts import Extents
+from rigctl.plan.forecast import Extents
 from rigctl.rig import Limit, Rig
 
 #: nearer than this share of the channel's range counts as approached

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rigctl.planning.forecasts import Basis
+from rigctl.plan import GroupKind
+from rigctl.plan.forecast import Basis
 from rigctl.planning.limits import LimitUse
 from rigctl.planning.preview import Preview, PreviewNode
 from rigctl.printable import printable
-from rigctl.procedure.plan import GroupKind
 from rigctl.units import show
 
 if TYPE_CHECKING:

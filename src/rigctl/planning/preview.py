@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from rigctl.errors import Location
-from rigctl.planning.bench import Bench, State, bench_of, initial_state
-from rigctl.planning.forecasts import Basis, forecast
+from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
+from rigctl.plan.forecast import Basis, State
+from rigctl.planning.bench import Bench, bench_of, initial_state
 from rigctl.planning.limits import LimitUse, limits_used
 from rigctl.planning.rates import too_fast
-from rigctl.procedure.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ def preview(plan: Plan) -> Preview:
     """Forecast a plan, step by step, from the state that the rig file says the bench starts from.
 
     Heating follows from the heat balance of the tank, moves from the flow through the throttle, conditions
-    count with their timeouts, and a person is assumed to take the times named in `rigctl.planning.bench`.
+    count with their timeouts, and a person is assumed to take the times named in `rigctl.plan.forecast`.
     """
     bench = bench_of(plan.rig)
     start = initial_state(bench)
@@ -171,7 +171,7 @@ class _Walker:
         return seen
 
     def _leaf(self, node: Leaf) -> PreviewNode:
-        expected = forecast(node.action, self.state, self.bench)
+        expected = node.action.forecast(self.state, self.bench)
         self.state = expected.state
         for channel, (low, high) in expected.reaches.items():
             known = self.reached.get(channel, (low, high))

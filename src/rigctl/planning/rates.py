@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rigctl.errors import RigctlError
-from rigctl.procedure.plan import Plan, RecordNode, walk
+from rigctl.plan import Plan, RecordNode, walk
 from rigctl.rig import Rig
 
 _ROUNDING = 1e-9

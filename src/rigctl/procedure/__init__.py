@@ -1,20 +1,11 @@
-"""What to do: the schema of a procedure's steps, and its expansion to a plan."""
+"""What to do: a file of steps, its arguments, and its expansion to a plan on a rig."""
 
 from rigctl.procedure.expand import expand
 from rigctl.procedure.load import Procedure, ProcedureFile, load_procedure, parse_procedure
-from rigctl.procedure.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
 
 __all__ = [
-    "Branch",
-    "Group",
-    "GroupKind",
-    "Leaf",
-    "Loop",
-    "Node",
-    "Plan",
     "Procedure",
     "ProcedureFile",
-    "RecordNode",
     "expand",
     "load_procedure",
     "parse_procedure",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
-from rigctl.procedure.arguments import bind, read_arguments
-from rigctl.procedure.context import Context
-from rigctl.procedure.digest import digest
-from rigctl.procedure.load import Procedure
-from rigctl.procedure.plan import GroupKind, Plan
-from rigctl.procedure.reader import Findings
-from rigctl.procedure.shown import shown_bindings
+from rigctl.plan import GroupKind, Plan
+from rigctl.plan.arguments import bind, read_arguments
+from rigctl.plan.context import Context
+from rigctl.plan.digest import digest
+from rigctl.plan.reader import Findings
+from rigctl.plan.shown import shown_bindings
+from rigctl.procedure.load import Procedure, load_procedure
 from rigctl.rig import Rig
 
 
@@ -34,9 +35,10 @@ def expand(procedure: Procedure, rig: Rig, arguments: Mapping[str, str | float] 
         variables=variables,
         findings=Findings(),
         calls=(procedure,),
+        load=cache(load_procedure),
     )
     root = context.block(procedure.steps, "steps", label=procedure.name, kind=GroupKind.ROOT)
-    blocks = context.cleanup_groups(procedure.file, "")
+    blocks = context.cleanup_groups(procedure, "")
     shown = shown_bindings(variables)
     return Plan(
         name=procedure.name,

@@ -13,11 +13,11 @@ from pydantic import Field
 from rigctl.errors import RigctlError
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
-from rigctl.procedure.arguments import Argument, ArgumentFields
-from rigctl.procedure.fields import Name
-from rigctl.procedure.steps.any_step import AnyStep
-from rigctl.procedure.steps.base import Cleanup
+from rigctl.plan.arguments import Argument, ArgumentFields
+from rigctl.plan.fields import Name
+from rigctl.plan.step import Cleanup
 from rigctl.project import find_project
+from rigctl.steps.registry import AnyStep
 
 
 class ProcedureFile(Cleanup):

@@ -9,17 +9,17 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rigctl.files.schema import json_schema
-from rigctl.procedure.arguments import ArgumentFields
-from rigctl.procedure.fields import Short
+from rigctl.plan.arguments import ArgumentFields
+from rigctl.plan.fields import Short
+from rigctl.plan.step import Cleanup, Step
+from rigctl.plan.values import Value
 from rigctl.procedure.load import ProcedureFile
-from rigctl.procedure.steps.any_step import BY_VERB
-from rigctl.procedure.steps.base import Cleanup, Step
-from rigctl.procedure.values import Value
+from rigctl.steps.registry import BY_VERB
 
 _HEAD = """\
 # The steps of a procedure
 
-*Generated* from `src/rigctl/procedure/steps/` by `make docs`.
+*Generated* from `src/rigctl/steps/` by `make docs`.
 
 A step is a mapping whose verb says what it is. Where a short form is given, the value of that one field may
 stand in place of the mapping: `wait: 0.2 s` is `wait: {for: 0.2 s}`. Every quantity is written with its unit,

@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rigctl.backends.errors import OutOfReach
 from rigctl.backends.protocol import Backend, CommandReceipt
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
+from rigctl.plan.behaviour import Answer, Pulse, Question, Row, Until, Waiting, every_sample
+from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
 from rigctl.runner.history import History
-from rigctl.runner.operator import Answer, Operator, Question
+from rigctl.runner.operator import Operator
 from rigctl.runner.recorder import Recorder
-from rigctl.runner.waits import Row, Until, Waiting, every_sample
-
-if TYPE_CHECKING:
-    from rigctl.procedure.actions import Measure
 
 #: s of bench time between two looks whether the operator has answered
 _ASK_AGAIN = 0.1
-
-
-@dataclass(frozen=True)
-class Pulse:
-    """A timed command that the bench will end by itself."""
-
-    end: float  #: s, when it should be over
-    value: float
 
 
 class Bench:
@@ -143,9 +132,26 @@ class Bench:
         self.values[name] = value
         self._types[name] = type_of_unit(unit, difference=difference)
 
-    def statistics(self, measure: Measure) -> Mapping[str, float]:
-        """The statistics a measure names, and every value kept so far."""
-        return {**self.values, **self.history.statistics(measure, self.now)}
+    def record_measure(
+        self,
+        name: str,
+        value: float,
+        unit: str,
+        low: float | None,
+        high: float | None,
+        *,
+        passed: bool,
+        difference: bool = False,
+    ) -> None:
+        """Keep a measured or answered value with the open record, or with the run, and for later steps."""
+        self.keep(name, value, unit, difference=difference)
+        self.writer.measure(name, value, unit, low, high, passed=passed, difference=difference)
+
+    def statistics(
+        self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None
+    ) -> Mapping[str, float]:
+        """Statistics by key, the stretch's ``duration``, and every value kept so far."""
+        return {**self.values, **self.history.statistics(wanted, stretch, window, self.now)}
 
     # --- commanding --------------------------------------------------------------------------------------
 
@@ -196,6 +202,14 @@ class Bench:
         self._switched(receipt)
         self._keep_watch()
         return receipt
+
+    def try_switch(self, actuator: str, value: float) -> bool:
+        """Switch an actuator now; False when contact is lost for the moment, which `switch` logs."""
+        try:
+            self.switch(actuator, value)
+        except OutOfReach:
+            return False
+        return True
 
     def release(self, actuator: str) -> None:
         """Bring an actuator back to its safe value now; a bench out of reach is made safe when it is back."""
@@ -326,7 +340,7 @@ class Bench:
 
     def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
         """Ask the operator and wait for the answer, with samples and interlocks going on."""
-        self.tell(question)
+        self.request(question)
         try:
             while True:
                 answer = self.operator.ask(question)
@@ -337,7 +351,7 @@ class Bench:
         finally:
             self.withdraw()
 
-    def tell(self, question: Question) -> None:
+    def request(self, question: Question) -> None:
         """Show the operator what is wanted, without waiting."""
         self.question = question
         self.event("operator", question.text, by="rigctl")

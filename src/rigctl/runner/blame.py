@@ -6,8 +6,8 @@ from traceback import format_exception
 
 from rigctl.backends.errors import BackendLost
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.plan.outcomes import Ending, Lost, StepFailed
 from rigctl.runner.bench import Bench
-from rigctl.runner.outcomes import Ending, Lost, StepFailed
 
 
 def ending_for(error: Exception, bench: Bench) -> Ending:

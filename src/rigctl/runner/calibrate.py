@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 
 from rigctl.dataset import Run
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.plan.behaviour import Question
 from rigctl.rig import Channel, Rig, parse_rig
 from rigctl.rig.calibration_fit import Point
 from rigctl.runner.launch import Launch
 from rigctl.runner.manual import Reading, watch
-from rigctl.runner.operator import Operator, Question, read_answer
+from rigctl.runner.operator import Operator, read_answer
 
 #: what the operator may answer instead of a value, to leave the last point out
 UNDO = "undo"

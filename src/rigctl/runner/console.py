@@ -8,8 +8,9 @@ from types import TracebackType
 from typing import Self
 
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.plan.behaviour import Answer, Question
 from rigctl.runner.keys import Keys, open_keys
-from rigctl.runner.operator import Answer, Question, read_answer
+from rigctl.runner.operator import read_answer
 from rigctl.runner.requests import Order, Request
 from rigctl.runner.view import View
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from time import perf_counter, sleep
 
+from rigctl.plan.behaviour import OnPause, Row, Until
+from rigctl.plan.outcomes import Aborted, Ending, Outcome, StepFailed
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
-from rigctl.runner.outcomes import Aborted, Ending, Outcome, StepFailed
 from rigctl.runner.requests import Control, Order, Request
 from rigctl.runner.sampling import Sampling
 from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
-from rigctl.runner.waits import OnPause, Row, Until
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
 
 #: s of wall time that a signal or a key may have to wait

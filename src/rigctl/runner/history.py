@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
-from rigctl.procedure.actions import Measure, Stretch
-from rigctl.procedure.plan import Group, Leaf, Node, Plan, cleanup_blocks, walk
-from rigctl.procedure.statistics import DURATION
-from rigctl.runner.waits import Row
+from rigctl.plan import Group, Leaf, Node, Plan, cleanup_blocks, walk
+from rigctl.plan.behaviour import Row
+from rigctl.plan.statistics import DURATION, Statistic, Stretch
+from rigctl.steps.measure import Measure
 
 #: old samples are dropped when so many more than needed have gathered
 _SPARE = 20_000
@@ -58,20 +58,21 @@ class History:
         """A command has changed."""
         self._phase_start = time
 
-    def statistics(self, measure: Measure, now: float) -> dict[str, float]:
-        """The statistics a measure names, by key, and the stretch's ``duration`` in s."""
-        start = self._start_of(measure, now)
+    def statistics(
+        self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None, now: float
+    ) -> dict[str, float]:
+        """The statistics by key, and the stretch's ``duration`` in s; `window` (s) goes with WINDOW."""
+        start = self._start_of(stretch, window, now)
         first = bisect_left(self._times, start - 1e-9)
         values = {
-            statistic.key: statistic.compute(self._values[statistic.channel][first:])
-            for statistic in measure.statistics
+            statistic.key: statistic.compute(self._values[statistic.channel][first:]) for statistic in wanted
         }
         return {**values, DURATION: now - (start if math.isfinite(start) else now)}
 
-    def _start_of(self, measure: Measure, now: float) -> float:
-        if measure.stretch is Stretch.WINDOW:
-            return now - (measure.window or 0.0)
-        if measure.stretch is Stretch.PHASE:
+    def _start_of(self, stretch: Stretch, window: float | None, now: float) -> float:
+        if stretch is Stretch.WINDOW:
+            return now - (window or 0.0)
+        if stretch is Stretch.PHASE:
             return self._phase_start
         return self._record_start if self._record_start is not None else self._phase_start
 

@@ -23,8 +23,8 @@ from rigctl.dataset import (
 )
 from rigctl.dataset.background import BackgroundWriter
 from rigctl.errors import RigctlError
+from rigctl.plan import Plan
 from rigctl.planning.rates import refuse_rates
-from rigctl.procedure.plan import Plan
 from rigctl.rig import Rig
 from rigctl.runner.aside import beside
 from rigctl.runner.drive import RESPONSE

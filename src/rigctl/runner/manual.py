@@ -17,7 +17,8 @@ from rigctl.dataset.catalogue import run_folders
 from rigctl.dataset.lock import read_state
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
-from rigctl.procedure import Plan, expand, parse_procedure
+from rigctl.plan import Plan
+from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig
 from rigctl.runner.aside import beside
 from rigctl.runner.control import send

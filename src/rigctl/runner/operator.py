@@ -3,58 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from rigctl.errors import RigctlError
+from rigctl.plan.behaviour import Answer, Question
 from rigctl.units import describe, parse_unit, read_si, show
-
-
-@dataclass(frozen=True)
-class Question:
-    """What the operator is asked.
-
-    Parameters
-    ----------
-    text: the question or the request.
-    name: what the answer is kept as; None when a confirmation is enough.
-    unit: the unit a value is read in and shown in; None for a confirmation.
-    low, high: SI, included.
-    simulated: SI, what a simulated operator answers.
-    notice: True when nothing is to be typed: the channels show when it has been done.
-    """
-
-    text: str
-    name: str | None = None
-    unit: str | None = None
-    low: float | None = None
-    high: float | None = None
-    simulated: float | None = None
-    notice: bool = False
-
-    @property
-    def wants_value(self) -> bool:
-        """True when a value has to be typed."""
-        return self.name is not None
-
-    def __str__(self) -> str:
-        """The question with what may be answered."""
-        if self.notice:
-            return self.text
-        if not self.wants_value:
-            return f"{self.text} [Enter]"
-        unit = self.unit or "1"
-        bounds = [show(end, unit) for end in (self.low, self.high) if end is not None]
-        allowed = f", {' to '.join(bounds)}" if len(bounds) == 2 else ""
-        return f"{self.text} [{unit}{allowed}]"
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What came back: the text as typed, and its SI value where one was asked for."""
-
-    text: str
-    value: float | None = None
 
 
 class Operator(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from rigctl.procedure.plan import Leaf, Loop, Node, Plan, children, walk
+from rigctl.plan import Leaf, Loop, Node, Plan, children, walk
 from rigctl.runner.resume import record_paths
 
 

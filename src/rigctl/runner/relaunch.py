@@ -11,7 +11,8 @@ from rigctl.dataset.finalise import recovered_history
 from rigctl.dataset.history import COMPLETE, History
 from rigctl.dataset.lock import in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.procedure import Plan, expand, load_procedure
+from rigctl.plan import Plan
+from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
 from rigctl.runner.launch import Launch, carry_out, header_of, held, opened
 from rigctl.runner.resume import Resume, record_paths

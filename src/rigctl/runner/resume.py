@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from rigctl.procedure.actions import Heat, Set, SetLevel
-from rigctl.procedure.plan import Leaf, Loop, Node, RecordNode, children, iteration_path
+from rigctl.plan import Leaf, Loop, Node, RecordNode, children, iteration_path
 
 
 @dataclass(frozen=True)
@@ -82,9 +81,4 @@ def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
 
 def _sets(node: Node) -> frozenset[str]:
     """The actuators whose lasting state a step decides; a pulse or a move decides none."""
-    match node:
-        case Leaf(action=Heat(actuator=name) | SetLevel(actuator=name)):
-            return frozenset({name})
-        case Leaf(action=Set(values=values, duration=None)):
-            return frozenset(values)
-    return frozenset()
+    return node.action.lasting() if isinstance(node, Leaf) else frozenset()

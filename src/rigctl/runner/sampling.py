@@ -10,11 +10,11 @@ from typing import NoReturn
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import Notice, Sample
 from rigctl.errors import RigctlError
+from rigctl.plan.behaviour import Row
+from rigctl.plan.outcomes import Ending, Lost, SamplesLost, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.interlocks import Alarm, Interlocks
-from rigctl.runner.outcomes import Ending, Lost, SamplesLost, Tripped
 from rigctl.runner.view import Happening
-from rigctl.runner.waits import Row
 
 #: s of bench time that a record which will be measured again waits for a lost bench to come back
 RECONNECT = 30.0

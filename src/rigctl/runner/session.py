@@ -10,7 +10,8 @@ from pathlib import Path
 
 from rigctl.backends.protocol import Backend
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.procedure.plan import Plan
+from rigctl.plan import Plan
+from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.aside import Watching, beside
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
@@ -19,7 +20,6 @@ from rigctl.runner.drive import RESPONSE, Driver, Quit
 from rigctl.runner.history import history_for
 from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.operator import Operator
-from rigctl.runner.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.progress import progress_of
 from rigctl.runner.recorder import Recorder
 from rigctl.runner.requests import Control

@@ -9,7 +9,8 @@ from pathlib import Path
 from rigctl.dataset import Run, open_run
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.version_suffix import is_there
-from rigctl.procedure import Plan, expand, load_procedure
+from rigctl.plan import Plan
+from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
 from rigctl.runner.launch import Launch, clock_for, launch

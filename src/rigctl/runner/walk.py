@@ -6,15 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from itertools import count
 
-from rigctl.procedure.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, iteration_path
+from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, iteration_path
+from rigctl.plan.behaviour import CHECKPOINT, OnPause, Until, Waiting, every_sample
+from rigctl.plan.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
-from rigctl.runner.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
 from rigctl.runner.progress import Progress
 from rigctl.runner.resume import record_paths, remaining, setup_before
 from rigctl.runner.sampling import Sampling
-from rigctl.runner.steps import behaviour
-from rigctl.runner.waits import CHECKPOINT, OnPause, Until, Waiting, every_sample
 
 #: s of bench time that one step of a cleanup block may take after something went wrong
 CLEANUP_STEP_LIMIT = 60.0
@@ -183,7 +182,7 @@ class Walker:
             yield CHECKPOINT
             while True:
                 try:
-                    outcome = yield from behaviour(leaf.action, bench)
+                    outcome = yield from leaf.action.carry_out(bench)
                     break
                 except Restart:
                     bench.event("note", "the step begins again after a pause")

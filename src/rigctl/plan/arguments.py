@@ -1,0 +1,161 @@
+"""Arguments of a procedure: what they are declared as, and what they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Protocol, Self
+
+from pydantic import Field, model_validator
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.refusal import refusal
+from rigctl.plan.fields import Part, Short, UnitName
+from rigctl.plan.values import AnyValue, Value, Variable
+from rigctl.units import Quantity, describe, parse_quantity, parse_unit
+
+
+class ArgumentFields(Part):
+    """A quantity, or a list of them, that a call or the command line may give."""
+
+    description: str = Field(default="", description="what it is for")
+    unit: UnitName | None = Field(default=None, description="its dimension; by default that of `default`")
+    default: AnyValue | list[AnyValue] | None = Field(
+        default=None, description="without one it must be given; a list makes the argument a list"
+    )
+    low: AnyValue | None = Field(default=None, description="smallest value taken")
+    high: AnyValue | None = Field(default=None, description="largest value taken")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        items = self.default if isinstance(self.default, list) else [self.default]
+        if self.default is None and self.unit is None:
+            raise refusal(RigctlError("an argument needs a unit or a default", expected="e.g. 'unit: bar'"))
+        for value in (*items, self.low, self.high):
+            if value is not None and value.literal is None:
+                raise refusal(
+                    RigctlError("an argument's bounds and default have no variables", value=value.text)
+                )
+        if isinstance(self.default, list) and not self.default:
+            raise refusal(RigctlError("an empty list", expected="at least one value"), ("default",))
+        return self
+
+    @property
+    def is_list(self) -> bool:
+        """True when it stands for a list."""
+        return isinstance(self.default, list)
+
+    @property
+    def display_unit(self) -> str:
+        """A unit of its dimension."""
+        first = self.default[0] if isinstance(self.default, list) else self.default
+        if self.unit is not None or first is None or first.literal is None:
+            return self.unit or "1"
+        return first.literal.unit.text or "1"
+
+    def default_variable(self) -> Variable | None:
+        """The default as what a variable stands for."""
+        if isinstance(self.default, list):
+            return tuple(value.quantity({}) for value in self.default)
+        return None if self.default is None else self.default.quantity({})
+
+    def check(self, value: Quantity) -> None:
+        """Refuse another dimension, or a value out of bounds.
+
+        Raises
+        ------
+        RigctlError
+            either of them.
+        """
+        unit = parse_unit(self.display_unit)
+        if value.unit.dimension != unit.dimension:
+            missing = not value.unit.text
+            raise RigctlError(
+                "the unit is missing" if missing else "wrong dimension",
+                value=str(value),
+                expected=describe(self.display_unit),
+            )
+        self._check_bound(value, self.low, sign=-1.0, words="at least")
+        self._check_bound(value, self.high, sign=1.0, words="at most")
+
+    def _check_bound(self, value: Quantity, bound: Value | None, *, sign: float, words: str) -> None:
+        if bound is not None and sign * (value.si - bound.si({}, self.display_unit)) > 0.0:
+            what = "too large" if sign > 0.0 else "too small"
+            raise RigctlError(what, value=str(value), expected=f"{words} {bound.text}")
+
+
+Argument = Annotated[ArgumentFields, Short("default")]
+
+
+class Declaring(Protocol):
+    """A procedure with what may be given to it."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def arguments(self) -> Mapping[str, ArgumentFields]:
+        """What may be given, by name."""
+        ...
+
+
+def read_arguments(procedure: Declaring, given: Mapping[str, str | float]) -> dict[str, Variable]:
+    """Arguments as typed on a command line: ``30 bar``, or ``20 degC, 40 degC`` for one that is a list.
+
+    Raises
+    ------
+    RigctlError
+        an unknown argument, or a text that is no quantity.
+    """
+    variables: dict[str, Variable] = {}
+    for name, written in given.items():
+        declared = _declared(procedure, name)
+        try:
+            if declared.is_list:
+                parts = [part for part in str(written).strip().strip("[]").split(",") if part.strip()]
+                variables[name] = tuple(parse_quantity(part) for part in parts)
+            else:
+                variables[name] = parse_quantity(written)
+        except RigctlError as error:
+            error.what = f"argument {name}: {error.what}"
+            raise
+    return variables
+
+
+def bind(procedure: Declaring, given: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Every argument of the procedure with its value: what was given, or the default.
+
+    Raises
+    ------
+    RigctlError
+        an unknown or a missing argument, another dimension, out of bounds, a list where there is none.
+    """
+    for name in given:
+        _declared(procedure, name)
+    return {name: _bound(name, argument, given) for name, argument in procedure.arguments.items()}
+
+
+def _declared(procedure: Declaring, name: str) -> ArgumentFields:
+    if name not in procedure.arguments:
+        raise unknown_name(f"argument of '{procedure.name}'", name, procedure.arguments)
+    return procedure.arguments[name]
+
+
+def _bound(name: str, argument: ArgumentFields, given: Mapping[str, Variable]) -> Variable:
+    value = given.get(name, argument.default_variable())
+    try:
+        if value is None:
+            raise RigctlError("is missing", expected=describe(argument.display_unit))
+        if isinstance(value, tuple) and not argument.is_list:
+            raise RigctlError("is a list", expected="a single quantity")
+        if not isinstance(value, tuple) and argument.is_list:
+            value = (value,)
+        if value == ():
+            raise RigctlError("is an empty list", expected="at least one value")
+        for item in value if isinstance(value, tuple) else (value,):
+            argument.check(item)
+    except RigctlError as error:
+        error.what = f"argument {name}: {error.what}"
+        raise
+    return value

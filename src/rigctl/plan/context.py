@@ -1,0 +1,245 @@
+"""Where in the plan a step stands while it is built, and how nodes are made there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+from rigctl.errors import RigctlError
+from rigctl.files.nodes import Key
+from rigctl.files.yaml import Document
+from rigctl.plan.action import Action
+from rigctl.plan.arguments import Declaring
+from rigctl.plan.reader import Reader
+from rigctl.plan.tree import Group, GroupKind, Leaf, Node, ProcedureText
+from rigctl.plan.values import Variables
+from rigctl.project import find_project
+from rigctl.units import Quantity
+
+MAX_NODES = 100_000
+#: steps inside steps, through calls: as deep as a single file can nest them
+MAX_DEPTH = 50
+#: how often a step may be repeated by all the loops around it
+MAX_ROUNDS = 1_000_000
+
+
+class Step(Protocol):
+    """What builds a node of the plan; see `rigctl.plan.step`."""
+
+    verb: ClassVar[str]
+
+    def build(self, context: Context) -> Node:
+        """The node, with every variable resolved and checked against the rig."""
+        ...
+
+
+class Cleanup(Protocol):
+    """The steps that are carried out when a block is left."""
+
+    @property
+    def on_failure(self) -> Sequence[Step] | None:
+        """When one of its steps failed."""
+        ...
+
+    @property
+    def on_abort(self) -> Sequence[Step] | None:
+        """When the run was aborted inside it."""
+        ...
+
+    @property
+    def finally_(self) -> Sequence[Step] | None:
+        """In every case, last."""
+        ...
+
+
+class Called(ProcedureText, Declaring, Cleanup, Protocol):
+    """A procedure that a plan is built from: the one asked for, or one that a step calls."""
+
+    @property
+    def document(self) -> Document:
+        """The file, with the places of what is written."""
+        ...
+
+    @property
+    def steps(self) -> Sequence[Step]:
+        """What it does."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Context(Reader):
+    """A reader that knows its place in the plan."""
+
+    path: str = ""  #: of the step; empty at the top of the procedure
+    sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every sweep around, through calls
+    recording: bool = False  #: inside a record
+    depth: int = 0  #: steps around this one
+    rounds: int = 1  #: how often the loops around repeat it
+    calls: tuple[Called, ...]  #: from the procedure that was asked for to this one
+    load: Callable[[Path], Called]  #: reads the file of a procedure that is called
+
+    def allow(self, more: int) -> None:
+        """Refuse a plan that grows beyond what a person could mean."""
+        if self.findings.nodes + more > MAX_NODES:
+            raise RigctlError(
+                "the plan grows too large",
+                value=f"{self.findings.nodes + more} steps",
+                expected=f"at most {MAX_NODES} steps",
+            )
+
+    def leaf(self, label: str, action: Action) -> Leaf:
+        """The step's only node."""
+        return Leaf(self.path, label, self.where(), action)
+
+    def body(self, steps: Sequence[Step], key: str) -> Group:
+        """The steps under `key` as the inside of a record, a loop or a branch."""
+        prefix = self.path if key == "do" else f"{self.path}/{key}"
+        children = self._steps(steps, key, prefix)
+        return Group(f"{self.path}/{key}", key, self.where(key), children)
+
+    def block(
+        self,
+        steps: Sequence[Step],
+        key: str,
+        *,
+        label: str,
+        kind: GroupKind = GroupKind.DO,
+        bindings: Mapping[str, str] | None = None,
+        cleanup: Cleanup | None = None,
+    ) -> Group:
+        """The steps under `key` as a group that is the step's own node."""
+        children = self._steps(steps, key, self.path)
+        return self.collect(children, label=label, kind=kind, bindings=bindings, cleanup=cleanup)
+
+    def collect(
+        self,
+        children: Sequence[Node],
+        *,
+        label: str,
+        kind: GroupKind,
+        bindings: Mapping[str, str] | None = None,
+        cleanup: Cleanup | None = None,
+        path: str | None = None,
+    ) -> Group:
+        """Nodes that are already built, as one group with its cleanup."""
+        own = self.path if path is None else path
+        blocks = self.cleanup_groups(cleanup, own)
+        return Group(
+            path=own or "procedure",
+            label=label,
+            where=self.where(),
+            children=tuple(children),
+            kind=kind,
+            bindings=bindings or {},
+            on_failure=blocks.get("on_failure"),
+            on_abort=blocks.get("on_abort"),
+            finally_=blocks.get("finally"),
+        )
+
+    def with_cleanup(self, node: Node, cleanup: Cleanup) -> Node:
+        """The node itself, or a group around it when the step has cleanup blocks."""
+        if not (cleanup.on_failure or cleanup.on_abort or cleanup.finally_):
+            return node
+        path = f"{self.path.rpartition('/')[0]}/block" if "/" in self.path else "block"
+        return self.collect([node], label=node.label, kind=GroupKind.DO, cleanup=cleanup, path=path)
+
+    def inside_record(self) -> Context:
+        """The same place, with a record open."""
+        return replace(self, recording=True)
+
+    def repeated(self, count: int, key: str) -> Context:
+        """The same place inside a loop of so many rounds."""
+        rounds = self.rounds * max(count, 1)
+        if rounds > MAX_ROUNDS:
+            with self.located(key):
+                raise RigctlError(
+                    "repeated too often", value=f"{rounds} rounds", expected=f"at most {MAX_ROUNDS}"
+                )
+        return replace(self, rounds=rounds)
+
+    def at_point(self, label: str, point: Mapping[str, Quantity]) -> Context:
+        """The same place at one point of a sweep."""
+        with self.located("do"):
+            self.allow(1)
+        self.findings.nodes += 1
+        return replace(
+            self,
+            path=f"{self.path}[{label}]",
+            variables={**self.variables, **point},
+            sweep={**self.sweep, **point},
+        )
+
+    def sweep_values(self) -> dict[str, tuple[float, str]]:
+        """The values of every sweep around, in SI, with the units they are shown in."""
+        return {name: (value.si, value.unit.text or "1") for name, value in self.sweep.items()}
+
+    def open_call(self, written: str) -> Called:
+        """Read the procedure that a call names.
+
+        Raises
+        ------
+        RigctlError
+            there is no such file, something in it is wrong, or it calls itself in the end; names the chain.
+        """
+        project = find_project(self.document.path.parent if self.document.path else None)
+        path = project.resolve(written, relative_to=self.document.path)
+        chain = [str(procedure.path) for procedure in self.calls]
+        if any(_same_file(procedure.path, path) for procedure in self.calls):
+            names = " calls ".join(Path(name).name for name in [*chain, str(path)])
+            raise RigctlError("a procedure calls itself", value=names, expected="calls that come to an end")
+        return self.load(path)
+
+    def called(self, procedure: Called, variables: Variables) -> Context:
+        """The top of another procedure that is called from here."""
+        return replace(
+            self,
+            document=procedure.document,
+            keys=(),
+            variables=variables,
+            calls=(*self.calls, procedure),
+        )
+
+    def _steps(self, steps: Sequence[Step], key: str, prefix: str) -> tuple[Node, ...]:
+        return tuple(self._step(step, (key, index), prefix) for index, step in enumerate(steps))
+
+    def _step(self, step: Step, keys: tuple[Key, ...], prefix: str) -> Node:
+        inner = replace(
+            self,
+            keys=(*self.keys, *keys),
+            path=f"{prefix}/{int(keys[-1]) + 1}/{step.verb}".lstrip("/"),
+            depth=self.depth + 1,
+        )
+        with inner.located():
+            self.allow(1)
+            if self.depth >= MAX_DEPTH:
+                raise RigctlError(
+                    "steps are nested too deep", expected=f"at most {MAX_DEPTH} inside each other"
+                )
+        self.findings.nodes += 1
+        return step.build(inner)
+
+    def cleanup_groups(self, cleanup: Cleanup | None, path: str) -> dict[str, Group]:
+        """The cleanup blocks that are written, in the order in which they would run."""
+        if cleanup is None:
+            return {}
+        named = {
+            "on_failure": cleanup.on_failure,
+            "on_abort": cleanup.on_abort,
+            "finally": cleanup.finally_,
+        }
+        return {
+            key: self._cleanup_group(steps, key, f"{path}/{key}".lstrip("/"))
+            for key, steps in named.items()
+            if steps
+        }
+
+    def _cleanup_group(self, steps: Sequence[Step], key: str, path: str) -> Group:
+        """One cleanup block."""
+        children = self._steps(steps, key, path)
+        return Group(path, key, self.where(key), children, kind=GroupKind.CLEANUP)
+
+
+def _same_file(one: Path | None, other: Path) -> bool:
+    return one is not None and one.resolve() == other.resolve()

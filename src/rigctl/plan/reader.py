@@ -1,0 +1,186 @@
+"""What a step is read with: the rig, the variables in scope, and the step's place in its file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from rigctl.errors import Location, RigctlError, unknown_name
+from rigctl.expressions import BOOLEAN, Expression, ValueType, parse, type_of_unit
+from rigctl.files.nodes import Key
+from rigctl.files.yaml import Document
+from rigctl.plan.shown import shown_variable
+from rigctl.plan.statistics import DURATION, STATISTICS
+from rigctl.plan.values import MARK, Value, Variable, Variables, substituted
+from rigctl.rig import Channel, HeatRole, MoveRole, Rig, SetRole
+from rigctl.units import Quantity, show
+
+_Role = TypeVar("_Role", HeatRole, SetRole, MoveRole)
+
+_VARIABLE = re.compile(r"\$([A-Za-z]\w*)")
+
+
+@dataclass
+class Findings:
+    """What expansion has met so far, in the order of execution: grows while the plan is built."""
+
+    answers: dict[str, ValueType] = field(default_factory=dict)  #: measures and operators' answers
+    nodes: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reader:
+    """Resolves what one step says; every refusal names the place of what is wrong.
+
+    `keys` in the methods lead from the step to the part in question, as in the file.
+    """
+
+    rig: Rig
+    document: Document
+    keys: tuple[Key, ...] = ()
+    variables: Variables = field(default_factory=dict)
+    findings: Findings
+
+    def where(self, *keys: Key) -> Location:
+        """The place of a part of the step, or of the nearest thing around it that is written."""
+        return self.document.locate((*self.keys, *keys))
+
+    @contextmanager
+    def located(self, *keys: Key) -> Iterator[None]:
+        """Give an error raised inside its place, and the name of the field in front."""
+        try:
+            yield
+        except RigctlError as error:
+            name = self._written_name(keys)
+            if error.where.line is None and name and f"'{name}'" not in error.what:
+                error.what = f"{name}: {error.what}"
+            raise error.at(self.where(*keys)) from None
+
+    def _written_name(self, keys: tuple[Key, ...]) -> str | None:
+        """The last of `keys` that the file holds; a short form leaves some out, and they stand nowhere."""
+        for end in range(len(keys), 0, -1):
+            key = keys[end - 1]
+            if isinstance(key, str) and self.where(*keys[:end]) != self.where(*keys[: end - 1]):
+                return key
+        return None
+
+    @property
+    def answers(self) -> Mapping[str, ValueType]:
+        """Measures and operators' answers that the steps before give."""
+        return self.findings.answers
+
+    def types(self) -> Mapping[str, ValueType]:
+        """Channels and commands by name."""
+        return self.rig.layout.types()
+
+    def si(self, value: Value, *keys: Key, unit: str | None = None, difference: bool | None = None) -> float:
+        """A value in SI; `unit` and `difference` where its field leaves them open."""
+        with self.located(*keys):
+            return value.si(self.variables, unit, difference=difference)
+
+    def optional_si(
+        self, value: Value | None, *keys: Key, unit: str | None = None, difference: bool | None = None
+    ) -> float | None:
+        """The same for a field that may be left out."""
+        return None if value is None else self.si(value, *keys, unit=unit, difference=difference)
+
+    def quantity(self, value: Value, *keys: Key) -> Quantity:
+        """A value with its unit."""
+        with self.located(*keys):
+            return value.quantity(self.variables)
+
+    def variable(self, value: Value, *keys: Key) -> Variable:
+        """A value with its unit, or the list that a lone ``$name`` stands for."""
+        found = self.variables.get(value.text.strip().removeprefix(MARK)) if MARK in value.text else None
+        return found if isinstance(found, tuple) else self.quantity(value, *keys)
+
+    def list_variable(self, text: str) -> list[Quantity]:
+        """The values of ``$name``, which must be a list."""
+        name = text.strip().removeprefix(MARK)
+        if name not in self.variables:
+            raise unknown_name("variable", name, self.variables)
+        found = self.variables[name]
+        return list(found) if isinstance(found, tuple) else [found]
+
+    def condition(self, text: str, *keys: Key, answers: bool = False) -> Expression:
+        """A comparison of channels and commands; with `answers` also of measures and answers."""
+        with self.located(*keys):
+            types = {**self.types(), **self.answers} if answers else self.types()
+            expression = substituted(parse(text), self.variables)
+            if not answers:
+                for name in sorted(expression.names & self.answers.keys()):
+                    raise RigctlError(
+                        "an answer or measure does not change while a step waits",
+                        value=name,
+                        expected="a channel or a command",
+                    )
+            return expression.checked(types, expected=BOOLEAN)
+
+    def channel(self, name: str, *keys: Key) -> Channel:
+        """A channel of the rig."""
+        if name not in self.rig.channels:
+            with self.located(*keys):
+                raise unknown_name("channel", name, self.rig.channels)
+        return self.rig.channels[name]
+
+    def heat_role(self) -> HeatRole:
+        """What `heat` switches and watches."""
+        return self._role("heat", self.rig.roles.heat)
+
+    def pressure_role(self) -> SetRole:
+        """What `set_pressure` sets and watches."""
+        return self._role("set_pressure", self.rig.roles.set_pressure)
+
+    def move_role(self, verb: str) -> MoveRole:
+        """What `extend` or `retract` switches."""
+        return self._role(verb, self.rig.roles.extend if verb == "extend" else self.rig.roles.retract)
+
+    def _role(self, verb: str, role: _Role | None) -> _Role:
+        if role is None:
+            raise RigctlError(
+                f"the rig '{self.rig.name}' cannot {verb.replace('_', ' ')}",
+                hint=f"Say under 'roles' in {self.rig.path or 'the rig file'} what '{verb}' uses",
+                where=self.where(verb),
+            )
+        return role
+
+    def fill_in(self, text: str, *keys: Key) -> str:
+        """A text with every ``$name`` replaced by its value."""
+
+        def value(match: re.Match[str]) -> str:
+            name = match.group(1)
+            if name not in self.variables:
+                raise unknown_name("variable", name, self.variables)
+            return shown_variable(self.variables[name])
+
+        with self.located(*keys):
+            return _VARIABLE.sub(value, text)
+
+    def learn(self, name: str, unit: str, *keys: Key, difference: bool = False) -> None:
+        """Let later steps name a measure or an answer."""
+        taken = self.rig.layout.columns
+        with self.located(*keys):
+            if name in taken or name in STATISTICS or name == DURATION:
+                raise RigctlError("this name has a meaning of its own", value=name, expected="another name")
+            kind = type_of_unit(unit, difference=difference)
+            known = self.answers.get(name)
+            if known is not None and known != kind:
+                raise RigctlError(
+                    "this name is used for values of two dimensions", value=name, expected="another name"
+                )
+            self.findings.answers[name] = kind
+
+    def check_bounds(
+        self, low: float | None, high: float | None, unit: str, verb: str, *, difference: bool = False
+    ) -> None:
+        """Refuse limits that no value can meet."""
+        if low is not None and high is not None and low > high:
+            with self.located(verb, "low"):
+                raise RigctlError(
+                    "larger than 'high'",
+                    value=show(low, unit, difference=difference),
+                    expected=f"at most {show(high, unit, difference=difference)}",
+                )

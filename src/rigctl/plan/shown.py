@@ -1,0 +1,26 @@
+"""How plans show times and bindings to a person."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.plan.values import Variable
+
+
+def shown_time(seconds: float) -> str:
+    """A duration in the largest unit that keeps it short: ``1.05 s``, ``10 min``, ``2 h``."""
+    if seconds >= 3600.0 and seconds % 360.0 == 0.0:
+        return f"{seconds / 3600.0:g} h"
+    if seconds >= 120.0 and seconds % 30.0 == 0.0:
+        return f"{seconds / 60.0:g} min"
+    return f"{seconds:g} s"
+
+
+def shown_variable(value: Variable) -> str:
+    """A variable's value as a person reads it; a list in its order."""
+    return ", ".join(str(item) for item in value) if isinstance(value, tuple) else str(value)
+
+
+def shown_bindings(variables: Mapping[str, Variable]) -> dict[str, str]:
+    """Every variable's value by its name."""
+    return {name: shown_variable(value) for name, value in variables.items()}

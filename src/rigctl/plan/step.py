@@ -1,0 +1,50 @@
+"""What all steps share: each kind is a file of its own in `rigctl.steps`."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+from pydantic import Field
+
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Part
+from rigctl.plan.tree import Node
+
+
+class Step(Part):
+    """One entry of a list of steps: a mapping whose first key, the verb, says what it is."""
+
+    verb: ClassVar[str]
+    example: ClassVar[str]  #: for the reference; a test expands it on the shipped rig
+
+    @abstractmethod
+    def build(self, context: Context) -> Node:
+        """The node of the plan, with every variable resolved and checked against the rig.
+
+        Raises
+        ------
+        RigctlError
+            the step does not fit the rig, with its place in the file.
+        """
+
+
+if TYPE_CHECKING:
+    #: any kind of step; what it is read as is put together from all of them in `rigctl.steps.registry`
+    AnyStep: TypeAlias = Step
+
+
+class Cleanup(Part):
+    """What is carried out when the steps of a block are left, however they are left."""
+
+    on_failure: list[AnyStep] | None = Field(default=None, description="when one of its steps failed")
+    on_abort: list[AnyStep] | None = Field(default=None, description="when the run was aborted inside it")
+    finally_: list[AnyStep] | None = Field(
+        default=None, alias="finally", description="in every case, after the others"
+    )
+
+
+class Block(Step, Cleanup):
+    """A step that contains steps."""
+
+    do: list[AnyStep] = Field(min_length=1, description="the steps")

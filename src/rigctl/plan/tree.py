@@ -1,0 +1,179 @@
+"""A procedure with its sweeps, calls and variables resolved: the tree that preview and runner both walk.
+
+A node's `path` names it for good: it is built from the positions of the steps in the file and the values of
+the sweeps, so the same procedure with the same arguments gives the same paths, and a resumed run finds its
+place by them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Protocol, TypeAlias
+
+from rigctl.errors import Location
+from rigctl.expressions import Expression
+from rigctl.plan.action import Action
+from rigctl.rig import Rig
+
+
+class ProcedureText(Protocol):
+    """The procedure file that a plan was made from, as it is kept with a run."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def path(self) -> Path | None:
+        """The file it was read from."""
+        ...
+
+    @property
+    def text(self) -> str:
+        """The file's text."""
+        ...
+
+    @property
+    def sha256(self) -> str:
+        """The hash of the text, as hexadecimal digits."""
+        ...
+
+
+class GroupKind(Enum):
+    """Where a group comes from."""
+
+    ROOT = "root"  #: the procedure itself, or one of its cleanup blocks
+    DO = "do"  #: a `do` block, the body of a record, a loop or a branch
+    FOR = "for"  #: a sweep; its children are its iterations
+    ITERATION = "iteration"  #: one point of a sweep; `bindings` are its values
+    CALL = "call"  #: another procedure; `bindings` are its arguments
+    CLEANUP = "cleanup"  #: an `on_failure`, `on_abort` or `finally` block
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Nodes carried out one after the other, with the cleanup that belongs to them.
+
+    `on_failure` runs when a child failed, `on_abort` when the run was aborted inside, `finally_` in every
+    case and last. A failure goes on upwards after them.
+    """
+
+    path: str
+    label: str
+    where: Location
+    children: tuple[Node, ...]
+    kind: GroupKind = GroupKind.DO
+    bindings: Mapping[str, str] = field(default_factory=dict)  #: as a person reads them
+    on_failure: Group | None = None
+    on_abort: Group | None = None
+    finally_: Group | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """One step that asks something of the bench."""
+
+    path: str
+    label: str
+    where: Location
+    action: Action
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A body carried out again and again: `count` times, or while a condition holds before each round.
+
+    It is unrolled while running. A loop with a condition fails when it still holds after `max_iterations`.
+    """
+
+    path: str
+    label: str
+    where: Location
+    body: Group
+    count: int | None
+    condition: Expression | None
+    max_iterations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A choice made while running, from the newest sample, earlier measures and operators' answers."""
+
+    path: str
+    label: str
+    where: Location
+    condition: Expression
+    then: Group
+    otherwise: Group | None
+
+
+@dataclass(frozen=True, slots=True)
+class RecordNode:
+    """One excitation that is recorded: the unit of fitting and of hold-out."""
+
+    path: str
+    label: str
+    where: Location
+    name: str
+    rate: float  #: Hz
+    channels: tuple[str, ...]
+    sweep: Mapping[str, tuple[float, str]]  #: name to SI value and the unit it is shown in
+    body: Group
+    retries: int = 0  #: how often it is repeated when the bench was lost inside it
+
+
+Node: TypeAlias = Group | Leaf | Loop | Branch | RecordNode
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Everything a run will do, decided before anything moves."""
+
+    name: str
+    procedure: ProcedureText
+    rig: Rig
+    root: Group
+    on_failure: Group | None
+    on_abort: Group | None
+    finally_: Group | None
+    arguments: Mapping[str, str]  #: as a person reads them, with units
+    digest: str  #: SHA-256 over the tree: equal plans do equal things
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """The nodes directly below, cleanup blocks left out."""
+    match node:
+        case Group():
+            return node.children
+        case Loop() | RecordNode():
+            return (node.body,)
+        case Branch():
+            return (node.then,) if node.otherwise is None else (node.then, node.otherwise)
+        case Leaf():
+            return ()
+
+
+def cleanup_blocks(node: Group) -> tuple[Group, ...]:
+    """The cleanup blocks of a group that exist, in the order in which they would run."""
+    return tuple(block for block in (node.on_failure, node.on_abort, node.finally_) if block is not None)
+
+
+def walk(node: Node) -> Iterator[Node]:
+    """The node and everything below it in order of execution; cleanup blocks left out."""
+    stack = [node]
+    while stack:
+        current = stack.pop()
+        yield current
+        stack.extend(reversed(children(current)))
+
+
+def iteration_path(loop: Loop, iteration: int, path: str) -> str:
+    """The path of a node inside a loop in one of its rounds, counted from 1.
+
+    ``2/repeat/1/record`` inside the loop ``2/repeat`` is ``2/repeat#3/1/record`` in the third round.
+    """
+    return f"{loop.path}#{iteration}{path.removeprefix(loop.path)}"

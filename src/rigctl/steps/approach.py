@@ -1,0 +1,192 @@
+"""A move to a position: drive, stop where it will coast to the target, correct with short timed pulses."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Generator
+from typing import Protocol
+
+from rigctl.plan.behaviour import Behaviour, Bench, OnPause, Row, Until, Waiting, every_sample
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.steps.readings import reading
+from rigctl.steps.settling import MovingMean
+
+#: Hz that the position is read with at least; between records the bench is read faster for the while
+_RATE = 100.0
+#: s that the position is watched before it counts as a resting one
+_REST = 0.3
+#: s of motion that a speed is taken over
+_SPAN = 0.1
+#: s that the actuator goes on moving after it was switched off, as a first guess
+_COASTING = 0.03
+#: s, the shortest pulse worth giving: shorter than this a valve does not open
+_SHORTEST = 0.01
+#: s of travel that is left to timed pulses
+_NEAR = 0.5
+
+
+class MoveTo(Protocol):
+    """A move to a position: the fields of `rigctl.steps.move.Move` that it needs; SI."""
+
+    @property
+    def direction(self) -> int:
+        """+1 outwards, −1 inwards, when `actuator` is commanded to `value`."""
+        ...
+
+    @property
+    def actuator(self) -> str:
+        """What is commanded."""
+        ...
+
+    @property
+    def value(self) -> float:
+        """What it is commanded to."""
+        ...
+
+    @property
+    def position(self) -> str | None:
+        """The channel that reads the position."""
+        ...
+
+    @property
+    def target(self) -> float | None:
+        """Where to come to rest, m."""
+        ...
+
+    @property
+    def within(self) -> float | None:
+        """The half width of the tolerance, m."""
+        ...
+
+    @property
+    def timeout(self) -> float | None:
+        """When to give up, s."""
+        ...
+
+
+def approach(action: MoveTo, bench: Bench) -> Behaviour:
+    """Bring the position to rest within `within` of `target`, from either side.
+
+    Far away: full speed with a predicted stop. Near: timed pulses, whose length is corrected by what the
+    one before did.
+
+    Raises
+    ------
+    StepFailed
+        it does not rest there within `timeout` s, or it has to go back and the rig has no role for that.
+    """
+    slower = bench.rate if bench.rate < _RATE and not bench.recording else None
+    if slower is not None:
+        bench.start(_RATE)
+    drive = _Drive(action, bench)
+    try:
+        position = yield from drive.rest()
+        while abs(drive.target - position) > drive.within:
+            yield from drive.towards(position)
+            position = yield from drive.rest()
+    finally:
+        drive.stop()
+        if slower is not None and bench.reachable:
+            bench.start(slower)
+    return Outcome.COMPLETE
+
+
+class _Drive:
+    """The actuator, and what is known of how the position follows it."""
+
+    def __init__(self, action: MoveTo, bench: Bench) -> None:
+        if action.position is None or action.target is None or action.within is None:
+            raise ValueError("a move to a position needs a channel, a target and a tolerance")
+        self.target = action.target
+        self.within = action.within
+        self._action = action
+        self._bench = bench
+        self._column = bench.columns[action.position]
+        self._give_up = bench.now + (action.timeout or 0.0)
+        self._position = math.nan
+        self._speed = math.nan  # m/s at full speed, once it has been seen
+        self._lost = 0.0  # s of a pulse in which nothing moves
+
+    def rest(self) -> Generator[Until, Row | None, float]:
+        """The mean position over a short rest, m."""
+        mean = MovingMean(_REST)
+        end = self._bench.now + _REST
+        while self._bench.now < end or math.isnan(self._position):
+            row = yield Until(min(self._give_up, max(end, self._bench.now + _SHORTEST)), every_sample)
+            if row is not None:
+                self._position = mean.add(row[0], row[self._column])
+            self._check_time()
+        return self._position
+
+    def towards(self, position: float) -> Waiting:
+        """One drive in the direction of the target."""
+        direction = math.copysign(1.0, self.target - position)
+        distance = abs(self.target - position)
+        value = self._value(direction)
+        if distance < self._speed * _NEAR:
+            yield from self._pulse(value, distance)
+        else:
+            yield from self._full_speed(value, direction)
+
+    def stop(self) -> None:
+        """Leave the actuator at its safe value."""
+        self._bench.release(self._action.actuator)
+
+    def _pulse(self, value: float, distance: float) -> Waiting:
+        """A pulse for `distance`; learns how much of it was lost to the opening of the valve."""
+        duration = max(distance / self._speed + self._lost, _SHORTEST)
+        before = self._position
+        receipt = yield from self._bench.command(self._action.actuator, value, duration)
+        yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
+        yield from self._bench.finish_pulse(self._action.actuator)
+        after = yield from self.rest()
+        self._lost = duration - abs(after - before) / self._speed
+
+    def _full_speed(self, value: float, direction: float) -> Waiting:
+        """Drive until the next sample would be too late, then stop at the predicted time."""
+        yield from self._bench.command(self._action.actuator, value)
+        period = 1.0 / self._bench.rate
+        past: deque[tuple[float, float]] = deque(maxlen=max(2, round(_SPAN / period) + 1))
+        while True:
+            row = yield Until(self._give_up, every_sample)
+            self._check_time()
+            if row is None or math.isnan(row[self._column]):
+                continue
+            self._position = row[self._column]
+            past.append((row[0], self._position))
+            left = direction * (self.target - self._position)
+            if left <= 0.0:
+                break
+            then, old = past[0]
+            span = row[0] - then
+            speed = direction * (self._position - old) / span if span > 0.0 else 0.0
+            if speed <= 0.0:
+                continue
+            self._speed = speed
+            remaining = left / speed - _COASTING
+            if remaining < 1.5 * period:
+                yield Until(row[0] + remaining, on_pause=OnPause.DEFER)
+                break
+        self.stop()
+
+    def _value(self, direction: float) -> float:
+        """What the actuator is commanded to for a motion outwards (+1) or inwards (−1)."""
+        if direction == self._action.direction:
+            return self._action.value
+        roles = self._bench.rig.roles
+        back = roles.retract if direction < 0 else roles.extend
+        if back is None or back.actuator != self._action.actuator:
+            raise StepFailed("the position lies beyond the target and the rig has no role to go back")
+        return float(back.value)
+
+    def _check_time(self) -> None:
+        if self._bench.now < self._give_up:
+            return
+        name = str(self._action.position)
+        tolerance = reading(self._bench, name, self.within, difference=True)
+        raise StepFailed(
+            f"{name} did not come to rest at {reading(self._bench, name, self.target)} ± {tolerance} within "
+            f"{self._action.timeout or 0.0:g} s; it was {reading(self._bench, name, self._position)}",
+            outcome=Outcome.TIMED_OUT,
+        )

@@ -1,0 +1,24 @@
+"""`do`: steps that belong together, with their cleanup."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rigctl.plan.context import Context
+from rigctl.plan.step import Block
+from rigctl.plan.tree import Group
+
+
+class DoStep(Block):
+    """Carry out steps in order; `finally` and its like say what follows however that ends."""
+
+    verb: ClassVar[str] = "do"
+    example: ClassVar[str] = (
+        "- do:\n    - set: {heater: on}\n    - wait: 5 min\n  finally:\n    - set: {heater: off}\n"
+    )
+
+    def build(self, context: Context) -> Group:
+        """A `Group` with its cleanup."""
+        count = len(self.do)
+        label = f"do {count} step{'s' if count > 1 else ''}"
+        return context.block(self.do, "do", label=label, cleanup=self)

@@ -1,0 +1,205 @@
+"""`heat`: bring the oil to a temperature and let it settle there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, Until, every_sample
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Part, Short
+from rigctl.plan.forecast import Basis, Forecast, ForecastBench, OilTank, State
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.plan.setpoints import check_set_point
+from rigctl.plan.shown import shown_time
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import (
+    DURATION,
+    PERIOD,
+    TEMPERATURE_TOLERANCE,
+    Duration,
+    Period,
+    Temperature,
+    TemperatureTolerance,
+)
+from rigctl.steps.settling import Settling
+from rigctl.units import show
+
+
+class HeatFields(Part):
+    """The oil is there when it has stayed inside the tolerance for `settle`."""
+
+    to: Temperature = Field(description="the temperature wanted")
+    within: TemperatureTolerance = Field(
+        default=TEMPERATURE_TOLERANCE.read("0.5 K"), description="half width of the tolerance"
+    )
+    settle: Period = Field(default=PERIOD.read("60 s"), description="how long it must stay inside")
+    timeout: Duration = Field(default=DURATION.read("2 h"), description="when the step fails")
+
+
+class HeatStep(Step):
+    """Heat the oil, or wait until it has cooled."""
+
+    verb: ClassVar[str] = "heat"
+    example: ClassVar[str] = "- heat: {to: 40 degC, within: 0.5 K, settle: 60 s, timeout: 2 h}\n"
+    heat: Annotated[HeatFields, Short("to")]
+
+    def build(self, context: Context) -> Leaf:
+        """A `Heat` on the actuator and channel of the rig's role."""
+        role = context.heat_role()
+        fields = self.heat
+        to = context.si(fields.to, "heat", "to")
+        with context.located("heat", "to"):
+            check_set_point(context.rig, role.channel, to)
+        action = Heat(
+            actuator=role.actuator,
+            channel=role.channel,
+            to=to,
+            within=context.si(fields.within, "heat", "within"),
+            settle=context.si(fields.settle, "heat", "settle"),
+            timeout=context.si(fields.timeout, "heat", "timeout"),
+        )
+        unit = context.rig.channels[role.channel].unit
+        label = (
+            f"heat to {show(action.to, unit)} ± {show(action.within, 'K', difference=True)}, "
+            f"settle {shown_time(action.settle)}"
+        )
+        return context.leaf(label, action)
+
+
+@dataclass(frozen=True, slots=True)
+class Heat(Action):
+    """Bring the oil to `to` and keep it within `within` of it for `settle` seconds.
+
+    Too cold, the heater is switched with the role's hysteresis; too hot, the step waits for natural cooling.
+    """
+
+    actuator: str
+    channel: str
+    to: float  #: K, absolute
+    within: float  #: K, half width of the tolerance
+    settle: float  #: s inside the tolerance before the step is done
+    timeout: float  #: s until the step fails
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The way to the tolerance, then the settling time."""
+        if bench.tank is None or state.temperature is None:
+            return self._at_most(state)
+        return self._in_tank(bench.tank, state.temperature, state, bench)
+
+    def _at_most(self, state: State, warning: str | None = None) -> Forecast:
+        after = replace(state, temperature=self.to)
+        return Forecast(self.timeout, Basis.AT_MOST, after, self._reaches, warning)
+
+    @property
+    def _reaches(self) -> dict[str, tuple[float, float]]:
+        return {self.channel: (self.to - self.within, self.to + self.within)}
+
+    def _in_tank(self, tank: OilTank, start: float, state: State, bench: ForecastBench) -> Forecast:
+        low, high = self._reaches[self.channel]
+        heating = start < low
+        edge = low if heating else high
+        approach = 0.0 if low <= start <= high else tank.time_to(edge, start, state.pressure, heating)
+        total = approach + self.settle
+        if math.isinf(approach):
+            return self._at_most(state, self._never(tank, state, bench, heating))
+        if total > self.timeout:
+            begin, rounded = self._shown(start, bench), shown_time(float(f"{total:.2g}"))
+            warning = f"takes about {rounded} from {begin}, but fails after {shown_time(self.timeout)}"
+            return self._at_most(state, warning)
+        reached = edge if approach > 0.0 else start
+        settled = tank.after(reached, self.settle, state.pressure, heating=reached < self.to)
+        drifted = tank.after(reached, self.settle, state.pressure, heating=False)
+        past = None
+        if drifted > high and reached >= self.to:
+            past = f"the pump alone heats the oil past {self._shown(high, bench)} while it settles"
+        role = bench.rig.roles.heat
+        band = role.hysteresis if role is not None else None
+        off_above = self.to + (0.5 * self.within if band is None else min(band, self.within))
+        end = min(settled, max(off_above, drifted))
+        return Forecast(total, Basis.ESTIMATED, replace(state, temperature=end), self._reaches, past)
+
+    def _never(self, tank: OilTank, state: State, bench: ForecastBench, heating: bool) -> str:
+        limit = tank.limit(state.pressure, heating)
+        pressure = show(state.pressure, "bar", digits=3)
+        what = "with the heater on, the oil gets no hotter" if heating else "the oil cools no further"
+        return f"{what} than {self._shown(limit, bench)} at {pressure}"
+
+    def _shown(self, temperature: float, bench: ForecastBench) -> str:
+        return show(temperature, bench.rig.channels[self.channel].unit, digits=3)
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Switch the heater with hysteresis until the mean reading has been within tolerance for `settle` s.
+
+        Oil that is too hot cools by itself. The heater is off when the step is over, however it ends.
+
+        Raises
+        ------
+        StepFailed
+            it did not settle within `timeout` s; says what was seen.
+        """
+        column = bench.columns[self.channel]
+        settling = Settling(self.to, self.within, self.settle)
+        heater = _Thermostat(self, bench)
+        give_up = bench.now + self.timeout
+        row = yield from bench.fresh()
+        try:
+            bench.regulated.add(self.actuator)
+            while not settling.add(row[0], row[column]):
+                heater.regulate(row[0], settling.mean)
+                sample = yield Until(give_up, every_sample)
+                if sample is None:
+                    reason = settling.gave_up(bench, self.channel, self.timeout)
+                    raise StepFailed(reason, outcome=Outcome.TIMED_OUT)
+                row = sample
+        finally:
+            heater.off()
+        return Outcome.COMPLETE
+
+    def lasting(self) -> frozenset[str]:
+        """The heater: a temperature lasts beyond the step."""
+        return frozenset({self.actuator})
+
+
+class _Thermostat:
+    """On below the band, off at the set-point, unchanged between; no faster than the actuator allows.
+
+    The band lies below the set-point: a pump heats its oil too, and what heats on by itself would carry a
+    reading that is at the upper end of a band out of the tolerance before it has settled.
+    """
+
+    def __init__(self, action: Heat, bench: Bench) -> None:
+        actuator = bench.rig.actuators[action.actuator]
+        role = bench.rig.roles.heat
+        band = role.hysteresis if role is not None else None
+        self._band = min(0.5 * action.within if band is None else float(band), action.within)
+        self._bench = bench
+        self._action = action
+        self._on = float(actuator.high) if actuator.high is not None else 1.0
+        self._off = bench.safe_value(action.actuator)
+        self._rest = actuator.min_interval
+        self._next_switch = -1.0  # s; until then the reading may still change what is wanted
+
+    def regulate(self, time: float, mean: float) -> None:
+        """Decide by the mean reading."""
+        if mean < self._action.to - self._band:
+            wanted = self._on
+        elif mean >= self._action.to:
+            wanted = self._off
+        else:
+            return
+        bench, name = self._bench, self._action.actuator
+        ready = max(self._next_switch, bench.rested_at(name, wanted))
+        due = time >= ready and not bench.is_at(name, wanted)
+        if due and bench.try_switch(name, wanted):  # otherwise at the next sample, when it may be back
+            self._next_switch = time + self._rest
+
+    def off(self) -> None:
+        """Leave it off."""
+        self._bench.regulated.discard(self._action.actuator)
+        self._bench.release(self._action.actuator)

@@ -1,0 +1,106 @@
+"""`hold`: wait, and see that a channel stays within a tolerance meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pydantic import Field
+
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, Row, Until
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Part
+from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.plan.setpoints import check_set_point
+from rigctl.plan.shown import shown_time
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import AnyTolerance, AnyValue, Duration
+from rigctl.steps.readings import reading
+from rigctl.units import show
+
+
+class HoldFields(Part):
+    """The step fails as soon as the channel leaves the tolerance."""
+
+    for_: Duration = Field(alias="for", description="how long")
+    channel: str = Field(description="the channel to watch")
+    at: AnyValue | None = Field(default=None, description="the value; by default what is read at the start")
+    within: AnyTolerance = Field(description="half width of the tolerance")
+
+
+class HoldStep(Step):
+    """Wait, and see that a channel stays within a tolerance meanwhile."""
+
+    verb: ClassVar[str] = "hold"
+    example: ClassVar[str] = "- hold: {for: 1 min, channel: supply_pressure, at: 30 bar, within: 0.5 bar}\n"
+    hold: HoldFields
+
+    def build(self, context: Context) -> Leaf:
+        """A `Hold`."""
+        fields = self.hold
+        channel = context.channel(fields.channel, "hold", "channel")
+        at = context.optional_si(fields.at, "hold", "at", unit=channel.unit)
+        if at is not None:
+            with context.located("hold", "at"):
+                check_set_point(context.rig, fields.channel, at)
+        within = context.si(fields.within, "hold", "within", unit=channel.unit)
+        action = Hold(context.si(fields.for_, "hold", "for"), fields.channel, at, within)
+        place = f"at {show(at, channel.unit)} " if at is not None else ""
+        label = (
+            f"hold {fields.channel} {place}± {show(within, channel.unit, difference=True)} "
+            f"for {shown_time(action.duration)}"
+        )
+        return context.leaf(label, action)
+
+
+@dataclass(frozen=True, slots=True)
+class Hold(Action):
+    """Watch `channel` for `duration`; the step fails at the first sample outside `at` ± `within`."""
+
+    duration: float  #: s
+    channel: str
+    at: float | None  #: SI; None: the value found when the step starts
+    within: float  #: half width, an interval
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The time as written."""
+        reaches: Extents = {}
+        if self.at is not None:
+            reaches = {self.channel: (self.at - self.within, self.at + self.within)}
+        return Forecast(self.duration, Basis.TIMED, bench.pass_time(state, self.duration), reaches)
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Let `duration` s pass while the channel stays within tolerance.
+
+        A reading that the channel cannot have says nothing of what it measures: that is for the interlock,
+        which names the sensor.
+
+        Raises
+        ------
+        StepFailed
+            a sample lay outside.
+        """
+        column = bench.columns[self.channel]
+        begin = bench.now
+        possible = bench.rig.channels[self.channel].possible
+        row = yield from bench.fresh()
+        while not possible(row[column]):
+            sample = yield Until(when=lambda sample: possible(sample[column]))
+            row = row if sample is None else sample
+        at = row[column] if self.at is None else self.at
+        low, high = at - self.within, at + self.within
+
+        def left(sample: Row) -> bool:
+            return possible(sample[column]) and not low <= sample[column] <= high
+
+        outside = row if left(row) else (yield Until(begin + self.duration, left))
+        if outside is None:
+            return Outcome.COMPLETE
+        tolerance = reading(bench, self.channel, self.within, difference=True)
+        raise StepFailed(
+            f"{self.channel} left {reading(bench, self.channel, at)} ± {tolerance} after "
+            f"{max(outside[0] - begin, 0.0):.3g} s: it was {reading(bench, self.channel, outside[column])}"
+        )

@@ -1,0 +1,107 @@
+"""`prompt`: ask the operator, and keep the answer as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from rigctl.errors import RigctlError
+from rigctl.files.refusal import refusal
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, Question
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Name, Part, Short, UnitName
+from rigctl.plan.forecast import ANSWERING, TYPING, Basis, Forecast, ForecastBench, State
+from rigctl.plan.outcomes import Outcome
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import AnyValue
+from rigctl.units import show
+
+
+class PromptFields(Part):
+    """Without a `name`, a confirmation is enough; with one, a value is typed with its unit and kept."""
+
+    question: str = Field(
+        min_length=1, max_length=500, description="what the operator reads; $names are filled in"
+    )
+    name: Name | None = Field(default=None, description="what the answer is called")
+    unit: UnitName | None = Field(default=None, description="the answer's unit; 1 for a plain number")
+    low: AnyValue | None = Field(default=None, description="smallest answer taken")
+    high: AnyValue | None = Field(default=None, description="largest answer taken")
+    simulated: AnyValue | None = Field(default=None, description="what a simulated operator answers")
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.name is not None and self.unit is None:
+            raise refusal(RigctlError("a typed answer needs a unit", expected="e.g. 'unit: s'"))
+        if self.name is None:
+            for field in ("unit", "low", "high", "simulated"):
+                if getattr(self, field) is not None:
+                    raise refusal(RigctlError("only a named answer has this", expected="a 'name'"), (field,))
+        return self
+
+
+class PromptStep(Step):
+    """Ask the operator; the run waits for the answer."""
+
+    verb: ClassVar[str] = "prompt"
+    example: ClassVar[str] = (
+        "- prompt: Close the door.\n"
+        "- prompt: {question: How long did it take?, name: run_time, unit: s, low: 10 s, high: 1 h}\n"
+    )
+    prompt: Annotated[PromptFields, Short("question")]
+
+    def build(self, context: Context) -> Leaf:
+        """A `Prompt`, its bounds checked against its unit."""
+        fields = self.prompt
+        question = context.fill_in(fields.question, "prompt", "question")
+        if fields.name is None or fields.unit is None:
+            return context.leaf(f"ask: {question}", Prompt(question))
+        low = context.optional_si(fields.low, "prompt", "low", unit=fields.unit)
+        high = context.optional_si(fields.high, "prompt", "high", unit=fields.unit)
+        simulated = context.optional_si(fields.simulated, "prompt", "simulated", unit=fields.unit)
+        with context.located("prompt", "simulated"):
+            below = low is not None and simulated is not None and simulated < low
+            above = high is not None and simulated is not None and simulated > high
+            if simulated is not None and (below or above):
+                raise RigctlError("outside the bounds of the answer", value=show(simulated, fields.unit))
+        context.check_bounds(low, high, fields.unit, "prompt")
+        context.learn(fields.name, fields.unit, "prompt", "name")
+        action = Prompt(question, fields.name, fields.unit, low, high, simulated)
+        return context.leaf(f"ask {fields.name} [{fields.unit}]: {question}", action)
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt(Action):
+    """Ask the operator. Without a name a confirmation is enough; with one, the value is kept as data."""
+
+    question: str
+    name: str | None = None
+    unit: str | None = None  #: the unit an answer is read in and shown in
+    low: float | None = None  #: SI, included
+    high: float | None = None  #: SI, included
+    simulated: float | None = None  #: SI; what a simulated operator answers
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The time that a person is assumed to take."""
+        seconds = bench.operator_time(ANSWERING if self.name is None else TYPING)
+        basis = Basis.ESTIMATED if bench.simulated else Basis.GUESSED
+        return Forecast(seconds, basis, bench.pass_time(state, seconds))
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Wait for a confirmation or a value; samples and interlocks go on meanwhile."""
+        question = Question(
+            text=self.question,
+            name=self.name,
+            unit=self.unit,
+            low=self.low,
+            high=self.high,
+            simulated=self.simulated,
+        )
+        answer = yield from bench.ask(question)
+        if self.name is not None and answer.value is not None:
+            bench.record_measure(self.name, answer.value, self.unit or "1", self.low, self.high, passed=True)
+        return Outcome.COMPLETE

@@ -1,0 +1,27 @@
+"""What a step that gives up says about the bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from rigctl.plan.behaviour import Bench
+from rigctl.units import show
+
+
+def seen(bench: Bench, names: Iterable[str]) -> str:
+    """The newest readings of the channels and commands among `names`, e.g. ``position was 80 mm``."""
+    parts = [
+        f"{name} was {reading(bench, name, bench.newest[bench.columns[name]])}"
+        for name in sorted(names)
+        if name in bench.columns and bench.newest is not None
+    ]
+    return ", ".join(parts) or "no channel of it was read"
+
+
+def reading(bench: Bench, name: str, value: float, *, difference: bool = False) -> str:
+    """An SI value of a channel or command as a person reads it."""
+    if math.isnan(value):
+        return "missing"
+    layout = bench.rig.layout
+    return show(value, layout.unit(name), difference=difference or name in layout.differences)

@@ -1,0 +1,134 @@
+"""`set`: command actuators directly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, OnPause, Question, Until
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Part
+from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
+from rigctl.plan.outcomes import Outcome
+from rigctl.plan.setpoints import check_level
+from rigctl.plan.shown import shown_time
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import MARK, OPEN, Duration
+from rigctl.rig import Actuator
+
+
+def _truth_to_word(written: Any) -> Any:
+    # YAML 1.2 reads `true` as a truth value, and people write it for a switch
+    return {True: "on", False: "off"}[written] if isinstance(written, bool) else written
+
+
+#: a position's word, a number, or a quantity; what fits depends on the actuator
+Command = Annotated[
+    str | int | float,
+    BeforeValidator(_truth_to_word),
+    WithJsonSchema({"type": ["string", "number", "boolean"], "examples": ["on", "extend", "30 bar"]}),
+]
+
+
+def _lengthen(written: Any) -> Any:
+    return written if isinstance(written, dict) and "values" in written else {"values": written}
+
+
+class SetFields(Part):
+    """Written in full to return the actuators to their safe values after a time."""
+
+    values: dict[str, Command] = Field(min_length=1, description="actuator: value")
+    for_: Duration | None = Field(
+        default=None, alias="for", description="after which they return to their safe values"
+    )
+
+
+class SetStep(Step):
+    """Command one or more actuators: ``set: {heater: on}``."""
+
+    verb: ClassVar[str] = "set"
+    example: ClassVar[str] = (
+        "- set: {heater: on, valve: neutral}\n- set: {values: {valve: extend}, for: 500 ms}\n"
+    )
+    set: Annotated[
+        SetFields,
+        BeforeValidator(_lengthen, json_schema_input_type=SetFields | dict[str, Command]),
+    ]
+
+    def build(self, context: Context) -> Leaf:
+        """A `Set` with every value checked against its actuator's range."""
+        fields = self.set
+        actuators = context.rig.actuators
+        values: dict[str, float] = {}
+        for name, command in fields.values.items():
+            with context.located("set", "values", name):
+                if name not in actuators:
+                    raise unknown_name("actuator", name, actuators)
+                values[name] = _read(context, name, actuators[name], command)
+        duration = context.optional_si(fields.for_, "set", "for")
+        if duration is not None:
+            for name in values:
+                if name not in context.rig.safe_state:
+                    with context.located("set", "values", name):
+                        raise RigctlError("this actuator has no safe value to return to", value=name)
+        shown = ", ".join(f"{name} {actuators[name].show(value)}" for name, value in values.items())
+        label = f"set {shown}" + (f" for {shown_time(duration)}" if duration else "")
+        return context.leaf(label, Set(values, duration))
+
+
+def _read(context: Context, name: str, actuator: Actuator, command: str | float) -> float:
+    if isinstance(command, str) and MARK in command:
+        value = OPEN.read(command).si(context.variables, actuator.display_unit)
+    else:
+        value = actuator.read(command)
+    check_level(context.rig, name, value)
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Set(Action):
+    """Command actuators by name, all at once; with `duration`, each goes back to its safe value after it."""
+
+    values: Mapping[str, float]
+    duration: float | None = None  #: s
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """No time, or the time as written."""
+        role = bench.rig.roles.set_pressure
+        seconds = self.duration or 0.0
+        after = bench.pass_time(state, seconds)
+        if role is None or role.actuator not in self.values:
+            return Forecast(seconds, Basis.TIMED, after)
+        level = self.values[role.actuator]
+        return Forecast(seconds, Basis.TIMED, replace(after, pressure=level), {role.channel: (level, level)})
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Command every actuator; with a duration, wait until they have returned to their safe values.
+
+        An actuator that is turned by hand is asked for and has to be confirmed.
+        """
+        for name, value in self.values.items():
+            yield from bench.command(name, value, self.duration)
+            actuator = bench.rig.actuators[name]
+            if actuator.by == "operator":
+                yield from bench.ask(Question(f"Set {name} to {actuator.show(value)}"))
+        if self.duration is not None:
+            end = max(bench.pulses[name].end for name in self.values)
+            yield Until(end, on_pause=OnPause.DEFER)
+            for name in self.values:
+                yield from bench.finish_pulse(name)
+        return Outcome.COMPLETE
+
+    def lasting(self) -> frozenset[str]:
+        """The actuators, unless they go back by themselves."""
+        return frozenset(self.values) if self.duration is None else frozenset()

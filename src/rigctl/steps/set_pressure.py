@@ -1,0 +1,136 @@
+"""`set_pressure`: bring the supply pressure to where its channel reads the set-point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, Question, Until, every_sample
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Part, Short
+from rigctl.plan.forecast import TURNING, Basis, Forecast, ForecastBench, State
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.plan.setpoints import check_level, check_set_point
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import (
+    DURATION,
+    PERIOD,
+    PRESSURE_TOLERANCE,
+    Duration,
+    Period,
+    Pressure,
+    PressureTolerance,
+    Value,
+)
+from rigctl.steps.readings import reading
+from rigctl.steps.settling import Settling
+from rigctl.units import show
+
+#: s that a driven level takes besides what is asked of it
+_DRIVEN_LEVEL = 1.0
+
+
+class SetPressureFields(Part):
+    """The pressure is there when it has stayed inside the tolerance for `settle`."""
+
+    to: Pressure = Field(description="the supply pressure wanted")
+    within: PressureTolerance = Field(
+        default=PRESSURE_TOLERANCE.read("0.5 bar"), description="half width of the tolerance"
+    )
+    settle: Period = Field(default=PERIOD.read("2 s"), description="how long it must stay inside")
+    timeout: Duration = Field(default=DURATION.read("60 s"), description="when the step fails")
+
+
+class SetPressureStep(Step):
+    """Set the supply pressure; where the valve is turned by hand, the operator is asked to."""
+
+    verb: ClassVar[str] = "set_pressure"
+    example: ClassVar[str] = "- set_pressure: {to: 30 bar, within: 0.5 bar, settle: 2 s, timeout: 60 s}\n"
+    set_pressure: Annotated[SetPressureFields, Short("to")]
+
+    def build(self, context: Context) -> Leaf:
+        """A `SetLevel` on the actuator and channel of the rig's role."""
+        role = context.pressure_role()
+        fields = self.set_pressure
+
+        def si(value: Value, name: str) -> float:
+            return context.si(value, "set_pressure", name)
+
+        action = SetLevel(
+            actuator=role.actuator,
+            channel=role.channel,
+            to=si(fields.to, "to"),
+            within=si(fields.within, "within"),
+            settle=si(fields.settle, "settle"),
+            timeout=si(fields.timeout, "timeout"),
+        )
+        with context.located("set_pressure", "to"):
+            check_level(context.rig, role.actuator, action.to)
+            check_set_point(context.rig, role.channel, action.to)
+        unit = context.rig.channels[role.channel].unit
+        by_hand = context.rig.actuators[role.actuator].by == "operator"
+        label = (
+            f"set pressure to {show(action.to, unit)} ± {show(action.within, unit)}"
+            f"{' (operator)' if by_hand else ''}"
+        )
+        return context.leaf(label, action)
+
+
+@dataclass(frozen=True, slots=True)
+class SetLevel(Action):
+    """Bring a continuous actuator, or the operator who turns it, to where `channel` reads `to`."""
+
+    actuator: str
+    channel: str
+    to: float  #: SI of the channel's unit
+    within: float  #: half width of the tolerance, an interval
+    settle: float  #: s
+    timeout: float  #: s
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The time that the actuator or the operator takes, then the settling time."""
+        by_hand = bench.rig.actuators[self.actuator].by == "operator"
+        setting = bench.operator_time(TURNING) if by_hand else _DRIVEN_LEVEL
+        total = setting + self.settle
+        role = bench.rig.roles.set_pressure
+        after = bench.pass_time(state, total)
+        if role is not None and role.actuator == self.actuator:
+            after = replace(after, pressure=self.to)
+        reaches = {self.channel: (self.to - self.within, self.to + self.within)}
+        basis = Basis.GUESSED if by_hand and not bench.simulated else Basis.ESTIMATED
+        return Forecast(total, basis, after, reaches)
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Command the level, or ask the operator to turn it, and watch the channel until it has settled.
+
+        Raises
+        ------
+        StepFailed
+            it did not settle within `timeout` s; says what was seen.
+        """
+        actuator = bench.rig.actuators[self.actuator]
+        target = reading(bench, self.channel, self.to)
+        yield from bench.command(self.actuator, self.to)
+        if actuator.by == "operator":
+            request = actuator.prompt or f"Turn {self.actuator} until {self.channel} reads"
+            bench.request(Question(f"{request} {target}", notice=True))
+        try:
+            settling = Settling(self.to, self.within, self.settle)
+            column = bench.columns[self.channel]
+            give_up = bench.now + self.timeout
+            row = yield Until(give_up, every_sample)
+            while row is not None and not settling.add(row[0], row[column]):
+                row = yield Until(give_up, every_sample)
+        finally:
+            bench.withdraw()
+        if row is None:
+            raise StepFailed(settling.gave_up(bench, self.channel, self.timeout), outcome=Outcome.TIMED_OUT)
+        return Outcome.COMPLETE
+
+    def lasting(self) -> frozenset[str]:
+        """The actuator: a level lasts beyond the step."""
+        return frozenset({self.actuator})

@@ -1,0 +1,73 @@
+"""Whether a noisy reading has settled at a set-point."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from rigctl.plan.behaviour import Bench
+from rigctl.steps.readings import reading
+
+#: s over which a reading is averaged at most before it is compared with a tolerance
+LONGEST = 1.0
+
+
+class MovingMean:
+    """The mean of the readings of the last `window` s; at least the newest one."""
+
+    def __init__(self, window: float) -> None:
+        self._window = window
+        self._readings: deque[tuple[float, float]] = deque()
+        self._sum = 0.0
+
+    def add(self, time: float, value: float) -> float:
+        """Take a reading and return the mean; a missing reading (NaN) is left out."""
+        if not math.isnan(value):
+            self._readings.append((time, value))
+            self._sum += value
+        while len(self._readings) > 1 and self._readings[0][0] < time - self._window:
+            self._sum -= self._readings.popleft()[1]
+        return self._sum / len(self._readings) if self._readings else math.nan
+
+
+class Settling:
+    """Watches a reading until its mean has been inside `target` ± `within` for `settle` s.
+
+    The mean is taken over half the settling time, at most `LONGEST`: noise on single readings neither starts
+    the time anew nor hides a drift.
+    """
+
+    def __init__(self, target: float, within: float, settle: float) -> None:
+        self.target = target
+        self.within = within
+        self.settle = settle
+        self.mean = math.nan
+        self._means = MovingMean(min(LONGEST, 0.5 * settle))
+        self._since: float | None = None
+        self.lowest = math.inf
+        self.highest = -math.inf
+
+    def add(self, time: float, value: float) -> bool:
+        """Take a reading; True when it has settled."""
+        mean = self.mean = self._means.add(time, value)
+        if math.isnan(mean):
+            return False
+        self.lowest, self.highest = min(self.lowest, mean), max(self.highest, mean)
+        if abs(mean - self.target) > self.within:
+            self._since = None
+            return False
+        if self._since is None:
+            self._since = time
+        return time - self._since >= self.settle - 1e-9
+
+    def gave_up(self, bench: Bench, channel: str, timeout: float) -> str:
+        """What is said when it has not settled within `timeout` s."""
+
+        def shown(value: float) -> str:
+            return reading(bench, channel, value)
+
+        tolerance = reading(bench, channel, self.within, difference=True)
+        return (
+            f"{channel} did not settle at {shown(self.target)} ± {tolerance} within {timeout:g} s: "
+            f"it was {shown(self.mean)}, lowest {shown(self.lowest)}, highest {shown(self.highest)}"
+        )

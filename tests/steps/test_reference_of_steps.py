@@ -1,0 +1,34 @@
+"""The reference of the steps: its examples work, and the page is current."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rigctl.plan import Plan, RecordNode, walk
+from rigctl.procedure import expand, parse_procedure
+from rigctl.procedure.steps_page import steps_page
+from rigctl.rig import Rig
+from rigctl.steps.registry import BY_VERB
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("verb", BY_VERB)
+def test_every_example_expands_on_the_shipped_rig(steps: Callable[..., Plan], verb: str) -> None:
+    plan = steps(BY_VERB[verb].example)
+    assert {child.path.split("/")[1] for child in plan.root.children} <= {verb, "block"}
+
+
+def test_the_page_is_current() -> None:
+    written = (ROOT / "docs" / "reference" / "procedure-steps.md").read_text(encoding="utf-8")
+    assert written == steps_page(), "run 'make docs'"
+
+
+def test_the_procedure_of_the_how_to_expands(rig: Rig) -> None:
+    page = (ROOT / "docs" / "how-to" / "write-a-procedure.md").read_text(encoding="utf-8")
+    text = page.split("```yaml\n", 1)[1].split("```", 1)[0]
+    plan = expand(parse_procedure(text, ROOT / "procedures" / "mine.yaml"), rig)
+    assert sum(isinstance(node, RecordNode) for node in walk(plan.root)) == 2
