@@ -226,3 +226,47 @@ def test_what_is_switched_on_and_off_may_have_habits_of_its_own(
     assert found["parameters"]["record.switching_up"]["value"] < -0.3
     assert found["parameters"]["record.switching_off"]["value"] > 0.3
     assert found["parameters"]["resistance"]["value"] == pytest.approx(1.2, rel=0.02)
+
+
+def rubbed_motor_file(path: Path, friction: float, seed: int) -> None:
+    """Every 20 ms a motor whose winding needs 1.7 ms, with dry friction; commands act exactly at samples."""
+    from scipy.integrate import solve_ivp
+
+    generator = np.random.default_rng(seed)
+    lines = ["record,time [s],voltage [V],current [A],speed [rad/s]"]
+    times = np.arange(0.0, 4.0, 0.02)
+    for number, top in enumerate((3.0, 6.0, 12.0, -9.0)):
+        commands = ((0.5, 0.0), (2.5, top), (3.2, 0.5 * top), (4.0, 0.0))
+        state, begin, found = [0.0, 0.0], 0.0, []
+        for end, volt in commands:
+
+            def rate(_: float, y: Floats, volt: float = volt) -> list[float]:
+                rubs = friction * np.tanh(y[1] / 0.05)
+                return [
+                    (volt - 1.2 * y[0] - 0.05 * y[1]) / 2e-3,
+                    (0.05 * y[0] - 1e-4 * y[1] - rubs) / 2e-4,
+                ]
+
+            inside = times[(times >= begin - 1e-9) & (times < end - 1e-9)]
+            solved = solve_ivp(
+                rate, (begin, end), state, method="Radau", rtol=1e-8, atol=1e-10, t_eval=[*inside, end]
+            )
+            found += [(volt, *y) for y in solved.y.T[:-1]]
+            state, begin = list(solved.y[:, -1]), end
+        for time, (volt, current, speed) in zip(times, found, strict=True):
+            read = (current + generator.normal(0.0, 0.02), speed + generator.normal(0.0, 0.5))
+            lines.append(f"{number},{time:.3f},{volt:.1f},{read[0]:.4f},{read[1]:.3f}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_a_winding_faster_than_its_sampling_is_taken_for_nothing_but_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create_project(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    rubbed_motor_file(tmp_path / "log.csv", 0.01, 5)
+    told("family", "new", "rubbed", "--csv", "log.csv", "--template", "motor")
+    told("import", "log.csv", "--rig", "rigs/rubbed.yaml")
+    found = answer("diagnose", "latest", "--model", "models/rubbed.yaml", "--apply")
+    assert [step["effects"] for step in found["steps"]] == [["coulomb_on_extra_torque"]]
+    assert found["verdict"] != "outside_library"

@@ -30,6 +30,9 @@ from rigctl.physics.scope import Scope
 _INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
 _BOUC = "Bouc (1967); Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249, with n = 1, which is Dahl's friction"
 _FLOW = "White, Fluid Mechanics"
+#: dry friction turns round within this share of the change of a speed that matters: a numerical corner
+#: below what sensors resolve
+_STANDSTILL = 0.05
 
 
 def at_balance(family: ModelFamily, place: Balance, sizes: Magnitudes) -> Iterator[Effect]:
@@ -79,7 +82,7 @@ class _At:
     def direction(self, m: Scope) -> Scalar:
         """The sign of a speed."""
         x = self.x(m)
-        return sign(x, constant_like(self.place.state.scale, x))
+        return sign(x, constant_like(_STANDSTILL * self.place.state.scale, x))
 
     def against(self, value: Scalar) -> Scalar:
         """A term that opposes a rising state."""

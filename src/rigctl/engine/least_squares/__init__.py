@@ -10,7 +10,7 @@ from rigctl.engine.least_squares.loss import Cauchy, Huber, Loss, SoftL1, Square
 from rigctl.engine.least_squares.multi_start import multi_start
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.solve import Options, least_squares
-from rigctl.engine.least_squares.unknown import Prior, Unknown
+from rigctl.engine.least_squares.unknown import Prior, Unknown, started
 
 __all__ = [
     "Block",
@@ -31,4 +31,5 @@ __all__ = [
     "least_squares",
     "multi_start",
     "null_columns",
+    "started",
 ]

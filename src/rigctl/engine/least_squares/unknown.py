@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,14 @@ class Unknown:
 def starts(unknowns: Sequence[Unknown]) -> Floats:
     """Where the search begins."""
     return np.array([unknown.start for unknown in unknowns], dtype=float)
+
+
+def started(unknowns: Sequence[Unknown], values: Floats) -> list[Unknown]:
+    """The same unknowns with `values` as their starts, brought inside their bounds."""
+    return [
+        replace(unknown, start=min(max(float(value), unknown.lower), unknown.upper))
+        for unknown, value in zip(unknowns, values, strict=True)
+    ]
 
 
 def prior_rows(unknowns: Sequence[Unknown], values: Floats) -> tuple[Floats, Floats]:

@@ -15,7 +15,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.least_squares import Block, Iteration, Options, Prior, Refused, Unknown, least_squares
+from rigctl.engine.least_squares import (
+    Block,
+    Iteration,
+    Options,
+    Prior,
+    Refused,
+    Unknown,
+    least_squares,
+    started,
+)
 from rigctl.engine.least_squares.block import Evaluate
 
 Floats = NDArray[np.float64]
@@ -64,7 +73,7 @@ def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | N
         prior.mean if prior is not None and off else value
         for prior, off, value in zip(priors, far, values, strict=True)
     ]
-    return _started(shared, np.array(back))
+    return started(shared, np.array(back))
 
 
 def _descend(
@@ -89,8 +98,8 @@ def _descend(
             progress=progress,
         )
         at[list(moved)] = found.values
-        next_begun = _started(begun, at)
-        next_own = [_started(each, values) for each, values in zip(own, found.local, strict=True)]
+        next_begun = started(begun, at)
+        next_own = [started(each, values) for each, values in zip(own, found.local, strict=True)]
         fallen, _ = _misfit(evaluate, next_begun, next_own)
         if fallen >= misfit:
             break
@@ -155,9 +164,3 @@ def _divided(block: Block, factor: float) -> Block:
 def _held(unknown: Unknown) -> Unknown:
     """With a loose prior about its start where nothing else is known."""
     return unknown if unknown.prior else replace(unknown, prior=Prior(unknown.start, _UNKNOWN * unknown.size))
-
-
-def _started(unknowns: Sequence[Unknown], values: Floats) -> list[Unknown]:
-    return [
-        replace(u, start=min(max(float(v), u.lower), u.upper)) for u, v in zip(unknowns, values, strict=True)
-    ]

@@ -19,12 +19,14 @@ from rigctl.engine.least_squares import (
     Unknown,
     least_squares,
     multi_start,
+    started,
 )
 from rigctl.errors import RigctlError
 from rigctl.model.fit.approach import approach, brought_back
 from rigctl.model.fit.errors import ChannelError, channel_errors
 from rigctl.model.fit.input_noise import with_input_noise
 from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.switch_scan import with_best_switches
 from rigctl.model.model import Model
 
 Floats = NDArray[np.float64]
@@ -198,6 +200,7 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
             solution = least_squares(
                 inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress
             )
+        solution = with_best_switches(inner, solution, plan.options)
         values, own = solution.values, dict(zip(fitted, solution.local, strict=True))
     else:
         solution, values, own = None, start, {}
@@ -279,10 +282,7 @@ def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unkn
     unknowns = problem.local_unknowns()
     if local is None:
         return unknowns
-    return [
-        [replace(u, start=float(np.clip(v, u.lower, u.upper))) for u, v in zip(own, values, strict=True)]
-        for own, values in zip(unknowns, local, strict=True)
-    ]
+    return [started(own, values) for own, values in zip(unknowns, local, strict=True)]
 
 
 def _own_unknowns(
@@ -299,7 +299,8 @@ def _own_unknowns(
     unknowns = _started(inner, None if local is None else [local[k] for k in places])
     if not any(unknowns):
         return {place: np.empty(0) for place in places}
-    found = least_squares(inner.evaluate, (), unknowns, options=Options(cost=_COST))
+    options = Options(cost=_COST)
+    found = with_best_switches(inner, least_squares(inner.evaluate, (), unknowns, options=options), options)
     return dict(zip(places, found.local, strict=True))
 
 

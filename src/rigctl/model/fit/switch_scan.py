@@ -1,0 +1,199 @@
+"""Times of switches whose costs have several minima, tried one after the other.
+
+Where the plant answers a switch much faster than it is sampled, the cost is flat in the time of the switch
+but for a jump where it passes a sample: the first sample after it has answered already, or has not. A fit by
+derivatives stays on the side where it began. So each time is tried over its whole interval, everything else
+held, which costs a few simulations without derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares import (
+    LeastSquaresResult,
+    Options,
+    Prior,
+    Refused,
+    Unknown,
+    least_squares,
+    started,
+)
+from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.errors import RigctlError
+from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.switching import HABITS, moves_switches, own_switch, switch_shifts
+
+Floats = NDArray[np.float64]
+
+#: where each time is tried, as shares of what it may be off
+_TRIED = (-1.0, -0.5, 0.0, 0.5, 1.0)
+#: by so many units of χ² a record must become better for a time to be taken
+_BETTER = 1.0
+#: how often times are tried and the fit is made again, at the most
+_SCANS = 3
+#: what is held may move by this share of its size
+_HELD = 1e-4
+
+
+def with_best_switches(problem: Problem, found: LeastSquaresResult, options: Options) -> LeastSquaresResult:
+    """The fit made again from the times of switches that a scan prefers, as long as that makes it better.
+
+    Parameters
+    ----------
+    found: a fit of `problem`.
+    options: of the fits made here.
+    """
+    if not any(one.kind == "switch" for own in problem.local for one in own):
+        return found
+    for _ in range(_SCANS):
+        values, local, moved = scanned_switches(problem, found.values, found.local)
+        try:
+            again = _refitted(problem, values, local, options)
+        except RigctlError:  # the model has no value there: the fit stands
+            break
+        better = found.cost - again.cost
+        if better > 0.0:
+            found = again
+        if not moved or better < 0.5 * _BETTER:
+            break
+    return found
+
+
+def _refitted(
+    problem: Problem, values: Floats, local: Sequence[Floats], options: Options
+) -> LeastSquaresResult:
+    """Fitted from there, first with the times of switches held.
+
+    A time that lies just beside a sample is a wall to the steps of all that is fitted with it, and they
+    become too short to get anywhere.
+    """
+    shared = started(problem.shared, values)
+    own = [started(unknowns, each) for unknowns, each in zip(problem.local_unknowns(), local, strict=True)]
+    held = least_squares(
+        problem.evaluate,
+        [_held(one) if one.name in HABITS else one for one in shared],
+        [[_held(one) if moves_switches(one.name) else one for one in each] for each in own],
+        options=options,
+    )
+    return least_squares(
+        problem.evaluate,
+        started(shared, held.values),
+        [started(unknowns, each) for unknowns, each in zip(own, held.local, strict=True)],
+        options=options,
+    )
+
+
+def _held(one: Unknown) -> Unknown:
+    return replace(one, prior=Prior(one.start, _HELD * one.size))
+
+
+def scanned_switches(
+    problem: Problem, shared: Floats, local: Sequence[Floats]
+) -> tuple[Floats, tuple[Floats, ...], bool]:
+    """The unknowns with each time of a switch where its record is fitted best; whether any moved.
+
+    What the times of a kind have in common is given to the logger's habit first: the times stay, and only the
+    priors speak.
+
+    Parameters
+    ----------
+    shared: (shared) of `problem.shared`; but for the habits they are held.
+    local: the unknowns of each record; all but the time that is tried are held.
+    """
+    best = [np.array(values) for values in local]
+    times = [[k for k, one in enumerate(own) if one.kind == "switch"] for own in problem.local]
+    if not any(times):
+        return shared, tuple(best), False
+    shared, best, moved = _shared_out(problem, shared, best)
+    lowest = _costs(problem, shared, best)
+    if lowest is None:
+        return shared, tuple(best), False
+    unknowns = problem.local_unknowns()
+    for rank in range(max(len(own) for own in times)):
+        asked = [own[rank] if rank < len(own) else None for own in times]
+        for share in _TRIED:
+            tried = [
+                _at(own, values, place, share)
+                for own, values, place in zip(unknowns, best, asked, strict=True)
+            ]
+            costs = _costs(problem, shared, tried)
+            if costs is None:
+                continue
+            for place in np.flatnonzero(costs < lowest - _BETTER):
+                best[place], lowest[place] = tried[place], costs[place]
+                moved = True
+    return shared, tuple(best), moved
+
+
+def _shared_out(
+    problem: Problem, shared: Floats, local: Sequence[Floats]
+) -> tuple[Floats, list[Floats], bool]:
+    """The same times of switches, shared out between habit and switch as their priors have it.
+
+    Of ``(w + δ)²/s_w² + Σ (d_k − 2h_k·δ)²/s_k²`` the minimum over δ, within the bounds: a fit by derivatives
+    may not get along this valley, where the cost jumps beside it.
+    """
+    values, own = shared.copy(), [np.array(each) for each in local]
+    gained = 0.0
+    for column, habit in enumerate(problem.shared):
+        members = _members(problem, habit.name)
+        if not members or habit.prior is None:
+            continue
+        weight, pull = 1.0 / habit.prior.std**2, -(values[column] - habit.prior.mean) / habit.prior.std**2
+        low, high = habit.lower - values[column], habit.upper - values[column]
+        for record, place, width in members:
+            one, d = problem.local[record][place].unknown, own[record][place]
+            std = one.prior.std if one.prior is not None else width
+            weight += (width / std) ** 2
+            pull += width * d / std**2
+            low, high = max(low, (d - one.upper) / width), min(high, (d - one.lower) / width)
+        delta = float(np.clip(pull / weight, low, high))
+        values[column] += delta
+        for record, place, width in members:
+            own[record][place] -= width * delta
+        gained += 2.0 * pull * delta - weight * delta**2
+    return (values, own, True) if gained > _BETTER else (shared, list(local), False)
+
+
+def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
+    """Record, place among its unknowns and ∂t/∂w (s) of each switch that `habit` moves; none where switches
+    of several habits share an unknown."""
+    found = []
+    for number, (record, own) in enumerate(zip(problem.records, problem.local, strict=True)):
+        moved = switch_shifts(record, [habit])[:, 0] if habit in HABITS else np.zeros(0)
+        if not moved.any():
+            continue
+        places = {one.name: place for place, one in enumerate(own)}
+        for k in np.flatnonzero(moved):
+            place = places.get(own_switch(int(k)))
+            if place is None:
+                return []
+            found.append((number, place, float(moved[k])))
+    return found
+
+
+def _at(unknowns: Sequence[Unknown], values: Floats, place: int | None, share: float) -> Floats:
+    """`values` with the one at `place` tried at `share` of what it may be off."""
+    if place is None:
+        return values
+    tried = values.copy()
+    one = unknowns[place]
+    middle, half = 0.5 * (one.lower + one.upper), 0.5 * (one.upper - one.lower)
+    tried[place] = middle + share * half
+    return tried
+
+
+def _costs(problem: Problem, shared: Floats, local: Sequence[Floats]) -> Floats | None:
+    """(records) χ² of each record with the priors of its unknowns; None where the model has no value."""
+    blocks = problem.evaluate(shared, local, False)
+    if isinstance(blocks, Refused):
+        return None
+    priors = [prior_rows(own, each)[0] for own, each in zip(problem.local_unknowns(), local, strict=True)]
+    return np.array(
+        [block.residual @ block.residual + off @ off for block, off in zip(blocks, priors, strict=True)]
+    )
