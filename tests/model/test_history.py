@@ -182,7 +182,7 @@ def test_files_that_differ_only_in_their_ending_do_not_share_versions(head: Path
 
 
 def test_a_model_that_is_no_file_cannot_be_kept(head: Path) -> None:
-    from rigctl.physics.hydraulic_cylinder import HYDRAULIC_CYLINDER
+    from rigctl.families.hydraulic_cylinder.family import FAMILY as HYDRAULIC_CYLINDER
 
     with pytest.raises(RigctlError, match="not read from a file"):
         save_version(Model(HYDRAULIC_CYLINDER), head, FIT)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
+from rigctl.families.hydraulic_cylinder.family import FAMILY as HYDRAULIC_CYLINDER
 from rigctl.files.shipped import shipped
 from rigctl.model import Model, input_sources, input_values, load_model, parse_model
-from rigctl.physics.hydraulic_cylinder import HYDRAULIC_CYLINDER
 from rigctl.rig.load import load_rig
 
 TEXTBOOK = shipped("models", "hl32-textbook.yaml")

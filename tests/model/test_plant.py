@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physics.plain_cylinder import PlainCylinder, Vector
+from families.plain_cylinder import PlainCylinder, Vector
 from rigctl.effects import library
 from rigctl.engine.compile import compile_system
 from rigctl.engine.excitation import Excitation

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
+from rigctl.families.heater_board.family import FAMILY as HEATER_BOARD
 from rigctl.files.shipped import shipped
 from rigctl.model import build_system, family_of, input_sources, load_model, parse_model
 from rigctl.physics.families import find_family, using_families
-from rigctl.physics.heater_board import HEATER_BOARD
 from rigctl.rig import Rig, load_rig
 from rigctl.rig.load import parse_rig
 

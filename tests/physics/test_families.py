@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
+from rigctl.families.heater_board.family import FAMILY as HEATER_BOARD
 from rigctl.files.shipped import shipped
 from rigctl.physics import families
 from rigctl.physics.families import FAMILIES, family_names, find_family, is_family_file, using_families
-from rigctl.physics.heater_board import HEATER_BOARD
 from rigctl.physics.user.program import run_family_file
 
 TANK = "models/families/water-tank.yaml"
@@ -21,7 +21,7 @@ TANK = "models/families/water-tank.yaml"
 PROGRAM = """\
 from dataclasses import replace
 
-from rigctl.physics.heater_board import HEATER_BOARD
+from rigctl.families.heater_board.family import FAMILY as HEATER_BOARD
 
 
 def family():

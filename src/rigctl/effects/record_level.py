@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from rigctl.effects.declaration import Effect, EffectParameter, Own, qualified
 from rigctl.engine.symbols import Scalar, constant_like, exp
+from rigctl.physics.families import of_shipped
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 from rigctl.rig.rig import Rig
@@ -178,14 +178,7 @@ def _set(name: str, points: Sequence[float], width: float, m: Scope, p: Own) -> 
 
 @lru_cache(maxsize=1)
 def _known() -> Mapping[str, RecordLevel]:
-    from rigctl.effects import heater_board, hydraulic_cylinder
-
-    return MappingProxyType(
-        {
-            "hydraulic_cylinder": hydraulic_cylinder.RECORD_LEVEL,
-            "heater_board": heater_board.RECORD_LEVEL,
-        }
-    )
+    return of_shipped("record_level", "RECORD_LEVEL")
 
 
 def record_level(family: ModelFamily) -> RecordLevel:

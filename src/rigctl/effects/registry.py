@@ -12,12 +12,11 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
-from rigctl.effects import heater_board, hydraulic_cylinder, oil_viscosity
 from rigctl.effects.declaration import Effect, problems
 from rigctl.effects.examine import examine
 from rigctl.effects.generic import generic_effects
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.physics.families import find_family
+from rigctl.physics.families import find_family, of_shipped
 from rigctl.physics.family import ModelFamily
 
 ENTRY_POINTS = "rigctl.effects"
@@ -29,7 +28,7 @@ _reading_packages: ContextVar[bool] = ContextVar("reading the effects of package
 
 @lru_cache(maxsize=1)
 def _shipped() -> tuple[Effect, ...]:
-    return (*hydraulic_cylinder.EFFECTS, *heater_board.EFFECTS, *oil_viscosity.EFFECTS)
+    return tuple(effect for effects in of_shipped("effects", "EFFECTS").values() for effect in effects)
 
 
 @lru_cache(maxsize=1)

@@ -1,8 +1,9 @@
 """Model families by name, or by the file that describes one.
 
-A name is looked for among the families that come with rigctl, among those given to the command on purpose
-(`using_families`), and among those that installed packages register under the entry point group
-``rigctl.families``. Naming a YAML file reads it; nothing in it runs. Naming a Python file does not run it.
+A name is looked for among the families that come with rigctl (the folders of `rigctl.families`), among those
+given to the command on purpose (`using_families`), and among those that installed packages register under
+the entry point group ``rigctl.families``. Naming a YAML file reads it; nothing in it runs. Naming a Python
+file does not run it.
 """
 
 from __future__ import annotations
@@ -12,16 +13,15 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.heater_board import HEATER_BOARD
-from rigctl.physics.hydraulic_cylinder import HYDRAULIC_CYLINDER
-from rigctl.physics.oil_viscosity import OIL_VISCOSITY
 from rigctl.physics.soundness import check_family
 from rigctl.project import find_project
 
@@ -30,8 +30,26 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "rigctl.families"
 
+#: the package whose folders are the families that come with rigctl
+SHIPPED = "rigctl.families"
+
+
+def of_shipped(module: str, name: str) -> Mapping[str, Any]:
+    """What `name` is in `module` of each shipped family that has such a module, by the family's folder.
+
+    They are looked up like plug-ins: nothing below the families imports one of them.
+    """
+    shipped = import_module(SHIPPED)
+    found = {}
+    for folder in dict.fromkeys((*shipped.FIRST, *(item.name for item in iter_modules(shipped.__path__)))):
+        package = import_module(f"{SHIPPED}.{folder}")
+        if module in {part.name for part in iter_modules(package.__path__)}:
+            found[folder] = getattr(import_module(f"{package.__name__}.{module}"), name)
+    return MappingProxyType(found)
+
+
 FAMILIES: Mapping[str, ModelFamily] = MappingProxyType(
-    {family.name: family for family in (HYDRAULIC_CYLINDER, HEATER_BOARD, OIL_VISCOSITY)}
+    {family.name: family for family in of_shipped("family", "FAMILY").values()}
 )
 
 _DESCRIPTIONS = (".yaml", ".yml")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from rigctl.families.hydraulic_cylinder.forecast import Cylinder, Tank, cylinder_of, tank_of
 from rigctl.plan.forecast import State
-from rigctl.planning.cylinder import Cylinder, cylinder_of
-from rigctl.planning.tank import Tank, tank_of
 from rigctl.rig import Rig
 
 

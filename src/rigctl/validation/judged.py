@@ -16,6 +16,7 @@ _PACKAGES = (
     "effects",
     "engine",
     "expressions",
+    "families",
     "model",
     "noise",
     "physics",

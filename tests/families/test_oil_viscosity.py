@@ -7,8 +7,8 @@ import math
 import pytest
 
 from rigctl.effects import find_effect, qualified
+from rigctl.families.oil_viscosity.family import FAMILY as OIL_VISCOSITY
 from rigctl.physics import oil
-from rigctl.physics.oil_viscosity import OIL_VISCOSITY
 from rigctl.physics.scope import Scope
 
 

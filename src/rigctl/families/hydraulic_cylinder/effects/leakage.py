@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from rigctl.effects.declaration import Effect, EffectParameter, OtherWay, Own, Term
 from rigctl.engine.symbols import Scalar
-from rigctl.physics.hydraulic_cylinder.fluid import viscosity_at
+from rigctl.families.hydraulic_cylinder.fluid import viscosity_at
 from rigctl.physics.scope import Scope
 
 _FAMILY = "hydraulic_cylinder"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Setting, Start
-from rigctl.physics.hydraulic_cylinder.piston import CONTACT_WIDTH
+from rigctl.families.hydraulic_cylinder.piston import CONTACT_WIDTH
 from rigctl.rig.rig import Rig
 
 #: how well a relief valve is set again when the rig does not say, as a share

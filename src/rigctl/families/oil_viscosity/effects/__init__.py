@@ -1,5 +1,5 @@
 """Effects of the viscosity table."""
 
-from rigctl.effects.oil_viscosity import laws, measurement
+from rigctl.families.oil_viscosity.effects import laws, measurement
 
 EFFECTS = (*laws.EFFECTS, *measurement.EFFECTS)

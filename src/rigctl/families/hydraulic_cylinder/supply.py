@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rigctl.engine.symbols import Scalar, positive_part
-from rigctl.physics.hydraulic_cylinder.fluid import bulk_modulus_at
+from rigctl.families.hydraulic_cylinder.fluid import bulk_modulus_at
 from rigctl.physics.scope import Scope
 
 #: flow over which the relief valve's opening is rounded, in m^3/s (0.4 % of the pump's)

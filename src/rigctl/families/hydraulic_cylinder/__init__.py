@@ -4,7 +4,3 @@ States: oil temperature, spool, supply pressure, both chamber pressures, positio
 gauge, temperatures in K, everything in SI. Nothing branches: corners are rounded by the smooth switches of
 the engine, each width stated beside it.
 """
-
-from rigctl.physics.hydraulic_cylinder.family import HYDRAULIC_CYLINDER
-
-__all__ = ["HYDRAULIC_CYLINDER"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
 from rigctl.effects.lag import deviation_rate, reading_error
 from rigctl.engine.symbols import Scalar, constant_like
-from rigctl.physics.heater_board.equations import HEATERS
+from rigctl.families.heater_board.equations import HEATERS
 from rigctl.physics.scope import Scope
 
 _FAMILY = "heater_board"

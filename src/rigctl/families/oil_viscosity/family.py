@@ -50,7 +50,7 @@ STANDARD_RECORD = StandardRecord(
     ),
 )
 
-OIL_VISCOSITY = ModelFamily(
+FAMILY = ModelFamily(
     name="oil_viscosity",
     title="Viscosity of an oil over temperature and pressure",
     source="Vogel (1921); density by thermal expansion",

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from physics.plain_cylinder import PlainCylinder
+from families.plain_cylinder import PlainCylinder
 from rigctl.engine.symbols import Graph
 from rigctl.errors import RigctlError
-from rigctl.physics.hydraulic_cylinder import HYDRAULIC_CYLINDER, restrictions
+from rigctl.families.hydraulic_cylinder import restrictions
+from rigctl.families.hydraulic_cylinder.family import FAMILY as HYDRAULIC_CYLINDER
 from rigctl.physics.scope import Addition, Scope
 from rigctl.units import parse_unit
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from rigctl.engine.symbols import Scalar
-from rigctl.physics.hydraulic_cylinder.fluid import bulk_modulus_at
-from rigctl.physics.hydraulic_cylinder.restrictions import path_flow
+from rigctl.families.hydraulic_cylinder.fluid import bulk_modulus_at
+from rigctl.families.hydraulic_cylinder.restrictions import path_flow
 from rigctl.physics.scope import Scope
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from rigctl.families.hydraulic_cylinder import chambers, fluid, piston, restrictions, supply, tank
+from rigctl.families.hydraulic_cylinder.parameters import PARAMETERS, RIG_NAMES
+from rigctl.families.hydraulic_cylinder.slots import SLOTS
 from rigctl.physics.family import (
     Definition,
     Formula,
@@ -10,9 +13,6 @@ from rigctl.physics.family import (
     OutputVariable,
     StateVariable,
 )
-from rigctl.physics.hydraulic_cylinder import chambers, fluid, piston, restrictions, supply, tank
-from rigctl.physics.hydraulic_cylinder.parameters import PARAMETERS, RIG_NAMES
-from rigctl.physics.hydraulic_cylinder.slots import SLOTS
 from rigctl.physics.standard_record import StandardRecord, grid
 
 _FLOW = "m^3/s"
@@ -98,7 +98,7 @@ STANDARD_RECORD = StandardRecord(
     initial={"oil_temperature": 333.15, "supply_pressure": 50e5, "pressure_b": 45e5},
 )
 
-HYDRAULIC_CYLINDER = ModelFamily(
+FAMILY = ModelFamily(
     name="hydraulic_cylinder",
     title="Valve-controlled double-acting cylinder with one rod, and its heated tank",
     source="Merritt, Hydraulic Control Systems (1967); Jelali & Kroll, Hydraulic Servo-systems (2003)",

@@ -1,5 +1,6 @@
-"""How the oil's temperature moves: the heat balance of the tank, solved in closed form.
+"""What a plan expects of the bench: how the oil's temperature moves, and how fast the rod does.
 
+The heat balance of the tank is solved in closed form:
 ``rho·V·cp·dT/dt = P_heater + p_s·Q_pump/η_hm − UA·(T − T_amb)`` is linear while heater and pressure stay as
 they are, so the temperature approaches ``T_amb + P/UA`` exponentially, with ``τ = rho·V·cp/UA``. The density
 is that at the middle of the way, which over 60 K is within 0.1 % of the exact time.
@@ -15,6 +16,8 @@ from rigctl.rig import Rig
 
 #: what is assumed of a rig that names no oil, or one that is not known: a mineral hydraulic oil
 DEFAULT_OIL = "HL32"
+#: kg/m³, a mineral oil at 40 °C; the speed goes with its root
+_DENSITY = 855.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,4 +90,42 @@ def tank_of(rig: Rig) -> Tank | None:
         pump_displacement=constants.get("pump_flow", 0.0) / constants.get("hydromechanical_efficiency", 1.0),
         loss=constants.get("tank_conductance", 0.0),
         ambient=constants.get("ambient_temperature", rig.simulation.ambient_temperature),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """Areas and restrictions of the cylinder; SI."""
+
+    cap_area: float
+    rod_area: float
+    stroke: float
+    restriction: float  #: Cd·A of throttle and valve edge in series
+    pump_flow: float
+
+    def speed(self, direction: int, pressure: float) -> float:
+        """Metres per second at a supply pressure (Pa, gauge), without load and friction.
+
+        ``v = min(Q_pump, Cd·A·sqrt(2·p_s/rho)) / A_piston``
+        """
+        flow = min(self.restriction * math.sqrt(2.0 * max(pressure, 0.0) / _DENSITY), self.pump_flow)
+        return flow / (self.cap_area if direction > 0 else self.rod_area)
+
+
+def cylinder_of(rig: Rig) -> Cylinder | None:
+    """The cylinder that a rig file describes; None when one of its dimensions is missing."""
+    names = ("bore", "rod", "stroke", "throttle_area", "edge_area")
+    if any(name not in rig.geometry for name in names):
+        return None
+    bore, rod, stroke, throttle, edge = (float(rig.geometry[name]) for name in names)
+    cap_area = math.pi / 4.0 * bore**2
+    return Cylinder(
+        cap_area=cap_area,
+        rod_area=cap_area - math.pi / 4.0 * rod**2,
+        stroke=stroke,
+        restriction=rig.constants.get("discharge_coefficient", 0.62)
+        * throttle
+        * edge
+        / math.hypot(throttle, edge),
+        pump_flow=rig.constants.get("pump_flow", math.inf),
     )

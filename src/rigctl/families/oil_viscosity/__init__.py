@@ -2,7 +2,3 @@
 
 There is no motion, and so no state: each row of a table lasts a second.
 """
-
-from rigctl.physics.oil_viscosity.family import OIL_VISCOSITY
-
-__all__ = ["OIL_VISCOSITY"]

@@ -1,6 +1,6 @@
 """Effects of the valve-controlled cylinder and its tank."""
 
-from rigctl.effects.hydraulic_cylinder import (
+from rigctl.families.hydraulic_cylinder.effects import (
     base,
     friction,
     heat,
@@ -12,7 +12,6 @@ from rigctl.effects.hydraulic_cylinder import (
     switching,
     throttle,
 )
-from rigctl.effects.hydraulic_cylinder.record_level import RECORD_LEVEL as RECORD_LEVEL
 
 EFFECTS = (
     *leakage.EFFECTS,

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rigctl.families.hydraulic_cylinder.forecast import Tank, tank_of
 from rigctl.physics.oil import HL32
-from rigctl.planning.tank import Tank, tank_of
 from rigctl.rig import load_rig, parse_rig
 
 RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"

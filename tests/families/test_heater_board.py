@@ -7,7 +7,7 @@ import math
 import pytest
 
 from rigctl.effects import find_effect, qualified
-from rigctl.physics.heater_board import HEATER_BOARD
+from rigctl.families.heater_board.family import FAMILY as HEATER_BOARD
 from rigctl.physics.scope import Scope
 
 POINT = {

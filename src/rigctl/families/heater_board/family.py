@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from rigctl.families.heater_board import equations
+from rigctl.families.heater_board.equations import HEATERS
 from rigctl.physics.family import Definition, InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
 from rigctl.physics.family import ParameterDeclaration as Parameter
-from rigctl.physics.heater_board import equations
-from rigctl.physics.heater_board.equations import HEATERS
 from rigctl.physics.standard_record import StandardRecord, grid
 
 STATES = tuple(
@@ -70,7 +70,7 @@ STANDARD_RECORD = StandardRecord(
     ),
 )
 
-HEATER_BOARD = ModelFamily(
+FAMILY = ModelFamily(
     name="heater_board",
     title="Two heaters with a thermometer each on one board",
     source="Incropera & DeWitt, Fundamentals of Heat and Mass Transfer: lumped capacitance",

@@ -6,7 +6,3 @@ in K, heater commands from 0 to 1.
 Source: Incropera & DeWitt, Fundamentals of Heat and Mass Transfer, lumped capacitance; the board is the
 two-heater temperature control lab used in teaching.
 """
-
-from rigctl.physics.heater_board.family import HEATER_BOARD
-
-__all__ = ["HEATER_BOARD"]
