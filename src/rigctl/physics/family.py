@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
+from rigctl.notebook import one_line
 from rigctl.physics.standard_record import StandardRecord
 
 if TYPE_CHECKING:
@@ -157,6 +158,10 @@ class ModelFamily:
     standard_record: StandardRecord | None = None
     tables: Mapping[str, Curve] = field(default_factory=dict)
     generic: bool = True
+
+    def __repr__(self) -> str:
+        """What it is, on one line."""
+        return one_line(self, f"{self.name}: {self.title}")
 
     def slot(self, name: str) -> Slot:
         """The slot called `name`.
