@@ -208,6 +208,7 @@ def _channel(
         **in_unit(error, unit),
         "noise_share": noise.share or None,
         "noise_source": noise.source,
+        "step": noise.step / parse_unit(unit).factor or None,
         "noise_guessed": noise.guessed,
         "noise_growth": _growth(noise, unit),
         "masked": noise.masked,
