@@ -53,7 +53,8 @@ class InputVariable:
 
     `hold` says what it does between two of its values: ``previous`` keeps the last one, ``linear`` is a
     straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
-    `value` is what it has when nobody says (SI). With `delay`, its switches act later: a formula of the scope
+    `value` is what it has when nobody says (SI); with `implied` that goes without saying, as that a pump runs.
+    With `delay`, its switches act later: a formula of the scope
     and of the commanded values before and after, in s. `role` is the rig's role whose actuator commands it.
     """
 
@@ -65,6 +66,7 @@ class InputVariable:
     role: Literal["move", "heat", "set_pressure"] | None = None
     difference: bool = False
     hold: Literal["previous", "linear"] | None = None
+    implied: bool = False
 
 
 @dataclass(frozen=True)
