@@ -53,9 +53,9 @@ class InputVariable:
 
     `hold` says what it does between two of its values: ``previous`` keeps the last one, ``linear`` is a
     straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
-    `value` is what it has when nobody says (SI); with `implied` that goes without saying, as that a pump runs.
-    With `delay`, its switches act later: a formula of the scope
-    and of the commanded values before and after, in s. `role` is the rig's role whose actuator commands it.
+    `value` is what it has when nobody says (SI); with `implied` it goes without saying, as that a pump runs.
+    With `delay`, its switches act later: a formula of the scope and of the commanded values before and after,
+    in s. `role` is the rig's role whose actuator commands it.
     """
 
     name: str
