@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from types import ModuleType
 
 _HEAD = """\
 # Names of `import rigctl`
@@ -22,17 +23,25 @@ _WIDTH = 100
 def api_page() -> str:
     """Functions first, then classes, each in the order of the table."""
     import rigctl
+    import rigctl.testing
 
-    public = [(name, getattr(rigctl, name)) for name in rigctl.__all__]
     parts = [_HEAD]
-    for title, wanted in (("Functions", inspect.isfunction), ("Classes", inspect.isclass)):
-        parts.append(f"## {title}\n")
-        parts += [_entry(name, thing) for name, thing in public if wanted(thing)]
+    for title, kind in (("Functions", inspect.isfunction), ("Classes", inspect.isclass)):
+        parts += [f"## {title}\n", *_entries("rigctl", rigctl, kind)]
+    about = _code(inspect.getdoc(rigctl.testing) or "")
+    parts.append(f"## rigctl.testing\n\n{about}\n")
+    parts += _entries("rigctl.testing", rigctl.testing, lambda thing: not inspect.isclass(thing))
+    parts += _entries("rigctl.testing", rigctl.testing, inspect.isclass)
     return "\n".join(parts).rstrip() + "\n"
 
 
-def _entry(name: str, thing: object) -> str:
-    lines = [f"### rigctl.{name}", ""]
+def _entries(room: str, module: ModuleType, wanted: Callable[[object], bool]) -> Iterator[str]:
+    public = ((name, getattr(module, name)) for name in module.__all__)
+    return (_entry(room, name, thing) for name, thing in public if wanted(thing))
+
+
+def _entry(room: str, name: str, thing: object) -> str:
+    lines = [f"### {room}.{name}", ""]
     if inspect.isfunction(thing):
         lines += ["```python", signature_text(name, inspect.signature(thing)), "```", ""]
     lines += _docstring(inspect.getdoc(thing) or "")
@@ -45,7 +54,7 @@ def signature_text(name: str, signature: inspect.Signature) -> str:
     """The signature as one would write it, one parameter on a line where it is long."""
     shown = [_parameter(one) for one in signature.parameters.values()]
     kinds = [one.kind for one in signature.parameters.values()]
-    if inspect.Parameter.KEYWORD_ONLY in kinds:
+    if inspect.Parameter.KEYWORD_ONLY in kinds and inspect.Parameter.VAR_POSITIONAL not in kinds:
         shown.insert(kinds.index(inspect.Parameter.KEYWORD_ONLY), "*")
     gives = (
         "" if signature.return_annotation is signature.empty else f" -> {_type(signature.return_annotation)}"
@@ -57,7 +66,8 @@ def signature_text(name: str, signature: inspect.Signature) -> str:
 
 
 def _parameter(one: inspect.Parameter) -> str:
-    text = one.name if one.annotation is one.empty else f"{one.name}: {_type(one.annotation)}"
+    stars = {one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "")
+    text = stars + one.name if one.annotation is one.empty else f"{stars}{one.name}: {_type(one.annotation)}"
     if one.default is one.empty:
         return text
     default = "…" if callable(one.default) else repr(one.default)
