@@ -70,7 +70,7 @@ def carry_out(scenario: Scenario) -> Outcome:
     short = [w.effect for w, each in zip(scenario.hidden, amplitudes, strict=True) if not each.reached]
     if short:
         return replace(made, untested=f"no amplitude of {', '.join(short)} has the size wanted")
-    diagnosis = _diagnose(scenario, made.amplitudes)
+    diagnosis = diagnose_scenario(scenario, made.amplitudes)
     alike = _alike(scenario, amplitudes)
     return replace(
         made,
@@ -191,7 +191,8 @@ def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
     return without_edges(DataNoise(NoiseModel(channels, 1.0 / RATE, "known"), here), measurements)
 
 
-def _diagnose(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
+def diagnose_scenario(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
+    """Diagnose a scenario's campaign, its effects hidden with these amplitudes (SI, signed)."""
     model, rig = bench_model(scenario.chamber_pressures)
     measurements = measure(scenario.campaign(amplitudes), model, rig)
     fitted = fit_model(model, measurements, _noise(scenario, measurements))
