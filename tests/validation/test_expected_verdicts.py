@@ -1,8 +1,8 @@
 """Campaigns that rigctl did not make, each diagnosed, and the verdict that is expected of each.
 
 ``expected_verdicts.json`` has one trial a line: what the separate bench hides (effect, size in sigmas,
-direction; amplitudes in SI), in which noise, and the verdict with the classes of effects that it leaves undecided. Each
-must come out as it stands there. `rigctl validate` makes many more, and counts them.
+direction; amplitudes in SI), in which noise, and the verdict with the classes of effects that it leaves
+undecided. Each must come out as it stands there. `rigctl validate` makes many more, and counts them.
 """
 
 from __future__ import annotations
