@@ -184,6 +184,12 @@ def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_sh
     assert ("the shape of either may do as much" in rival_text(rival)) is (share < 0.01)
 
 
+def test_a_law_is_not_told_from_the_one_that_its_fit_has_become() -> None:
+    rival = replace(RIVAL, member="hysteresis", name="coulomb", nested="distance 0")
+    assert not rival.told
+    assert "hysteresis with distance 0 is coulomb, and its fit is within chance of that" in rival_text(rival)
+
+
 def test_what_lies_beyond_the_usual_is_said_of_a_rival_and_of_what_leads() -> None:
     beyond = "coefficient beyond its usual range (0 m to 2e+04 m)"
     assert f"(cos 0.94) with its {beyond}" in rival_text(replace(RIVAL, unusual=beyond))

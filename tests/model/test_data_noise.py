@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rigctl.model.measured.noise import noise_of
+from rigctl.model.measured.noise import noise_of, with_spikes_off_model
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 
 
@@ -71,3 +71,28 @@ def test_a_short_column_of_zeros_is_not_without_noise(values: list[float], sigma
     (channel,) = noise_of(measured(rows)).model.channels
     assert channel.guessed
     assert channel.sigma == pytest.approx(sigma)
+
+
+def test_spikes_in_motion_show_beside_a_model_and_only_where_the_channel_has_spikes() -> None:
+    rng = np.random.default_rng(2)
+    moving = np.sin(np.arange(600) / 12.0)
+    clean = [moving + 1e-2 * rng.standard_normal(600) for _ in range(3)]
+    spiky = [values.copy() for values in clean]
+    for values in spiky:
+        places = rng.permutation(np.arange(30, 270, 12))[:15]
+        values[places[:8]] += 0.5
+        values[places[8:]] += 0.07
+    lacks = 0.05 * np.exp(-(((np.arange(600) - 450) / 4.0) ** 2))  # what a model may lack is no spike
+    for given in (spiky, clean):
+        measurements = measured([record(k, values) for k, values in enumerate(given)])
+        noise = noise_of(measurements)
+        errors = [((moving + lacks - values) / 1e-2)[:, None] for values in given]
+        found = with_spikes_off_model(noise, measurements, errors)
+        if given is clean:
+            assert found is None
+            continue
+        assert found is not None
+        assert found.model.channels[0].masked > noise.model.channels[0].masked
+        assert sum(int((~good[30:270]).sum()) for good in found.ok) == pytest.approx(45, abs=4)
+        assert all(good[440:461].all() for good in found.ok)
+        assert f"{found.model.channels[0].masked} spikes masked" in found.model.statement

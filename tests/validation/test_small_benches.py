@@ -13,7 +13,7 @@ from rigctl.errors import RigctlError
 from rigctl.validation.anyone.rates import bench_figures
 from rigctl.validation.anyone.tier import SIZES, bench_trials
 from rigctl.validation.anyone.trial import BenchTrial
-from rigctl.validation.anyone.work import amplitude_of
+from rigctl.validation.anyone.work import amplitude_of, carry_out_trial
 from rigctl.validation.benches.__main__ import main
 from rigctl.validation.benches.bench import BenchCampaign
 from rigctl.validation.benches.motion import integrate, with_dry_friction
@@ -131,3 +131,8 @@ def test_a_benchs_folder_is_written_with_the_size_of_what_it_hides(
     assert {path.name for path in folder.iterdir()} == {"family.yaml", "rig.yaml", "model.yaml", "chain.csv"}
     assert "room" not in (folder / "chain.csv").read_text(encoding="utf-8").splitlines()[0]
     assert 80.0 < float(capsys.readouterr().out.split("lambda = ")[1]) < 120.0
+
+
+def test_spikes_that_the_motion_hides_are_no_missing_physics() -> None:
+    outcome = carry_out_trial(BenchTrial("spring", 0.0, "slow", recorded=False, noise="heavy", seed=0))
+    assert outcome.verdict == "adequate"

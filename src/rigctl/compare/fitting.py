@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from rigctl.compare.localise import variable_units
 from rigctl.compare.result import Choice
 from rigctl.dataset.run import Run
+from rigctl.engine.least_squares import started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import make_problem
 from rigctl.model.measured.hold_out import chosen, held_out
-from rigctl.model.measured.noise import DataNoise, noise_of
+from rigctl.model.measured.noise import DataNoise, noise_of, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
@@ -113,7 +116,18 @@ def fit_model(
     problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
     if not refit:
         problem = problem.with_shared([one for one in problem.shared if one.name not in model.fitted])
-    return fit(problem, held_out, refit=bool(problem.shared))
+    found = fit(problem, held_out, refit=bool(problem.shared))
+    errors = [found.normalised_error(place) for place in range(len(measurements.records))]
+    cleaned = with_spikes_off_model(noise, measurements, errors)
+    if cleaned is None:
+        return found
+    begun = dict(zip((unknown.name for unknown in found.problem.shared), found.values, strict=True))
+    again = make_problem(model, measurements, cleaned.model, cleaned.ok, progress=tell)
+    shared = [one for one in again.shared if refit or one.name not in model.fitted]
+    again = again.with_shared(
+        started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))
+    )
+    return fit(again, held_out, refit=bool(again.shared), local=found.local)
 
 
 def require_free_parameters(model: Model) -> None:

@@ -54,9 +54,7 @@ def finalise(folder: Path) -> dict[str, Any]:
     files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
     info = {**_summary(history, facts, missing), "annotations": as_data(said), "files": files}
     run_json.write_info(folder, info)
-    cut_short = any(entry.outcome == DAMAGED for entry in history.records if entry.session == number)
-    lost = number in facts.losses and facts.losses[number].rows > 0
-    set_aside_journal(folder, number, misses=cut_short or lost)
+    set_aside_journal(folder, number)
     return info
 
 

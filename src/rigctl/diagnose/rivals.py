@@ -19,6 +19,7 @@ from rigctl.diagnose.confound import (
 )
 from rigctl.diagnose.search import Search
 from rigctl.diagnose.trial import Trial
+from rigctl.effects.declaration import Effect, qualified
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -29,6 +30,8 @@ _SHOWS = 0.01
 _MOST_VARIABLES = 2
 #: twice the standard deviation of a separation that is read from refits
 _CHANCE = 1.0
+#: standard deviations within which a parameter is not told from the value that makes its effect another one
+_LIMIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ class Rival:
     differs: where the two differ most; None where they predict the same.
     share: the difference of their χ² as a share of what the one that was found explains.
     unusual: which of the other's parameters lie beyond what is usual, in words; "" where none does.
+    nested: the parameter of the one that was found, and its value, where it is the other one and from where
+        its fit is not told; "" where there is none.
     """
 
     member: str
@@ -76,6 +81,7 @@ class Rival:
     differs: Differs | None
     share: float = 1.0
     unusual: str = ""
+    nested: str = ""
 
     @property
     def told(self) -> bool:
@@ -84,6 +90,7 @@ class Rival:
             self.separation >= LEAST_SEPARATION
             and self.difference >= LEAST_DIFFERENCE
             and not self.within_tolerance
+            and not self.nested
         )
 
     @property
@@ -116,6 +123,7 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
                     where_they_differ(search.none.fit, best.fit, trial.fit),
                     share=(trial.chi2 - best.chi2) / max(explained, 1e-12),
                     unusual=trial.unusual.get(other, ""),
+                    nested=_nested(best.fit, member.effect, other),
                 )
                 for other in trial.effects
                 if other not in best.effects
@@ -124,6 +132,18 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
     if len(best.candidates) == 1:
         found += _known(search, best, {rival.name for rival in found})
     return found
+
+
+def _nested(fit: FitResult, effect: Effect, other: str) -> str:
+    """The parameter whose limit makes `effect` the other one, if its fit lies within chance of that limit."""
+    known = {
+        unknown.name: float(value) for unknown, value in zip(fit.problem.shared, fit.values, strict=True)
+    }
+    for name, limit, law in effect.becomes:
+        own = qualified(effect.name, name)
+        if law == other and own in known and abs(known[own] - limit) <= _LIMIT * fit.std.get(own, 0.0):
+            return f"{name} {limit:g}"
+    return ""
 
 
 def _aside(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:

@@ -187,6 +187,10 @@ def _lacking(rival: Rival) -> str:
         found.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
     if rival.difference < LEAST_DIFFERENCE:
         found.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
+    if rival.nested:
+        found.append(
+            f"{rival.member} with {rival.nested} is {rival.name}, and its fit is within chance of that"
+        )
     if not found:
         found.append(
             f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "

@@ -14,7 +14,6 @@ from typing import Literal, TypeAlias
 
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
-from rigctl.notebook import one_line
 from rigctl.physics.families import find_family
 from rigctl.physics.family import Formula, ModelFamily
 from rigctl.physics.scope import Addition, Scope
@@ -173,6 +172,7 @@ class Effect:
     confused_with: effects that do nearly the same to the data.
     instead_of: effects that say the same in another way: a model has one or the other.
     needs: what the data must hold for the effect to show at all.
+    becomes: parameter, value and the effect that this one is there: a law that is nested in it.
     base: base physics instead: the family's parameters and the values that take it away; such an effect is in
         every model and has no terms of its own.
     own_family: the family itself where its name alone does not find it: a user's, from a file.
@@ -192,12 +192,9 @@ class Effect:
     confused_with: tuple[str, ...] = ()
     instead_of: tuple[str, ...] = ()
     needs: str | None = None
+    becomes: tuple[tuple[str, float, str], ...] = ()
     base: Mapping[str, float] = field(default_factory=dict)
     own_family: ModelFamily | None = None
-
-    def __repr__(self) -> str:
-        """What it is, on one line."""
-        return one_line(self, f"{self.name} of {self.family}: {self.summary}")
 
     @property
     def model_family(self) -> ModelFamily:
@@ -275,6 +272,8 @@ def problems(effect: Effect, family: ModelFamily) -> list[str]:
             found.append(f"{parameter.name}: its grid holds the null value")
         if parameter.at_least is not None:
             found += _wrong_order(effect, parameter)
+    known = {parameter.name for parameter in effect.parameters}
+    found += [f"becomes: unknown parameter {name!r}" for name, _, _ in effect.becomes if name not in known]
     return found
 
 

@@ -16,6 +16,8 @@ HIGHEST_CORRELATION = 0.98
 #: −2·ln of the likelihood ratio above which white noise on top is believed (1 % at one degree of freedom)
 _WHITE_PAYS = 6.63
 _WHITE_GRID = (0.12, 0.3, 0.5, 0.7, 0.88, 0.96)
+#: share of the sum of squares that may be rounding
+_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -51,11 +53,14 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
     parts = [(group, _compressed(group.rows)) for group in groups if group.rows.size]
     degrees = sum(group.total_degrees for group, _ in parts)
 
-    if _sums(parts, 0.0, 0.0)[1] <= 0.0:
+    rounding = _ROUNDING * _sums(parts, 0.0, 0.0)[1]
+    if rounding <= 0.0:
         return NoiseFit(0.0, 0.0, 0.0, degrees)
 
     def cost(rho: float, white: float) -> float:
         determinant, quadratic = _sums(parts, rho, white)
+        # readings that all but follow their trend leave nothing but rounding, which may be zero at some ρ
+        quadratic = max(quadratic, rounding)
         return determinant + degrees * float(np.log(quadratic / degrees))
 
     share = white or 0.0

@@ -31,15 +31,13 @@ class OnPause(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Until:
-    """Go on at bench time `time`, at the first sample for which `when` is true, or once `done` is.
+    """Go on at bench time `time`, or at the first sample for which `when` is true.
 
-    The generator is then sent the sample's row, or None where it was not a sample that it waited for. `done`
-    is looked at whenever something has come from the bench.
+    The generator is then sent that sample's row, or None when the time was up.
     """
 
     time: float = math.inf
     when: Callable[[Row], object] | None = None
-    done: Callable[[], bool] | None = None
     on_pause: OnPause = OnPause.RESTART
 
 
@@ -162,7 +160,7 @@ class Bench(Protocol):
         ...
 
     def try_switch(self, actuator: str, value: float) -> bool:
-        """Send a command now, without waiting for its answer; False when contact is lost for the moment."""
+        """Switch an actuator now; False when contact is lost for the moment."""
         ...
 
     def finish_pulse(self, actuator: str) -> Waiting:
@@ -178,7 +176,7 @@ class Bench(Protocol):
         ...
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether the newest command to an actuator was a value, and no answer to it has stayed away."""
+        """Whether an actuator is known to be commanded to a value."""
         ...
 
     def rested_at(self, actuator: str, value: float) -> float:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rigctl.backends.conversation import Conversation
 from rigctl.backends.lines.meaning import Meaning
 from rigctl.backends.lines.talk import Answer, Refused, Talk
 from rigctl.backends.protocol import Notice
@@ -62,7 +61,7 @@ class Poll:
         taken, self._notices = self._notices, []
         return taken
 
-    def asking(self, talk: Talk, commanded: Mapping[str, float]) -> Conversation[PolledSample]:
+    def ask(self, talk: Talk, commanded: Mapping[str, float]) -> PolledSample:
         """Ask what is due now.
 
         An answer that does not fit leaves its channels without a value; interlocks see to that.
@@ -80,7 +79,7 @@ class Poll:
         for index, query in enumerate(self._queries):
             if now < self._due[index] - _SLACK:
                 continue
-            answer = yield from self._ask(talk, index, query)
+            answer = self._ask(talk, index, query)
             if query.every is not None:
                 self._due[index] = max(self._due[index] + query.every, now)
                 if self._due[index] == now:  # the first time, or long ago
@@ -94,9 +93,9 @@ class Poll:
         values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
         return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, changed)
 
-    def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
+    def _ask(self, talk: Talk, index: int, query: Query) -> Answer | None:
         try:
-            answer = yield from talk.asking(query, fits=self._numbers)
+            answer = talk.ask(query, fits=self._numbers)
         except Refused as error:
             if not query.places:
                 raise

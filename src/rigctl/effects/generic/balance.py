@@ -100,6 +100,7 @@ class _At:
         *,
         states: tuple[EffectState, ...] = (),
         confused: tuple[str, ...] = (),
+        becomes: tuple[tuple[str, float, str], ...] = (),
         needs: str | None = None,
     ) -> Effect:
         return placed(
@@ -115,6 +116,7 @@ class _At:
             parameters=parameters,
             states=states,
             confused=confused,
+            becomes=becomes,
             needs=needs,
         )
 
@@ -152,6 +154,7 @@ def _of_motion(at: _At) -> Iterator[Effect]:
         ),
         "As dry friction, with a jerk at the start and at every reversal.",
         confused=("coulomb", "hysteresis"),
+        becomes=(("excess", 0.0, "coulomb"),),
         needs="slow motion, and reversals",
     )
     yield at.effect(
@@ -215,6 +218,7 @@ def _hysteresis(at: _At) -> Effect:
         "After a reversal the force builds up over a distance; a move and its way back differ.",
         states=(EffectState("bending", "1", 0.1, rate, "z, of the spring, −1 to 1"),),
         confused=("coulomb", "stribeck"),
+        becomes=(("distance", 0.0, "coulomb"),),
         needs="reversals",
     )
 
@@ -282,6 +286,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
         ),
         f"High values of {name} differ from what a loss in proportion explains, and low ones the other way.",
         confused=("leak", "threshold"),
+        becomes=(("exponent", 1.0, "leak"),),
         needs="several levels",
     )
 

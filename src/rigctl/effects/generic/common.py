@@ -34,6 +34,7 @@ def placed(
     *,
     term: Term,
     confused: tuple[str, ...] = (),
+    becomes: tuple[tuple[str, float, str], ...] = (),
     **declared: Any,
 ) -> Effect:
     """The effect of a law at a place of a family, called ``<law><ending>``; its rivals are at the same place.
@@ -41,6 +42,7 @@ def placed(
     Parameters
     ----------
     confused: laws of the effects it may be taken for.
+    becomes: parameter, value and the law that this one is there.
     declared: what else `rigctl.effects.declaration.Effect` says.
     """
     return Effect(
@@ -48,6 +50,7 @@ def placed(
         family=family.name,
         terms=((slot, term),),
         confused_with=tuple(f"{one}{ending}" for one in confused),
+        becomes=tuple((name, value, f"{one}{ending}") for name, value, one in becomes),
         own_family=family,
         **declared,
     )

@@ -31,6 +31,7 @@ from rigctl.model.fit.unknowns import (
     local_unknowns,
     shared_unknowns,
     start_values,
+    unrecorded_unknowns,
 )
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
@@ -373,7 +374,12 @@ def make_problem(
         ok=tuple(ok),
         compiled=compile_system(system, progress=progress),
         level=level,
-        shared=(*shared_unknowns(model), *habit_unknowns(measurements), *settings),
+        shared=(
+            *shared_unknowns(model),
+            *habit_unknowns(measurements),
+            *settings,
+            *(unrecorded_unknowns(records[0]) if records and records[0].row else ()),
+        ),
         local=tuple(
             local_unknowns(level, record, measurements, found)
             for record, found in zip(records, starts, strict=True)

@@ -20,8 +20,6 @@ from rigctl.physics.units import si_unit
 
 #: a parameter's bounds where its declaration has none, as factors of its value
 _NARROW, _WIDE = 0.05, 20.0
-#: Pa above the surroundings that no closed chamber falls below: its oil breaks up before
-_VACUUM = -0.5e5
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,8 @@ def local_unknowns(
         if record.row and quantity.cancels:
             continue
         unknowns.append(LocalUnknown(quantity.name, _quantity(quantity, measurements)))
-    unknowns += [LocalUnknown(one.name, one) for one in _unrecorded(record)]
+    if not record.row:  # those of rows are common to all of them
+        unknowns += [LocalUnknown(one.name, one) for one in unrecorded_unknowns(record)]
     unknowns += [LocalUnknown(one.name, one, "switch") for one in switch_unknowns(record)]
     for start in level.starts:
         if record.row and start.how == "rest":  # what a row says is counted from there
@@ -107,7 +106,7 @@ def local_unknowns(
     return tuple(unknowns)
 
 
-def _unrecorded(record: MeasuredRecord) -> list[Unknown]:
+def unrecorded_unknowns(record: MeasuredRecord) -> list[Unknown]:
     """The inputs that nobody recorded, each the same all through the record, as likely as any it could be."""
     found = []
     for name, (low, high) in record.unrecorded.items():
@@ -132,22 +131,12 @@ def _start(
         mean = found[start.state]
         return Unknown(start.state, mean, scale=start.rest, prior=Prior(mean, start.rest))
     if start.how == "set" and start.spread > 0.0:
-        return _set(start, record, measurements)
+        given = float(record.inputs[0, measurements.inputs.index(start.input)])
+        std, mean = start.spread * given, start.share * given
+        if std <= 0.0:
+            return None
+        return Unknown(start.state, mean, -0.5e5, 1.2 * given, scale=std, prior=Prior(mean, std))
     return None
-
-
-def _set(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
-    """What a closed valve keeps of a setting: of this record's, or of an earlier one that was higher."""
-    place = measurements.inputs.index(start.input)
-    given = float(record.inputs[0, place])
-    std, mean = start.spread * given, start.share * given
-    if std <= 0.0:
-        return None
-    reading = _first(start.state, record, measurements)
-    if math.isfinite(reading):  # the setting says nothing beside it
-        return Unknown(start.state, reading, min(_VACUUM, reading), scale=std)
-    highest = max(float(each.inputs[:, place].max()) for each in measurements.records)
-    return Unknown(start.state, mean, _VACUUM, 1.2 * highest, scale=std, prior=Prior(mean, std))
 
 
 def _first(state: str, record: MeasuredRecord, measurements: Measurements) -> float:

@@ -40,7 +40,7 @@ class Acting:
     along: places among the inputs.
     unrecorded: of inputs that nobody recorded, the lowest and the highest value, SI.
     absent: the actuators of these inputs.
-    taken: of inputs of which nobody says what they were, the family's value that stands for it, SI.
+    taken: of measured inputs that this record lacks, the family's value that stands for it, SI.
     bridged, spikes: by input, how many readings of it are missing, and how many were spikes.
     """
 
@@ -93,7 +93,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
         elif source.channel is not None:
             builder.measured(place, source)
         else:
-            builder.unmeasured(place, source)
+            builder.constant(place, source.value)
     builder.straighten()
     times, half, rows = builder.rows()
     commanded = rows.copy()
@@ -134,12 +134,6 @@ class _Builder:
     def constant(self, place: int, value: float) -> None:
         self._first[place] = value
 
-    def unmeasured(self, place: int, source: InputSource) -> None:
-        """An input that nothing records: what is said of it, else the family's value, which must be known."""
-        self.constant(place, source.value)
-        if not source.said:
-            self.taken[source.input] = source.value
-
     def commanded(self, place: int, source: InputSource) -> None:
         """An input of actuators: their commands, or anything that they can be told where none is there."""
         absent = unrecorded_actuators(source, self._run)
@@ -159,7 +153,9 @@ class _Builder:
             if span is not None:
                 self.unrecorded[source.input] = span
             else:
-                self.unmeasured(place, source)
+                self.constant(place, source.value)
+                if not source.said:
+                    self.taken[source.input] = source.value
         elif source.hold == "previous":
             self.steps(place, readings)
         else:
@@ -260,6 +256,18 @@ def _span(source: InputSource, absent: Sequence[str], rig: Rig) -> tuple[float, 
         ends = [factor * end for end in actuator_range(rig.actuators[name])]
         low, high = low + min(ends), high + max(ends)
     return low, high
+
+
+def unknown_range(source: InputSource, rig: Rig) -> tuple[float, float] | None:
+    """Between what an input was that a table has no column of, SI; None where nobody says it."""
+    if source.said or not source.actuators:
+        return _said_range(source, rig)
+    ends = [
+        sorted(factor * end for end in actuator_range(rig.actuators[name]))
+        for name, factor in source.actuators
+    ]
+    low, high = (source.value + sum(end[k] for end in ends) for k in (0, 1))
+    return (low, high) if math.isfinite(high - low) else None
 
 
 def _said_range(source: InputSource, rig: Rig) -> tuple[float, float] | None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigctl.model.measured.assumed import input_unit
 from rigctl.model.measured.excitation import Acting
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.measured.smoothing import smoothed, window_of
@@ -15,6 +14,13 @@ from rigctl.model.model import Model
 from rigctl.noise import NoiseRecord, estimate_noise
 from rigctl.rig.rig import Rig
 from rigctl.units import show
+
+
+def input_unit(model: Model, rig: Rig | None, name: str) -> str:
+    """What an input is shown in: its channel's unit, or its SI one."""
+    if rig is not None and name in rig.channels:
+        return rig.channels[name].unit
+    return {item.name: item.unit for item in model.family.inputs}[name]
 
 
 @dataclass(frozen=True)
@@ -96,15 +102,27 @@ def acting_notes(
         own = [record.unrecorded[name] for record in records if name in record.unrecorded]
         low, high = own[0]
         unit = input_unit(model, rig, name)
+        rows = all(record.row for record in records)
+        unknown = (
+            "it is one unknown of all rows"
+            if rows
+            else f"in {len(own)} of {len(records)} records; it is an unknown of each of them, the same all "
+            "through it"
+        )
         yield (
-            f"not recorded: {name}, in {len(own)} of {len(records)} records; it is an unknown of each of "
-            f"them, the same all through it, between {show(low, unit)} and {show(high, unit)}. If it is "
+            f"not recorded: {name}, {unknown}, between {show(low, unit)} and {show(high, unit)}. If it is "
             f"known, '--assume {_written(name, acts)}=…' says so"
         )
     taken = {name: value for act in acts for name, value in act.taken.items()}
     for name, value in taken.items():
         count = sum(name in act.taken for act in acts)
         where = "" if count == len(acts) else f" in {count} of {len(acts)} records"
+        yield from taken_notes(model, rig, {name: value}, where)
+
+
+def taken_notes(model: Model, rig: Rig | None, taken: Mapping[str, float], where: str = "") -> Iterator[str]:
+    """What stands for inputs that nobody recorded and whose range nobody says."""
+    for name, value in taken.items():
         shown = show(value, input_unit(model, rig, name))
         yield f"not recorded: {name}{where}; taken as {shown}, '--assume {name}=…' says otherwise"
 

@@ -17,6 +17,7 @@ from rigctl.noise import (
     RowNoise,
     estimate_noise,
     find_edges,
+    find_spikes_in_records,
     recounted,
     row_noise,
     spikes_of,
@@ -26,6 +27,8 @@ from rigctl.units import show
 #: an input that changes by more than this share of its range has been switched; one that is written down
 #: sample by sample changes by less
 _LEAST_JUMP = 0.1
+#: a channel with one spike in so many readings has a habit of them; normal noise has one in 150 000
+_SPIKY = 1000
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,39 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
     model = recounted(noise.model, [channel.masked for channel in noise.model.channels], _sums(counts))
     ok = tuple(good & ~mask for good, mask in zip(noise.ok, found, strict=True))
     return replace(noise, model=model, ok=ok, edges=counts)
+
+
+def with_spikes_off_model(
+    noise: DataNoise, measurements: Measurements, errors: Sequence[NDArray[np.float64]]
+) -> DataNoise | None:
+    """Leave out the spikes that show once what a model explains is taken off; None where there are none.
+
+    In motion a spike is hidden by the signal, and noise with heavy tails counts there many times over. Only
+    channels are looked at that have spikes by their own word, one reading in `_SPIKY`: what a model lacks for
+    a few samples is no spike. What most records share at the same place is the bench's as well.
+
+    Parameters
+    ----------
+    errors: (n, outputs) of each record, model less reading in standard deviations of the noise; NaN where no
+        reading counts.
+    """
+    readings = sum(record.here.sum(axis=0) for record in measurements.records)
+    known = np.array([channel.masked for channel in noise.model.channels])
+    spiky = (known > 0) & (known * _SPIKY >= readings)
+    if measurements.table or not spiky.any():
+        return None
+    records = [
+        NoiseRecord(record.times, np.where(good, error, np.nan), record.group, record.phase.astype(np.intp))
+        for record, good, error in zip(measurements.records, noise.ok, errors, strict=True)
+    ]
+    spikes = [mask & spiky for mask in find_spikes_in_records(records)]
+    counts = np.array([mask.sum(axis=0) for mask in spikes], dtype=np.intp)
+    if not counts.any():
+        return None
+    edges = [channel.edges for channel in noise.model.channels]
+    model = recounted(noise.model, [int(count) for count in known + counts.sum(axis=0)], edges)
+    ok = tuple(good & ~mask for good, mask in zip(noise.ok, spikes, strict=True))
+    return replace(noise, model=model, ok=ok, masked=None if noise.masked is None else noise.masked + counts)
 
 
 def _spans(measurements: Measurements) -> NDArray[np.float64]:

@@ -6,13 +6,15 @@ was written down is known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError
 from rigctl.model.inputs import input_sources
+from rigctl.model.measured.assumed import assumed_of
+from rigctl.model.measured.excitation import said_sources, unknown_range
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.physics.standard_record import StandardRecord
@@ -40,27 +42,64 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
     if model.family.states:
         moving = [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
         return [record for record in moving if record.here.any()]
-    return [record for record in _table(model, run, rows, outputs) if record.here.any()]
+    return [record for record in _table(model, run, rig, rows, outputs) if record.here.any()]
+
+
+def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
+    """The inputs, SI, that a table without time has no column of and of which nobody says anything."""
+    if model.family.states or run.info["rows"]:
+        return {}
+    known = {name for index in run.usable for name in _values(run.record(index))}
+    values, spans, said = _absent(model, run, rig)
+    return {n: value for n, value in values.items() if n not in known and n not in spans and n not in said}
+
+
+def _absent(
+    model: Model, run: Run, rig: Rig | None
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], set[str]]:
+    """Of every input what it is where no column says it, between what it is unknown, and which are said."""
+    given = {item.name: model.values[item.name] for item in model.family.inputs if item.name in model.values}
+    if rig is None:
+        values = {item.name: given.get(item.name, item.value) for item in model.family.inputs}
+        return values | dict(assumed_of(run)), {}, {*given, *assumed_of(run)}
+    sources = said_sources(input_sources(model.family, rig, given), assumed_of(run))
+    ranges = {source.input: unknown_range(source, rig) for source in sources}
+    usual = {item.name: item.value for item in model.family.inputs}
+    return (
+        {source.input: source.value if source.said else usual[source.input] for source in sources},
+        {name: span for name, span in ranges.items() if span is not None},
+        {source.input for source in sources if source.said},
+    )
 
 
 def _values(row: Record) -> dict[str, float]:
     return {**row.sweep, **row.measures}
 
 
-def _table(model: Model, run: Run, rows: Sequence[Record], outputs: Sequence[str]) -> list[MeasuredRecord]:
-    found = [_still(model, run, row, outputs) for row in rows]
+def _table(
+    model: Model, run: Run, rig: Rig | None, rows: Sequence[Record], outputs: Sequence[str]
+) -> list[MeasuredRecord]:
+    values, spans, _ = _absent(model, run, rig)
+    columns = {name for row in rows for name in _values(row)}
+    spans = {name: span for name, span in spans.items() if name not in columns}
+    found = [_still(run, row, {**values, **dict.fromkeys(spans, 0.0)}, spans, outputs) for row in rows]
     if not any(record.here.any() for record in found):
-        columns = ", ".join(dict.fromkeys(name for row in rows for name in _values(row))) or "nothing"
+        names = ", ".join(dict.fromkeys(name for row in rows for name in _values(row))) or "nothing"
         raise RigctlError(
-            f"{run.id} has no column that the model predicts", value=columns, expected=" or ".join(outputs)
+            f"{run.id} has no column that the model predicts", value=names, expected=" or ".join(outputs)
         )
     return found
 
 
-def _still(model: Model, run: Run, row: Record, outputs: Sequence[str]) -> MeasuredRecord:
+def _still(
+    run: Run,
+    row: Record,
+    inputs: Mapping[str, float],
+    unrecorded: Mapping[str, tuple[float, float]],
+    outputs: Sequence[str],
+) -> MeasuredRecord:
     """A row of a family in which nothing moves: the inputs hold, and it is read after half a second."""
     known = _values(row)
-    inputs = {item.name: model.values.get(item.name, item.value) for item in model.family.inputs}
     return MeasuredRecord(
         run=run.id,
         index=row.index,
@@ -76,6 +115,7 @@ def _still(model: Model, run: Run, row: Record, outputs: Sequence[str]) -> Measu
         phases=("row",),
         row=True,
         beside={name: value for name, value in row.measures.items() if name not in outputs},
+        unrecorded=unrecorded,
     )
 
 

@@ -20,9 +20,9 @@ from rigctl.model.measured.excitation import (
     unrecorded_actuators,
 )
 from rigctl.model.measured.groups import group_numbers
-from rigctl.model.measured.input_notes import acting_notes, steady_inputs
+from rigctl.model.measured.input_notes import acting_notes, steady_inputs, taken_notes
 from rigctl.model.measured.notes import notes
-from rigctl.model.measured.observations import observed_records, titles
+from rigctl.model.measured.observations import observed_records, taken_inputs, titles
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.rigs import rig_of
@@ -59,6 +59,10 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
             records += [record for record, _ in found]
             acts += [one for _, one in found]
         else:
+            left_out += [
+                *assumed_notes(model, run, rig),
+                *taken_notes(model, rig, taken_inputs(model, run, rig)),
+            ]
             records += observed_records(model, run, rig, known)
     _require_records(records, runs)
     present = [k for k in range(len(known)) if any(record.here[:, k].any() for record in records)]
