@@ -34,6 +34,7 @@ system:
 	sh tools/install-system-packages chromium libsimavr2 gcc-avr binutils-avr avr-libc
 
 bench: $(VENV)/.installed
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[benchmarks]'
 	$(BIN)/python -m benchmarks
 
 # Hours of random damage; its minute is among the tests. SEED and what it takes are printed with what was found.
@@ -66,7 +67,7 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 # The newest versions that pyproject.toml allows, tried in an environment of their own, become the named ones.
 constraints:
 	rm -rf build/newest && $(PYTHON) -m venv build/newest
-	build/newest/bin/pip install --quiet --editable '.[dev]'
+	build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]'
 	(sed -n '/^#/p' constraints.txt && build/newest/bin/pip freeze --exclude-editable) > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 

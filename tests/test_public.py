@@ -12,7 +12,7 @@ import pytest
 import rigctl
 import rigctl.dataset
 
-HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "pydantic", "numba", "scipy", "sympy", "plotly")
+HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "pydantic", "numba", "scipy", "plotly")
 
 
 def test_importing_it_imports_nothing_heavy() -> None:

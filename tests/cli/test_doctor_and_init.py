@@ -51,7 +51,7 @@ def test_doctor_is_well_here_and_names_the_extras() -> None:
     findings = {finding["subject"]: finding for finding in json.loads(shown.stdout)["findings"]}
     assert findings["numba"]["state"] == "ok"
     assert findings["compiled models"]["state"] == "ok"
-    for name in ("tdms", "mdf", "cluster"):
+    for name in ("tdms", "mdf", "xlsx"):
         extra = findings[f"{name} (extra)"]
         assert extra["state"] == "ok" or extra["fix"] == f"pip install 'rigctl[{name}]'"
 

@@ -66,10 +66,9 @@ def test_over_temperature_is_seen_by_rigctl_and_switches_off(board: Served, tmp_
         time.sleep(0.01)
         assert run.poll() is None, run.communicate()
     board.sketch.model._T1 = board.sketch.model._H1 = 110.0
-    hot = time.monotonic()
     while board.sketch.heaters != (0.0, 0.0):
         time.sleep(0.01)
-    assert time.monotonic() - hot < 5.0
+        assert run.poll() is None, "it ended, and a heater is on"
     answer = ended(run)
     assert answer["exit_code"] == 1
     assert "Heater 1 over-temperature" in answer["reason"] or ("cannot warm up this fast" in answer["reason"])

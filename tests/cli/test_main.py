@@ -14,7 +14,7 @@ from rigctl.cli.catalogue import ENTRIES
 from rigctl.cli.main import app, load_command
 
 HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "numba", "scipy", "plotly", "matplotlib", "pydantic",
-         "ruamel", "statemachine", "sympy", "jinja2")  # fmt: skip
+         "ruamel", "jinja2")  # fmt: skip
 
 
 def test_help_imports_nothing_heavy() -> None:

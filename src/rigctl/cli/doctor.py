@@ -25,7 +25,6 @@ _EXTRAS = (
     ("nptdms", "tdms", "reads and writes LabVIEW's TDMS files"),
     ("asammdf", "mdf", "reads and writes MDF4 files"),
     ("openpyxl", "xlsx", "reads and writes spreadsheets"),
-    ("distributed", "cluster", "spreads fits over several machines"),
 )
 
 

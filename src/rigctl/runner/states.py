@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any
-
-from statemachine import StateMachine
-from statemachine.states import States
+from types import MappingProxyType
 
 
 class RunState(Enum):
@@ -57,40 +54,39 @@ EVENTS = {
 }
 
 
-class RunStates(StateMachine):
-    """The transition table. An event that the table does not have is an error in rigctl itself.
-
-    `safe` can be reached from every state in which outputs may be other than safe, itself included.
-    """
-
-    at = States.from_enum(
-        RunState,
-        initial=RunState.IDLE,
-        final=(RunState.FINISHED, RunState.FAILED, RunState.ABORTED),
-        use_enum_instance=True,
-    )
-
-    arm = at.IDLE.to(at.ARMING)
-    start = at.ARMING.to(at.RUNNING)
-    pause = at.RUNNING.to(at.PAUSED)
-    go_on = at.PAUSED.to(at.RUNNING)
-    finish = at.RUNNING.to(at.FINISHING) | at.ARMING.to(at.FINISHING)
-    make_safe = (
-        at.IDLE.to(at.SAFE)
-        | at.ARMING.to(at.SAFE)
-        | at.RUNNING.to(at.SAFE)
-        | at.PAUSED.to(at.SAFE)
-        | at.FINISHING.to(at.SAFE)
-        | at.SAFE.to(at.SAFE)
-    )
-    clean_up = at.SAFE.to(at.FINISHING)
-    succeed = at.FINISHING.to(at.FINISHED)
-    fail = at.FINISHING.to(at.FAILED)
-    abort = at.FINISHING.to(at.ABORTED)
+#: the transition table: what each event leads to, by the state it happens in. An event that it does not have
+#: is an error in rigctl itself. `safe` can be reached from every state in which outputs may be other than
+#: safe, itself included.
+TRANSITIONS: Mapping[RunState, Mapping[str, RunState]] = MappingProxyType(
+    {
+        RunState.IDLE: {"arm": RunState.ARMING, "make_safe": RunState.SAFE},
+        RunState.ARMING: {
+            "start": RunState.RUNNING,
+            "finish": RunState.FINISHING,
+            "make_safe": RunState.SAFE,
+        },
+        RunState.RUNNING: {
+            "pause": RunState.PAUSED,
+            "finish": RunState.FINISHING,
+            "make_safe": RunState.SAFE,
+        },
+        RunState.PAUSED: {"go_on": RunState.RUNNING, "make_safe": RunState.SAFE},
+        RunState.SAFE: {"make_safe": RunState.SAFE, "clean_up": RunState.FINISHING},
+        RunState.FINISHING: {
+            "make_safe": RunState.SAFE,
+            "succeed": RunState.FINISHED,
+            "fail": RunState.FAILED,
+            "abort": RunState.ABORTED,
+        },
+        RunState.FINISHED: {},
+        RunState.FAILED: {},
+        RunState.ABORTED: {},
+    }
+)
 
 
 class Lifecycle:
-    """The state of one run; tells `listener` of every change.
+    """The state of one run; calls `listener` with every change.
 
     Parameters
     ----------
@@ -98,32 +94,32 @@ class Lifecycle:
     """
 
     def __init__(self, listener: Callable[[RunState, str, RunState], None]) -> None:
-        self._machine: Any = RunStates()
+        self._state = RunState.IDLE
         self._listener = listener
 
     @property
     def state(self) -> RunState:
         """Where the run is now."""
-        state: RunState = self._machine.current_state_value
-        return state
+        return self._state
 
     def send(self, event: str) -> None:
         """Take the transition `event`.
 
         Raises
         ------
-        statemachine.exceptions.TransitionNotAllowed
+        RuntimeError
             the table has no such transition from here: a mistake in rigctl.
         """
-        before = self.state
-        self._machine.send(event)
-        self._listener(before, event, self.state)
+        before = self._state
+        after = TRANSITIONS[before].get(event)
+        if after is None:
+            raise RuntimeError(f"Can't {event} a run that is {before.value}")
+        self._state = after
+        self._listener(before, event, after)
 
 
 def transitions() -> tuple[tuple[RunState, str, RunState], ...]:
     """Every transition of the table: source, event, target."""
     return tuple(
-        (RunState[state.id], str(transition.event), RunState[transition.target.id])
-        for state in RunStates.states
-        for transition in state.transitions
+        (source, event, target) for source, events in TRANSITIONS.items() for event, target in events.items()
     )
