@@ -7,39 +7,19 @@ two-heater board got, the plant's own switch.
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
 
 from rigctl.backends.emulated.board import EmulatedBoard
-from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.registry import create_backend
 from rigctl.backends.simulated.roles_plant import RolesPlant
-from rigctl.clock import VirtualClock
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, parse_rig
+from rigctl.testing import ScriptedClock, line_bench
 from run_workshop import Done, Workshop
 from tclab_board import MemoryPort, Sketch
-
-
-@dataclass
-class ScriptedClock(VirtualClock):
-    """Virtual time in which things happen, whoever is waiting."""
-
-    actions: list[tuple[float, Callable[[], object]]] = field(default_factory=list)
-
-    def at(self, time: float, action: Callable[[], object]) -> None:
-        self.actions.append((time, action))
-        self.actions.sort(key=lambda entry: entry[0])
-
-    def sleep_until(self, when: float) -> None:
-        while self.actions and self.actions[0][0] <= when:
-            time, action = self.actions.pop(0)
-            super().sleep_until(time)
-            action()
-        super().sleep_until(when)
 
 
 @dataclass
@@ -139,10 +119,11 @@ class Stand:
 
         sketch.take = watched  # type: ignore[method-assign]
 
-        def connect() -> MemoryPort:
-            port.check()
-            self.opened += 1
-            return port
+        check = port.check
 
-        assert rig.backend.lines is not None
-        return LineBench(rig, rig.backend.lines, self.clock, connect, kind="serial")
+        def counted() -> None:
+            check()
+            self.opened += 1
+
+        port.check = counted  # type: ignore[method-assign]
+        return line_bench(rig, port)

@@ -14,8 +14,8 @@ import time
 from collections.abc import Callable
 from typing import Self
 
-from rigctl.backends.serial.port import PortLost
 from rigctl.clock import VirtualClock
+from rigctl.testing import FakeSerial
 
 VERSION = "TCLab Firmware 1.4.0 Arduino Uno"
 
@@ -87,55 +87,14 @@ class Sketch:
         return f"{value:.2f}"
 
 
-class MemoryPort:
-    """A `Port` to a sketch on a virtual clock; each answer takes `delay` s.
-
-    Attributes
-    ----------
-    gone: the plug is pulled.
-    delay: may be changed at any time.
-    """
+class MemoryPort(FakeSerial):
+    """A port to a sketch on a virtual clock."""
 
     name = "the board in memory"
 
     def __init__(self, sketch: Sketch, clock: VirtualClock) -> None:
+        super().__init__(sketch, clock)
         self.sketch = sketch
-        self.clock = clock
-        self.delay = 0.01
-        self.gone = False
-        self.mute = False
-        self.closed = False
-        self._coming: list[tuple[float, bytes]] = []
-
-    def check(self) -> None:
-        """Raise where the port cannot be opened."""
-        if self.gone:
-            raise PortLost("the plug is pulled")
-        self.closed = False
-
-    def write(self, data: bytes) -> None:
-        if self.gone:
-            raise PortLost("the plug is pulled")
-        if not self.mute:
-            answer = self.sketch.take(data)
-            if answer:
-                self._coming.append((self.clock.now() + self.delay, answer))
-
-    def send_unasked(self, data: bytes) -> None:
-        self._coming.append((self.clock.now(), data))
-
-    def read(self, until: float) -> bytes:
-        if self.gone:
-            raise PortLost("the plug is pulled")
-        if not self._coming or self._coming[0][0] > until:
-            self.clock.sleep_until(until)
-            return b""
-        when, data = self._coming.pop(0)
-        self.clock.sleep_until(when)
-        return data
-
-    def close(self) -> None:
-        self.closed = True
 
 
 class Served:

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import re
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import rigctl
 import rigctl.dataset
+import rigctl.front_door
+from rigctl.notebook import as_html
+from rigctl.runner.simulation import Simulation
+
+ROOT = Path(__file__).parents[1]
 
 HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "pydantic", "numba", "scipy", "plotly")
 
@@ -31,11 +40,129 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         _ = rigctl.open_rum
 
 
+def test_the_table_is_what_a_type_checker_reads() -> None:
+    tree = ast.parse(Path(rigctl.__file__).read_text(encoding="utf-8"))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    read = {
+        alias.asname: (node.module, alias.name) for node in imports for alias in node.names if alias.asname
+    }
+    assert read.keys() == rigctl.front_door.PUBLIC.keys()
+    for name, (module, there) in read.items():
+        assert getattr(rigctl, name) is getattr(import_module(str(module)), there)
+
+
 @pytest.mark.parametrize("name", ["compare", "diagnose"])
-def test_a_package_of_the_same_name_is_called_like_its_function(name: str) -> None:
-    before = getattr(rigctl, name)
-    function = getattr(import_module(f"rigctl.{name}.{name}"), name)
-    assert getattr(rigctl, name) is before  # importing the package did not replace it
-    assert inspect.signature(before) == inspect.signature(function)
-    with pytest.raises(TypeError, match="missing"):
-        before()
+def test_a_function_wins_over_the_package_of_its_name(name: str) -> None:
+    program = (
+        f"import rigctl, rigctl.{name}.result; from rigctl import {name}; import inspect; "
+        f"takes = inspect.signature({name}).parameters; "
+        f"print(type({name}).__name__, rigctl.{name} is {name}, 'runs' in takes)"
+    )
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert answer.stdout.split() == ["function", "True", "True"]
+
+
+def test_no_module_is_callable() -> None:
+    modules = [module for name, module in sys.modules.items() if name.startswith("rigctl")]
+    assert [module for module in modules if callable(module)] == []
+
+
+def test_every_name_is_documented() -> None:
+    for name in rigctl.__all__:
+        public = getattr(rigctl, name)
+        assert inspect.getdoc(public), name
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    return rigctl.simulate(
+        ROOT / "procedures" / "quick-check.yaml", runs=tmp_path_factory.mktemp("runs"), seed=3
+    )
+
+
+def test_whatever_is_shown_is_one_line(recorded: Simulation) -> None:
+    model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
+    procedure = rigctl.load_procedure(ROOT / "procedures" / "campaign.yaml")
+    rig = rigctl.load_rig(procedure.rig_path)
+    plan = rigctl.expand(procedure, rig)
+    effect = rigctl.find_effect("piston_leakage", "hydraulic_cylinder")
+    shown = [
+        recorded,
+        recorded.run,
+        model,
+        procedure,
+        rig,
+        plan,
+        rigctl.preview(plan),
+        effect,
+        effect.model_family,
+    ]
+    for thing in shown:
+        line = repr(thing)
+        assert line.startswith(f"<{type(thing).__name__} ")
+        assert len(line) <= 160
+        assert "\n" not in line
+
+
+def test_a_model_shows_itself(recorded: Simulation) -> None:
+    model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
+    frame = model.frame().set_index("parameter")
+    assert frame.loc["bore", "value"] == pytest.approx(50.0)
+    assert frame.loc["bore", "unit"] == "mm"
+    assert set(frame.index[frame["free"]]) == set(model.fitted)
+    assert "<table" in model._repr_html_()
+    assert model.name in model.summary()
+
+
+def test_what_a_user_wrote_is_no_markup_in_a_notebook() -> None:
+    table = pd.DataFrame({"name": ["<script>"]})
+    assert "<script>" not in as_html("<script>", table)
+
+
+def test_runs_are_found(recorded: Simulation) -> None:
+    runs = recorded.run.folder.parent
+    assert [one.id for one in rigctl.find_runs(runs=runs)] == [recorded.run.id]
+    assert rigctl.find_runs(runs=runs, procedure="another") == []
+    assert [one.id for one in rigctl.find_runs(runs=runs, status="finished")] == [recorded.run.id]
+
+
+def test_a_real_bench_needs_somebody_who_answers(tmp_path: Path) -> None:
+    with pytest.raises(rigctl.RigctlError, match="somebody has to answer"):
+        rigctl.run(ROOT / "procedures" / "quick-check.yaml", backend="serial", runs=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bench_that_is_no_real_one_runs_from_python(tmp_path: Path) -> None:
+    result = rigctl.run(
+        ROOT / "procedures" / "quick-check.yaml", backend="simulated", speed="max", runs=tmp_path
+    )
+    assert (result.status, result.records) == ("finished", 2)
+
+
+def test_a_fit_from_python_is_that_of_a_comparison(tmp_path: Path) -> None:
+    model = rigctl.load_model(ROOT / "models" / "hl32-oil.yaml")
+    imported = rigctl.import_file(ROOT / "data" / "hl32-viscosity.csv", None, tmp_path)
+    run = rigctl.open_run(imported.path)
+    found = rigctl.fit([run], model)
+    compared = rigctl.compare([run], [model])
+    assert found.values.tolist() == compared.models[0].fit.values.tolist()
+    assert list(found.frame()["parameter"]) == list(model.fitted)
+    assert repr(found).startswith("<FitResult hl32-oil: ")
+    assert repr(compared).startswith("<Comparison of 1 run: hl32-oil")
+
+
+def calls(page: str) -> list[tuple[str, str]]:
+    """Public functions as a page writes them in its text, and their arguments."""
+    return [(name, inside) for name, inside in re.findall(r"`(?:\w+\.)*(\w+)\(([^`]*)\)`", page) if inside]
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_a_signature_in_a_text_is_that_of_the_function(page: Path) -> None:
+    for name, inside in calls(page.read_text(encoding="utf-8")):
+        function = getattr(rigctl, name, None)
+        if not inspect.isfunction(function):
+            continue
+        known = inspect.signature(function).parameters
+        for argument, default in re.findall(r"(\w+)=(\w+|\(\))", inside):
+            assert argument in known, f"{name} takes no {argument}"
+            assert repr(known[argument].default) == default, f"{name}: {argument}"

@@ -17,7 +17,8 @@ DOCS = ROOT / "docs"
 
 def pages() -> Iterator[tuple[Path, str]]:
     """Every generated page with its text."""
-    sys.path.insert(0, str(ROOT))  # the benchmarks are no installed package
+    sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # benchmarks and tools are no installed packages
+    from api_page import api_page
     from benchmarks.engine.page import with_figures
 
     from rigctl.effects.generic.page import generic_page
@@ -29,6 +30,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     from rigctl.runner.states_page import run_states_page
 
     yield DOCS / "reference" / "commands.md", commands_page()
+    yield DOCS / "reference" / "python-names.md", api_page()
     yield DOCS / "reference" / "procedure-steps.md", steps_page()
     yield DOCS / "reference" / "rig-file.md", rig_page()
     yield DOCS / "reference" / "units.md", units_page()

@@ -39,7 +39,7 @@ from rigctl.rig import load_rig
 bench = create(load_rig(sys.argv[1]), real_clock(), {"port": sys.argv[2]})
 bench.open()
 bench.start(100.0)
-bench.command("heater", 1.0)
+bench.command("heater", 1.0).wait()
 while True:
     bench.next_sample(1.0)
 """
@@ -122,7 +122,7 @@ def arrivals(seconds: float) -> dict[str, Any]:
             notices += bench.take_notices()
             if len(times) // _MINUTE > len(loads):
                 loads.append(os.getloadavg()[0])
-        uncertainty = bench.command("valve", 0.0).uncertainty
+        uncertainty = bench.command("valve", 0.0).wait().uncertainty
         bench.close()
     middle = statistics.median(delays)
     return {

@@ -1,35 +1,52 @@
 """rigctl: run physical test benches, compare a model with what was measured, learn what is missing."""
 
-from importlib import import_module
+import sys
 from typing import TYPE_CHECKING, Any
 
+from rigctl.front_door import PUBLIC, FrontDoor, load
+
 if TYPE_CHECKING:
+    from rigctl.api import find_runs as find_runs
+    from rigctl.api import fit as fit
+    from rigctl.api import run as run
     from rigctl.compare.compare import compare as compare
+    from rigctl.compare.result import Comparison as Comparison
+    from rigctl.dataset import Run as Run
     from rigctl.dataset import open_run as open_run
+    from rigctl.dataset import query as query
+    from rigctl.dataset.exporting import export_run as export_run
+    from rigctl.dataset.importing import import_file as import_file
     from rigctl.diagnose.diagnose import diagnose as diagnose
+    from rigctl.diagnose.loop import improve as improve
+    from rigctl.diagnose.result import Diagnosis as Diagnosis
+    from rigctl.effects import Effect as Effect
+    from rigctl.effects import EffectParameter as EffectParameter
+    from rigctl.effects import find_effect as find_effect
+    from rigctl.errors import RigctlError as RigctlError
+    from rigctl.model import Model as Model
     from rigctl.model import load_model as load_model
+    from rigctl.physics.families import find_family as find_family
+    from rigctl.physics.family import ModelFamily as Family  # noqa: F401
+    from rigctl.planning.preview import preview as preview
+    from rigctl.procedure.expand import expand as expand
+    from rigctl.procedure.load import load_procedure as load_procedure
+    from rigctl.report import write_report as write_report
+    from rigctl.rig import Rig as Rig
+    from rigctl.rig import load_rig as load_rig
     from rigctl.runner.simulation import simulate as simulate
 
-#: public names, and the module each comes from; imported when first used, so that 'import rigctl' is light
-_PUBLIC = {
-    "load_model": "rigctl.model",
-    "open_run": "rigctl.dataset",
-    "simulate": "rigctl.runner.simulation",
-}
-#: packages that are called themselves
-_CALLED = ("compare", "diagnose")
+__all__ = list(PUBLIC)
 
-__all__ = ["compare", "diagnose", "load_model", "open_run", "simulate"]
+sys.modules[__name__].__class__ = FrontDoor
 
 
 def __getattr__(name: str) -> Any:
-    """The public name, from the module that defines it."""
-    if name in _CALLED:
-        return import_module(f"{__name__}.{name}")
-    if name not in _PUBLIC:
+    """The public name, loaded with its first use."""
+    if name not in PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PUBLIC[name]), name)
+    value = globals()[name] = load(name)
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_CALLED, *_PUBLIC})
+    return sorted({*globals(), *PUBLIC})

@@ -1,28 +1,64 @@
-"""Packages that are called: ``rigctl.compare(...)`` is the function of that name inside the package."""
+"""The public names of `import rigctl`, each loaded from its room when it is first used."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
-from inspect import Signature, signature
-from types import ModuleType
-from typing import Any
+from types import MappingProxyType, ModuleType
+from typing import Any, Final
+
+#: every public name, and where it stands: ``module`` or ``module:name there``
+PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        # what one does
+        "simulate": "rigctl.runner.simulation",
+        "run": "rigctl.api",
+        "preview": "rigctl.planning.preview",
+        "compare": "rigctl.compare.compare",
+        "diagnose": "rigctl.diagnose.diagnose",
+        "improve": "rigctl.diagnose.loop",
+        "fit": "rigctl.api",
+        "write_report": "rigctl.report",
+        # what one reads, finds and keeps
+        "open_run": "rigctl.dataset",
+        "find_runs": "rigctl.api",
+        "query": "rigctl.dataset",
+        "import_file": "rigctl.dataset.importing",
+        "export_run": "rigctl.dataset.exporting",
+        "load_model": "rigctl.model",
+        "load_procedure": "rigctl.procedure.load",
+        "load_rig": "rigctl.rig",
+        "expand": "rigctl.procedure.expand",
+        "find_effect": "rigctl.effects",
+        "find_family": "rigctl.physics.families",
+        # what these are
+        "Comparison": "rigctl.compare.result",
+        "Diagnosis": "rigctl.diagnose.result",
+        "Effect": "rigctl.effects",
+        "EffectParameter": "rigctl.effects",
+        "Family": "rigctl.physics.family:ModelFamily",
+        "Model": "rigctl.model",
+        "Rig": "rigctl.rig",
+        "RigctlError": "rigctl.errors",
+        "Run": "rigctl.dataset",
+    }
+)
 
 
-class CallablePackage(ModuleType):
-    """A package ``p`` that, called, is the function ``p.p.p``.
+def load(name: str) -> Any:
+    """The public name, from the module that defines it."""
+    module, _, there = PUBLIC[name].partition(":")
+    return getattr(import_module(module), there or name)
 
-    Importing a package puts it into its parent under its own name, where a function of the same name would
-    be lost; so the package itself is called. The function is imported with the first call.
+
+class FrontDoor(ModuleType):
+    """The package `rigctl`, whose public names win over subpackages of the same name.
+
+    Importing a submodule puts it into its parent under its own name, so ``rigctl.compare`` would be the
+    function before `rigctl.compare.result` is imported and the package after. Here it is always the function.
     """
 
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        """Call the function."""
-        return self._function()(*arguments, **named)
-
-    @property
-    def __signature__(self) -> Signature:
-        return signature(self._function())
-
-    def _function(self) -> Any:
-        own = self.__name__.rpartition(".")[2]
-        return getattr(import_module(f"{self.__name__}.{own}"), own)
+    def __setattr__(self, name: str, value: object) -> None:
+        """Bind a name, unless it is the import system with a subpackage that has a public name."""
+        if not (isinstance(value, ModuleType) and name in PUBLIC):
+            super().__setattr__(name, value)

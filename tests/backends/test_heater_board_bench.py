@@ -43,7 +43,7 @@ def recorded(bench: SimulatedBench) -> Vector:
         while waiting and waiting[0][0] <= len(rows) / RATE:
             when, actuator, value = waiting.pop(0)
             bench.clock.sleep_until(when)
-            bench.command(actuator, value)
+            bench.command(actuator, value).wait()
         sample = bench.next_sample(10.0)
         assert sample is not None
         rows.append(sample.values)

@@ -35,7 +35,7 @@ from rigctl.rig import load_rig
 bench = create_backend(load_rig(Path(sys.argv[1])), None, real_clock(), {"port": sys.argv[2]})
 bench.open()
 bench.start(2.0)
-bench.command("heater_1", 0.5)
+bench.command("heater_1", 0.5).wait()
 bench.next_sample(2.0)
 print("heating", flush=True)
 while True:
@@ -83,7 +83,7 @@ def test_through_the_guard_it_is_a_bench_like_any_other(board: Served) -> None:
     with opened(board.url) as bench:
         assert bench.identity["firmware"] == "1.4.0 Arduino Uno"
         bench.start(5.0)
-        bench.command("heater_2", 0.75)
+        bench.command("heater_2", 0.75).wait()
         samples = [bench.next_sample(2.0) for _ in range(6)]
         assert all(samples)
         assert board.sketch.heaters == (0.0, 75.0)
@@ -112,7 +112,7 @@ def test_a_host_that_stands_still_loses_the_heaters_and_learns_it(board: Served)
 def test_a_loop_that_stands_still_is_told_what_was_done(board: Served) -> None:
     with opened(board.url) as bench:
         bench.start(5.0)
-        bench.command("heater_1", 0.5)
+        bench.command("heater_1", 0.5).wait()
         assert bench.next_sample(2.0)
         wait_for(lambda: board.sketch.heaters == (0.0, 0.0))  # nothing is asked meanwhile
         with pytest.raises(
@@ -126,7 +126,7 @@ def test_a_loop_that_stands_still_is_told_what_was_done(board: Served) -> None:
 
 def test_a_bench_can_be_closed_after_a_standstill(board: Served) -> None:
     with opened(board.url) as bench:
-        bench.command("heater_1", 0.5)
+        bench.command("heater_1", 0.5).wait()
         wait_for(lambda: board.sketch.received[-1] == "Q2 0.00")
     assert board.sketch.heaters == (0.0, 0.0)
 
@@ -142,7 +142,7 @@ def test_the_guard_ends_with_the_bench_and_lets_the_port_go(board: Served) -> No
 def test_a_guard_that_is_killed_is_replaced_with_outputs_off(board: Served) -> None:
     with opened(board.url) as bench:
         bench.start(5.0)
-        bench.command("heater_1", 0.5)
+        bench.command("heater_1", 0.5).wait()
         assert bench.next_sample(2.0)
         bench._talk.port._process.kill()  # type: ignore[union-attr]
         notices = []
@@ -160,7 +160,7 @@ def test_a_guard_that_is_killed_is_replaced_with_outputs_off(board: Served) -> N
 def test_a_port_that_vanishes_and_returns(board: Served) -> None:
     with opened(board.url) as bench:
         bench.start(5.0)
-        bench.command("heater_2", 0.5)
+        bench.command("heater_2", 0.5).wait()
         assert bench.next_sample(2.0)
         board.unplugged = True
         notices = []

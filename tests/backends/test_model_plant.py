@@ -39,12 +39,12 @@ def run(bench: SimulatedBench, seconds: float, rate: float = 10.0) -> list[Sampl
 
 def stroke(bench: SimulatedBench, pressure: float, rate: float = 100.0) -> float:
     """The published record: retracted and at rest, then 1.05 s of open valve; in m."""
-    bench.command("relief_valve", pressure)
-    bench.command("valve", -1.0)
+    bench.command("relief_valve", pressure).wait()
+    bench.command("valve", -1.0).wait()
     run(bench, 6.0)
-    bench.command("valve", 0.0)
+    bench.command("valve", 0.0).wait()
     before = run(bench, 2.0)[-1].values[POSITION]
-    bench.command("valve", 1.0, duration=1.05)
+    bench.command("valve", 1.0, duration=1.05).wait()
     return run(bench, 3.0, rate)[-1].values[POSITION] - before
 
 
@@ -64,8 +64,8 @@ def test_the_stroke_does_not_depend_on_the_rate(make_cylinder: MakeBench) -> Non
 
 def test_heaters_and_pump_heat_the_oil_as_the_heat_balance_says(make_cylinder: MakeBench) -> None:
     bench = make_cylinder(22.0)
-    bench.command("relief_valve", 50e5)
-    bench.command("heater", 1.0)
+    bench.command("relief_valve", 50e5).wait()
+    bench.command("heater", 1.0).wait()
     run(bench, 30.0)
     samples = run(bench, 120.0, 1.0)
     rate = (samples[-1].values[TEMPERATURE] - samples[0].values[TEMPERATURE]) / 120.0
@@ -78,18 +78,18 @@ def test_pressure_follows_the_relief_valve_and_drops_without_the_pump(
     rig: Rig, make_cylinder: MakeBench
 ) -> None:
     bench = make_cylinder()
-    bench.command("relief_valve", 35e5)
+    bench.command("relief_valve", 35e5).wait()
     assert run(bench, 2.0)[-1].values[PRESSURE] == pytest.approx(35e5, rel=1e-3)
     standing = rig.simulation.model_copy(update={"pump": False})
     bench = make_cylinder(on=rig.model_copy(update={"simulation": standing}))
-    bench.command("valve", 1.0)
+    bench.command("valve", 1.0).wait()
     assert run(bench, 5.0)[-1].values[PRESSURE] < 5e5
 
 
 def test_a_rig_with_more_transducers_reads_the_chambers(make_bench: MakeBench) -> None:
     instrumented = load_rig(ROOT / "rigs" / "hl32-bench-instrumented.yaml")
     bench = make_bench(on=instrumented, plant=None)
-    bench.command("valve", -1.0)
+    bench.command("valve", -1.0).wait()
     names = instrumented.layout.channels
     values = dict(zip(names, run(bench, 8.0)[-1].values, strict=True))
     assert values["pressure_a"] == pytest.approx(0.0, abs=1e5)
@@ -112,9 +112,9 @@ def test_a_model_file_is_the_truth(make_cylinder: MakeBench) -> None:
 
 def test_faults_act_on_the_equations(make_cylinder: MakeBench) -> None:
     bench = make_cylinder(faults=["valve_stuck@10 s", "heater_stuck_on@0 s"])
-    bench.command("relief_valve", 30e5)
+    bench.command("relief_valve", 30e5).wait()
     before = run(bench, 11.0)
-    bench.command("valve", 1.0, duration=1.0)
+    bench.command("valve", 1.0, duration=1.0).wait()
     after = run(bench, 60.0)
     assert after[-1].values[POSITION] == pytest.approx(before[-1].values[POSITION], abs=1e-4)
     assert after[-1].values[TEMPERATURE] > 294.0
@@ -124,7 +124,7 @@ def test_equal_seeds_give_equal_bytes_on_the_equations(make_cylinder: MakeBench)
     runs = []
     for _ in range(2):
         bench = make_cylinder(noise="on", quantised="on", seed=4)
-        bench.command("valve", 1.0, duration=0.777)
+        bench.command("valve", 1.0, duration=0.777).wait()
         runs.append([(s.time, s.values, s.commands) for s in run(bench, 3.0, 100.0)])
     assert repr(runs[0]) == repr(runs[1])
 

@@ -86,8 +86,8 @@ def test_commands_are_noted_with_receipts_and_change_nothing(rig: Rig) -> None:
     bench = player(rig, recording())
     bench.start(100.0)
     bench.next_sample(1.0)
-    assert bench.command("valve", 1.0, duration=0.055).time == 0.0
-    bench.command("heater", 1.0, duration=0.02)
+    assert bench.command("valve", 1.0, duration=0.055).wait().time == 0.0
+    bench.command("heater", 1.0, duration=0.02).wait()
     for _ in range(5):
         bench.next_sample(1.0)
     assert [(r.time, r.actuator, r.value) for r in bench.take_receipts()] == [(0.02, "heater", 0.0)]
@@ -95,7 +95,7 @@ def test_commands_are_noted_with_receipts_and_change_nothing(rig: Rig) -> None:
     assert sample
     assert sample.commands[:2] == (0.0, 0.0)
     assert [(r.time, r.actuator, r.value) for r in bench.take_receipts()] == [(0.055, "valve", 0.0)]
-    bench.command("valve", 1.0, duration=0.1)
+    bench.command("valve", 1.0, duration=0.1).wait()
     bench.safe()
     for _ in range(20):
         bench.next_sample(1.0)
@@ -114,7 +114,7 @@ def record_a_run(rig: Rig, runs: Path, bench: SimulatedBench, samples: int) -> l
     header = RunHeader("20261121-120000-stroke", Source("stroke"), source_of_rig(rig), rig.layout, STARTED)
     writer = RunWriter.create(runs, header)
     bench.start(100.0)
-    bench.command("valve", 1.0, duration=0.505)
+    bench.command("valve", 1.0, duration=0.505).wait()
     taken = []
     for _ in range(samples):
         sample = bench.next_sample(1.0)

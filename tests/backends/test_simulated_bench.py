@@ -77,7 +77,7 @@ def test_a_pulse_moves_the_rod_by_its_duration_whatever_the_rate(
     bench.open()
     bench.start(rate)
     take(bench, 3)
-    start = bench.command("valve", 1.0, duration=duration)
+    start = bench.command("valve", 1.0, duration=duration).wait()
     samples = take(bench, int(rate * duration) + 3)
     (end,) = bench.take_receipts()
     assert (start.actuator, start.value, start.uncertainty) == ("valve", 1.0, 0.0)
@@ -92,9 +92,9 @@ def test_a_new_command_replaces_a_pulse_that_has_not_ended(make_bench: MakeBench
     bench = make_bench()
     bench.start(10.0)
     take(bench, 1)
-    bench.command("valve", 1.0, duration=1.0)
+    bench.command("valve", 1.0, duration=1.0).wait()
     take(bench, 5)
-    bench.command("valve", 1.0)
+    bench.command("valve", 1.0).wait()
     assert take(bench, 10)[-1].values[POSITION] == pytest.approx(SPEED * 1.5)
     assert bench.take_receipts() == []
 
@@ -104,7 +104,7 @@ def test_a_command_between_two_samples_keeps_its_time(make_bench: MakeBench) -> 
     bench.start(10.0)
     take(bench, 1)
     bench.clock.sleep_until(0.55)  # the samples until then are owed
-    assert bench.command("valve", 1.0).time == 0.55
+    assert bench.command("valve", 1.0).wait().time == 0.55
     samples = take(bench, 10)
     assert [sample.commands[VALVE] for sample in samples] == [0.0] * 5 + [1.0] * 5
     assert samples[-1].values[POSITION] == pytest.approx(SPEED * 0.45)
@@ -118,7 +118,7 @@ def test_a_caller_who_is_late_gets_every_sample_and_commands_keep_their_own_time
     bench.start(100.0)
     take(bench, 1)
     wall.sleep(0.2055)
-    assert bench.command("valve", 1.0).time == pytest.approx(0.2055)
+    assert bench.command("valve", 1.0).wait().time == pytest.approx(0.2055)
     samples = take(bench, 41)
     assert [sample.time for sample in samples] == pytest.approx([k / 100.0 for k in range(1, 42)])
     assert [sample.commands[VALVE] for sample in samples[:20]] == [0.0] * 20
@@ -150,9 +150,9 @@ def test_time_begins_when_the_bench_is_opened(make_bench: MakeBench) -> None:
 def test_safe_ends_a_pulse_at_once_and_can_be_called_again(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.start(10.0)
-    bench.command("heater", 1.0)
-    bench.command("relief_valve", 40e5)
-    bench.command("valve", 1.0, duration=5.0)
+    bench.command("heater", 1.0).wait()
+    bench.command("relief_valve", 40e5).wait()
+    bench.command("valve", 1.0, duration=5.0).wait()
     take(bench, 11)
     bench.safe()
     bench.safe()
@@ -196,7 +196,7 @@ def test_an_impossible_command_moves_nothing(
     bench.start(10.0)
     before = take(bench, 1)[0].commands
     with pytest.raises(RigctlError) as problem:
-        bench.command(actuator, value, duration=duration)
+        bench.command(actuator, value, duration=duration).wait()
     assert message in str(problem.value)
     assert take(bench, 5)[-1].commands == before
 
@@ -211,8 +211,8 @@ def test_the_operator_takes_his_time(rig: Rig, make_bench: MakeBench) -> None:
     simulation = rig.simulation.model_copy(update={"answer_delay": 2.0})
     bench = make_bench(on=rig.model_copy(update={"simulation": simulation}))
     bench.start(10.0)
-    assert bench.command("relief_valve", 40e5).time == 2.0
-    assert bench.command("valve", 1.0).time == 0.0
+    assert bench.command("relief_valve", 40e5).wait().time == 2.0
+    assert bench.command("valve", 1.0).wait().time == 0.0
     samples = take(bench, 41)
     assert samples[19].commands[2] == 20e5
     assert samples[20].commands[2] == 40e5
@@ -226,7 +226,7 @@ def test_settings_scatter_where_the_rig_file_says_so(rig: Rig, make_bench: MakeB
     bench.start(0.1)
     reached = []
     for _ in range(400):
-        bench.command("relief_valve", 40e5)
+        bench.command("relief_valve", 40e5).wait()
         reached.append(take(bench, 2)[-1].values[1] / 40e5 - 1.0)
     assert all(a != b for a, b in pairwise(reached))
     spread = (sum(error**2 for error in reached) / len(reached)) ** 0.5
@@ -238,10 +238,10 @@ def campaign(bench: Backend) -> bytes:
     taken: list[Sample] = []
     for rate, pressure in ((10.0, 20e5), (100.0, 40e5)):
         bench.start(rate)
-        bench.command("relief_valve", pressure)
-        bench.command("valve", 1.0, duration=0.333)
+        bench.command("relief_valve", pressure).wait()
+        bench.command("valve", 1.0, duration=0.333).wait()
         taken += take(bench, 250)
-        bench.command("valve", -1.0, duration=0.2)
+        bench.command("valve", -1.0, duration=0.2).wait()
         taken += take(bench, 50)
     return b"".join(
         struct.pack(f"{1 + len(s.values) + len(s.commands)}d", s.time, *s.values, *s.commands) for s in taken

@@ -91,7 +91,7 @@ def test_a_rig_without_the_part_refuses_its_fault(rig: Rig) -> None:
 def test_a_stuck_sensor_holds_its_value_and_recovers(make_bench: MakeBench) -> None:
     bench = make_bench(faults="sensor_stuck:position@0.5 s..1 s", noise="on")
     bench.start(100.0)
-    bench.command("valve", 1.0)
+    bench.command("valve", 1.0).wait()
     positions = column(take(bench, 151), 2)
     assert len(set(positions[50:100])) == 1
     assert len(set(positions[:50])) == 50
@@ -157,7 +157,7 @@ def test_a_heater_stuck_on_heats_whatever_it_is_told(make_bench: MakeBench) -> N
 def test_a_stuck_valve_stays_where_it_is_and_comes_free(make_bench: MakeBench) -> None:
     bench = make_bench(faults="valve_stuck@0.2 s..1 s")
     bench.start(10.0)
-    bench.command("valve", 1.0, duration=0.5)
+    bench.command("valve", 1.0, duration=0.5).wait()
     positions = column(take(bench, 21), 2)
     assert positions[10] == pytest.approx(positions[1] * 10)
     assert positions[20] == pytest.approx(positions[10])
@@ -166,16 +166,16 @@ def test_a_stuck_valve_stays_where_it_is_and_comes_free(make_bench: MakeBench) -
 def test_a_setpoint_is_never_reached(make_bench: MakeBench) -> None:
     bench = make_bench(faults="setpoint_never_reached@0 s")
     bench.start(1.0)
-    bench.command("heater", 1.0)
-    bench.command("relief_valve", 40e5)
+    bench.command("heater", 1.0).wait()
+    bench.command("relief_valve", 40e5).wait()
     last = take(bench, 601)[-1]
     assert last.values[0] < 294.0
     assert last.values[1] == pytest.approx(20e5)
     assert last.commands == (1.0, 0.0, 40e5)
     bench = make_bench(faults="setpoint_never_reached:supply_pressure@0 s")
     bench.start(1.0)
-    bench.command("heater", 1.0)
-    bench.command("relief_valve", 40e5)
+    bench.command("heater", 1.0).wait()
+    bench.command("relief_valve", 40e5).wait()
     last = take(bench, 601)[-1]
     assert last.values[0] > 302.0
     assert last.values[1] == pytest.approx(20e5)
@@ -187,7 +187,7 @@ def test_samples_stop_but_the_bench_obeys(make_bench: MakeBench) -> None:
     assert take(bench, 10)[-1].time == 0.9
     assert bench.next_sample(1.0) is None
     assert bench.clock.now() == pytest.approx(1.9)
-    bench.command("valve", 1.0, duration=0.1)
+    bench.command("valve", 1.0, duration=0.1).wait()
     assert bench.next_sample(1.0) is None
     back = bench.next_sample(1.0)
     assert back
@@ -211,7 +211,7 @@ def test_a_lost_bench_says_so_from_every_call_and_closes_quietly(make_bench: Mak
     take(bench, 10)
     for call in (
         lambda: bench.next_sample(1.0),
-        lambda: bench.command("valve", 1.0),
+        lambda: bench.command("valve", 1.0).wait(),
         bench.safe,
         lambda: bench.next_sample(1.0),
     ):
@@ -224,7 +224,7 @@ def test_a_lost_bench_says_so_from_every_call_and_closes_quietly(make_bench: Mak
 def test_a_bench_that_comes_back_was_made_safe_by_its_watchdog(make_bench: MakeBench) -> None:
     bench = make_bench(faults="backend_lost@1 s..5 s")
     bench.start(10.0)
-    bench.command("valve", 1.0)
+    bench.command("valve", 1.0).wait()
     take(bench, 10)
     assert [bench.next_sample(1.0) for _ in range(4)] == [None] * 4
     back = bench.next_sample(1.0)
@@ -243,6 +243,6 @@ def test_a_command_to_a_bench_that_is_away_is_refused_and_never_made_up_for(make
     with pytest.raises(BackendLost):
         bench.safe()
     with pytest.raises(OutOfReach):
-        bench.command("valve", 1.0)
+        bench.command("valve", 1.0).wait()
     assert bench.clock.now() == 1.4
     assert [sample.commands[1] for sample in take(bench, 10)] == [0.0] * 10

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from rigctl.cli.next_command import analysis, page_of
+from rigctl.cli.next_command import DataOptions, analysis, page_of
 
 
 def test_a_choice_of_records_goes_on_to_the_next_command() -> None:
-    told = analysis("diagnose", ["latest"], "my models/a.yaml", only="oil > 30 degC", hold_out="record > 3")
+    told = analysis("diagnose", ["latest"], "my models/a.yaml", DataOptions("oil > 30 degC", "record > 3"))
     chosen = '--only "oil > 30 degC" --hold-out "record > 3"'
     assert told == f'rigctl diagnose latest --model "my models/a.yaml" {chosen}'
 
@@ -14,5 +14,5 @@ def test_a_choice_of_records_goes_on_to_the_next_command() -> None:
 def test_the_page_shows_the_records_that_the_answer_was_about() -> None:
     assert page_of("compare", ["latest"], "a.yaml") == "rigctl report latest --model a.yaml"
     assert page_of("diagnose", ["latest"], "a.yaml") == "rigctl report latest --model a.yaml --diagnose"
-    chosen = page_of("compare", ["latest"], "a.yaml", hold_out="record > 3")
+    chosen = page_of("compare", ["latest"], "a.yaml", DataOptions(hold_out="record > 3"))
     assert chosen == 'rigctl compare latest --model a.yaml --hold-out "record > 3" -o page.html'

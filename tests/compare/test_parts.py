@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rigctl.compare import slots
 from rigctl.compare.candidates import candidates
 from rigctl.compare.linearise import Linearisation, linearise
 from rigctl.compare.slots import slot_evidence
@@ -76,8 +77,8 @@ def test_some_of_the_records_and_samples_name_the_same_equation(
     fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = slot_evidence(fitted)[0]
-    monkeypatch.setattr("rigctl.compare.slots._MOST_RECORDS", 4)
-    monkeypatch.setattr("rigctl.compare.slots._MOST_SAMPLES", 200)
+    monkeypatch.setattr(slots, "_MOST_RECORDS", 4)
+    monkeypatch.setattr(slots, "_MOST_SAMPLES", 200)
     some = slot_evidence(fitted)[0]
     assert some.slot == whole.slot
     assert 5.0 < some.log_evidence < whole.log_evidence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -160,7 +161,7 @@ def test_a_model_taken_as_it_is_moves_nothing(nothing: FitResult) -> None:
 
 def test_long_records_are_interpolated(nothing: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = disturbance_columns(nothing, nothing.problem, 7)
-    monkeypatch.setattr("rigctl.compare.disturbance_columns._SAMPLES", 180)
+    monkeypatch.setattr(sys.modules[disturbance_columns.__module__], "_SAMPLES", 180)
     some = disturbance_columns(nothing, nothing.problem, 7)
     for mine, theirs in zip(some.readings, whole.readings, strict=True):
         assert mine.shape == theirs.shape

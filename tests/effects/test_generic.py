@@ -22,6 +22,7 @@ from rigctl.physics.family import (
     ParameterDeclaration,
     StateVariable,
 )
+from rigctl.physics.scope import Scope
 from rigctl.physics.user import parse_family
 
 MOTOR = """
@@ -107,6 +108,51 @@ def test_friction_acts_on_a_speed_and_leaks_on_what_is_stored() -> None:
     assert not {name for name in motor if name.endswith("_on_angle")}  # a position has no balance of its own
     assert "coulomb_on_current" not in motor
     assert "leak_on_speed" not in motor
+
+
+BATH = """
+family: bath
+states:
+  probe: {start: 20 degC, scale: 10 mK, rate: (bath - probe)/lag}
+inputs: {bath: {value: 20 degC}}
+parameters: {lag: {value: 60 s, bounds: [1 s, 1000 s]}}
+outputs: {probe: {unit: degC, formula: probe}}
+"""
+TABLE = """
+family: rod
+inputs: {oven: {value: 20 degC}}
+parameters: {expansion: {value: 2e-5 1/K, bounds: [1e-6 1/K, 1e-3 1/K]}}
+outputs: {stretch: {unit: "1", formula: expansion*(oven - 20 degC)}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        (BATH, "gain_of_bath"),
+        (BATH, "quadratic_of_bath"),
+        (TABLE, "gain_of_stretch_with_oven"),
+        (TABLE, "quadratic_of_stretch_with_oven"),
+    ],
+)
+def test_shares_of_a_temperature_are_counted_from_its_usual_value(text: str, name: str) -> None:
+    """Two per cent of 293 K would be an error of 6 K at room temperature."""
+    chosen = family(text)
+    effect = library(chosen)[name]
+    assert "− 20 degC)" in effect.equation
+    size = effect.parameters[0].name
+    ((slot, _),) = effect.terms
+
+    def added(celsius: float) -> float:
+        item = chosen.inputs[0].name
+        at = {one.name: one.start for one in chosen.states} | {item: 273.15 + celsius}
+        at |= {one.name: one.value for one in chosen.parameters} | {f"{name}.{size}": 0.02}
+        return float(Scope(chosen, at, additions=effect.additions()).total(slot))
+
+    assert added(20.0) == pytest.approx(0.0, abs=1e-9)
+    assert added(30.0) > 0.0
+    if name.startswith("gain"):
+        assert added(30.0) == pytest.approx(0.2)
 
 
 GROWTH = """

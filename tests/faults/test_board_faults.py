@@ -286,7 +286,7 @@ def test_another_board_after_a_loss_is_not_taken_for_the_old_one(
     bench = board.bench(faults=[f"backend_lost@{IN_A_RECORD} s..4 s"])
     bench.open()
     bench.start(100.0)
-    bench.command("heater", 1.0)
+    bench.command("heater", 1.0).wait()
     bench.identity = {**bench.identity, "firmware": "RIG-UNO 1.9.9"}
     with pytest.raises(RigctlError, match=r"another board answers than before, got 'RIG-UNO 1\.0"):
         while bench.clock.now() < 20.0:

@@ -65,7 +65,7 @@ def test_what_the_board_refuses_is_quoted(rig: Rig) -> None:
     bench.open()
     clock.sleep_until(3.0)
     with pytest.raises(RigctlError, match="""the device answers '#1 !-221,"Settings conflict"'"""):
-        bench.command("heater", 1.0)
+        bench.command("heater", 1.0).wait()
     bench.start(10.0)
     with pytest.raises(BackendLost, match=r"sensor open or shorted.* to 'SYST:TRIP"):
         for _ in range(30):

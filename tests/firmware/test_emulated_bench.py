@@ -59,7 +59,7 @@ def test_the_same_seed_gives_the_same_samples(make_bench: Make) -> None:
     def record() -> list[Sample]:
         bench = make_bench()
         bench.start(100.0)
-        bench.command("valve", 1.0, duration=0.3)
+        bench.command("valve", 1.0, duration=0.3).wait()
         return read_until(bench, 1.0)
 
     assert record() == record()
@@ -81,7 +81,7 @@ def test_a_pulse_is_timed_by_the_board_and_stamped_within_the_stated_uncertainty
     bench = make_bench()
     assert bench.timed
     bench.start(100.0)
-    receipt = bench.command("valve", 1.0, duration=1.05)
+    receipt = bench.command("valve", 1.0, duration=1.05).wait()
     read_until(bench, receipt.time + 1.2)
     (end,) = bench.take_receipts()
     assert (end.actuator, end.value) == ("valve", 0.0)
@@ -100,13 +100,13 @@ def _switch_times(bench: SerialBench) -> list[float]:
 def test_heater_and_operator_are_commanded_too(make_bench: Make) -> None:
     bench = make_bench(noise="off")
     bench.start(10.0)
-    bench.command("heater", 1.0)
-    bench.command("relief_valve", 40e5)
+    bench.command("heater", 1.0).wait()
+    bench.command("relief_valve", 40e5).wait()
     (*_, last) = read_until(bench, 5.0)
     assert last.commands == (1.0, 0.0, 40e5)
     assert last.values[1] == pytest.approx(40e5, abs=0.1e5)
-    bench.command("heater", 0.0)
-    assert bench.command("valve", -1.0).time == pytest.approx(bench.clock.now(), abs=0.02)
+    bench.command("heater", 0.0).wait()
+    assert bench.command("valve", -1.0).wait().time == pytest.approx(bench.clock.now(), abs=0.02)
     bench.safe()
     assert read_until(bench, 7.0)[-1].commands == (0.0, 0.0, 40e5)
 
@@ -114,27 +114,27 @@ def test_heater_and_operator_are_commanded_too(make_bench: Make) -> None:
 def test_a_host_that_reads_keeps_the_outputs_on(make_bench: Make) -> None:
     bench = make_bench()
     bench.start(1.0)
-    bench.command("heater", 1.0)
+    bench.command("heater", 1.0).wait()
     assert read_until(bench, 20.0)[-1].commands[0] == 1.0
 
 
 def test_a_trip_ends_the_run_by_its_cause(make_bench: Make) -> None:
     bench = make_bench(faults=["sensor_open:supply_pressure@2 s"])
     bench.start(100.0)
-    bench.command("heater", 1.0)
+    bench.command("heater", 1.0).wait()
     with pytest.raises(BackendLost, match="the board has tripped: sensor open or shorted"):
         read_until(bench, 3.0)
     assert bench.clock.now() == pytest.approx(2.0, abs=0.1)
     assert "alarm" in kinds(bench.take_notices())
     assert [(r.actuator, r.value) for r in bench.take_receipts()] == [("heater", 0.0)]
     with pytest.raises(RigctlError, match=r"the board refuses 'OUTP:HEAT ON'.*has tripped: sensor open"):
-        bench.command("heater", 1.0)
+        bench.command("heater", 1.0).wait()
 
 
 def test_a_lost_line_comes_back_with_outputs_off_and_a_gap(make_bench: Make) -> None:
     bench = make_bench(faults=["backend_lost@1 s..4 s"])
     bench.start(100.0)
-    bench.command("heater", 1.0)
+    bench.command("heater", 1.0).wait()
     samples = read_until(bench, 6.0)
     notices = bench.take_notices()
     assert kinds([n for n in notices if n.kind != "note"])[:2] == ["fault", "gap"]
@@ -166,13 +166,13 @@ def test_a_board_that_restarts_mid_record_is_noticed_and_taken_up_again(make_ben
     assert len(read_until(bench, 5.0)) == pytest.approx(100, abs=2)
 
 
-@pytest.mark.timeout(900)  # a minute of computing, more where the computer is shared
-def test_no_sample_is_lost_or_torn_in_ten_minutes_at_100_hz(make_bench: Make) -> None:
+def test_no_sample_is_lost_or_torn_in_two_minutes_at_100_hz(make_bench: Make) -> None:
+    """Long enough for the board's microseconds to have nine digits; the benchmark does ten real minutes."""
     bench = make_bench(noise="off")
     bench.start(100.0)
     begun = bench.clock.now()
-    samples = read_until(bench, begun + 600.0)
-    assert len(samples) == pytest.approx(60_000, abs=3)
+    samples = read_until(bench, begun + 120.0)
+    assert len(samples) == pytest.approx(12_000, abs=3)
     assert max(b.time - a.time for a, b in pairwise(samples)) < 0.0115
     assert bench.take_notices() == []
 

@@ -45,7 +45,7 @@ def test_samples_and_exact_pulses_in_real_time(uno_rig: Rig, emulation: Emulatio
     with opened(uno_rig, emulation.name) as bench:
         assert bench.identity["firmware"] == "RIG-UNO 1.0.1"
         bench.start(100.0)
-        receipt = bench.command("valve", 1.0, duration=0.3)
+        receipt = bench.command("valve", 1.0, duration=0.3).wait()
         samples = [bench.next_sample(2.0) for _ in range(60)]
         assert all(samples)
         (end,) = bench.take_receipts()
@@ -58,7 +58,7 @@ def test_samples_and_exact_pulses_in_real_time(uno_rig: Rig, emulation: Emulatio
 def test_a_pulled_plug_is_put_back(uno_rig: Rig, emulation: Emulation) -> None:
     with opened(uno_rig, emulation.name) as bench:
         bench.start(50.0)
-        bench.command("heater", 1.0)
+        bench.command("heater", 1.0).wait()
         assert bench.next_sample(2.0)
         emulation.unplug()
         notices = []
@@ -104,7 +104,7 @@ def test_a_port_that_is_not_there(uno_rig: Rig, tmp_path: Path) -> None:
 def test_a_killed_host_leaves_the_outputs_off(uno_rig: Rig, emulation: Emulation) -> None:
     bench = create(uno_rig, ScaledClock(), {"port": str(emulation.name)})
     bench.open()
-    bench.command("heater", 1.0)
+    bench.command("heater", 1.0).wait()
     assert emulation.board.outputs[0]
     bench._board.line.port.close()  # type: ignore[union-attr]  # as the kernel does for a dead process
     began = emulation.board.time

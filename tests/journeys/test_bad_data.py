@@ -15,6 +15,7 @@ import pytest
 
 from commands import MODEL, answer, call, create_strokes, refusal, told
 from rigctl.cli.main import main
+from rigctl.compare import fitting
 from rigctl.errors import ExitCode
 
 RIG = ("--rig", "rigs/hl32-bench.yaml")
@@ -271,7 +272,7 @@ def test_stopped_by_the_keyboard(
         raise KeyboardInterrupt
 
     run = imported()
-    monkeypatch.setattr("rigctl.compare.fitting.read_measurements", interrupted)
+    monkeypatch.setattr(fitting, "read_measurements", interrupted)
     monkeypatch.setattr(sys, "argv", ["rigctl", *command, run])
     with pytest.raises(SystemExit) as ended:
         main()

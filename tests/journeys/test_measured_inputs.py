@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -223,7 +224,22 @@ def test_a_heater_without_a_range_must_be_known(tmp_path: Path, monkeypatch: pyt
     told("import", "log.csv", "--rig", "rigs/heated.yaml")
     asked = ("compare", "latest", "--model", "models/heated.yaml", "--no-fit")
     assert "--assume oven=" in refusal(*asked)
-    assert answer(*asked, "--assume", "oven=0 W")["channels"]["body"]["rmse"] < 0.05
+    known = answer(*asked, "--assume", "oven=0 W")
+    assert known["channels"]["body"]["rmse"] < 0.05
+    assert "not recorded: room; taken as 20 degC, '--assume room=…' says otherwise" in known["notes"]
+
+    said = ("--assume", "oven=0 W", "--assume", "room=20.1 degC")
+    for verb in ("compare", "diagnose"):
+        found = answer(verb, "latest", "--model", "models/heated.yaml", *said)
+        (note,) = [note for note in found["notes"] if note.startswith("assumed of")]
+        assert note.endswith("oven 0 W, room 20.1 degC")
+        assert not any("not recorded: room" in note for note in found["notes"])
+    shown = told("compare", "latest", "--model", "models/heated.yaml", *said)
+    assert '--model models/heated.yaml --assume "oven=0 W" --assume "room=20.1 degC"' in shown
+    told("report", "latest", "--model", "models/heated.yaml", *said, "-o", "page.html")
+    page = re.sub(r"\s+", " ", (tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert "not recorded: oven 0 W, room 20.1 " in page
+    assert "no model was named" in refusal("report", "latest", *said)
 
 
 def test_conditions_are_what_was_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

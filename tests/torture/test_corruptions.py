@@ -2,7 +2,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torture.corruptions import torture
+from rigctl.dataset import verify
+from torture.corruptions import make_unclosed, rows_by_byte, torture
 
 
 def test_random_damage_costs_its_own_frames_alone_and_is_never_silent(tmp_path: Path) -> None:
@@ -10,3 +11,16 @@ def test_random_damage_costs_its_own_frames_alone_and_is_never_silent(tmp_path: 
     assert tally.lost_outside == 0
     assert tally.lost_rows > 0
     assert tally.conditions["recovered"] > 30
+
+
+def test_a_journal_that_ends_between_two_frames_is_kept_since_the_log_knows_of_more(tmp_path: Path) -> None:
+    run = make_unclosed(tmp_path)
+    path = run / "samples.journal"
+    begin, _, rows = rows_by_byte(path.read_bytes())[-1]
+    left = path.read_bytes()[:begin]
+    path.write_bytes(left)
+    (told,) = [problem for problem in verify(run).problems if "lost" in problem]
+    assert f"{len(rows)} samples" in told
+    (kept,) = run.glob("samples.journal.damaged-*")
+    assert kept.read_bytes() == left
+    assert verify(run).good

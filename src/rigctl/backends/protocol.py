@@ -6,11 +6,12 @@ All values are SI, all times are seconds on the clock the backend was given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from rigctl.clock import Clock
+from rigctl.errors import RigctlError
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,57 @@ class CommandReceipt:
     actuator: str
     value: float
     uncertainty: float = 0.0
+
+
+class PendingCommand:
+    """A command that was sent, and what has become of it.
+
+    The bench answers when it can. Whoever has sent the command goes on looking at samples and interlocks, and
+    does not take the output for switched until `receipt` says so.
+
+    Parameters
+    ----------
+    actuator, value: what was commanded, SI.
+    pump: lets bench time pass until something has arrived; None for one that was answered at once.
+
+    Attributes
+    ----------
+    receipt: when it was carried out; None while that is not known.
+    trouble: why it was not, or why nobody will ever know: `OutOfReach` for the latter.
+    """
+
+    def __init__(self, actuator: str, value: float, pump: Callable[[], object] | None = None) -> None:
+        self.actuator = actuator
+        self.value = value
+        self.receipt: CommandReceipt | None = None
+        self.trouble: RigctlError | None = None
+        self._pump = pump
+
+    @classmethod
+    def answered(cls, receipt: CommandReceipt) -> PendingCommand:
+        """One that the bench has carried out at once."""
+        pending = cls(receipt.actuator, receipt.value)
+        pending.receipt = receipt
+        return pending
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing more will come."""
+        return self.receipt is not None or self.trouble is not None
+
+    def wait(self) -> CommandReceipt:
+        """Let time pass until the bench has answered, for whoever has nothing else to look at; samples wait.
+
+        Raises
+        ------
+        RigctlError
+            the bench refuses it, or it is lost.
+        """
+        while not self.settled and self._pump is not None:
+            self._pump()
+        if self.receipt is None:
+            raise self.trouble or RuntimeError("a command that nobody answers")
+        return self.receipt
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +179,7 @@ class Backend(Protocol):
     def next_sample(self, timeout: float) -> Sample | None:
         """Wait on the clock for the next sample; None when none came within `timeout` s of bench time.
 
+        None as well as soon as a command has been answered: whoever waits for that need not wait longer.
         Samples come in order of time, none is skipped because the caller was late.
 
         Raises
@@ -136,13 +189,17 @@ class Backend(Protocol):
         """
         ...
 
-    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
-        """Switch an actuator to an SI value, now, and say when that was; waits for its answer only.
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
+        """Send a command that switches an actuator to an SI value, and wait for nothing.
+
+        The answer arrives while `next_sample` is called. Until then the output may be as before or as
+        commanded; if no answer comes in time, contact counts as lost, or the command is sent again where it
+        does no harm twice.
 
         With `duration` the bench returns it to its safe value that many seconds later, by itself; the
-        receipt of this return comes from `take_receipts`. A new command to the same actuator replaces
-        a pulse that has not ended. A command is never sent again after a loss of contact: the run has to be
-        judged first.
+        receipt of this return comes from `take_receipts`. A new command to the same actuator replaces a
+        pulse that has not ended, and one that has not been answered. `safe` drops what has not been answered.
+        A command is never sent again after a loss of contact: the run has to be judged first.
 
         An actuator that is worked by hand (``by: operator``) is commanded as well: a real bench only
         notes what the operator was asked for, a simulated one has its operator turn it.
@@ -152,14 +209,14 @@ class Backend(Protocol):
         RigctlError
             no such actuator, or the value is none that it can take; nothing has moved.
         OutOfReach
-            contact is lost for the moment, or was lost before the answer came.
+            contact is lost for the moment.
         BackendLost
             the bench is gone for good, or does nothing any more.
         """
         ...
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """Ends of timed pulses since the last call: the switches that `command` did not report itself."""
+        """Switches since the last call that no `PendingCommand` reports: ends of timed pulses, trips."""
         ...
 
     def take_notices(self) -> list[Notice]:

@@ -11,6 +11,7 @@ import typer
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
+    from rigctl.cli.next_command import DataOptions
     from rigctl.compare.result import Comparison
     from rigctl.dataset import Run
     from rigctl.model import Model
@@ -98,6 +99,7 @@ def compare(
     """
     from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
     from rigctl.cli.compare_views import show_comparison
+    from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
 
@@ -123,24 +125,24 @@ def compare(
         print_json(found.document())
     else:
         show_comparison(found)
-        _lead_on(found, runs, str(model[-1]), hold_out, only)
+        _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
 
 
-def _lead_on(found: Comparison, runs: list[str], model: str, hold_out: str | None, only: str | None) -> None:
+def _lead_on(found: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
     """What to type next: find what is missing, or make the page."""
     from rigctl.cli.next_command import analysis, page_of, show_next
 
     if found.models[-1].adequate and found.models[-1].rows:
-        command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
+        command = analysis("diagnose", runs, model, choice)
         show_next(command, "says what so few values could have shown, and what to measure next")
     elif found.models[-1].adequacy.below_noise:
-        command = page_of("compare", runs, model, only=only, hold_out=hold_out)
+        command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; measure the noise, then ask again")
     elif found.models[-1].adequate:
-        command = page_of("compare", runs, model, only=only, hold_out=hold_out)
+        command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data ask for nothing more")
     else:
-        command = analysis("diagnose", runs, model, only=only, hold_out=hold_out)
+        command = analysis("diagnose", runs, model, choice)
         show_next(command, "says which effect is missing")
 
 

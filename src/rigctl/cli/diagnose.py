@@ -12,6 +12,7 @@ from rigctl.cli.compare import Assume, Force, HoldOut, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
+    from rigctl.cli.next_command import DataOptions
     from rigctl.compare.result import Comparison
     from rigctl.dataset import Run
     from rigctl.diagnose.loop import Improvement
@@ -67,6 +68,7 @@ def diagnose(
     from rigctl.cli.compare import open_runs
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
     from rigctl.cli.model import own_model
+    from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
     from rigctl.diagnose.diagnose import diagnose_comparison
@@ -74,9 +76,10 @@ def diagnose(
 
     require_page(output, force=force)
     path = own_model(model) if apply else model
+    choice = DataOptions(only, hold_out, assume or ())
     kept = "each step that was saved before stays" if apply else "nothing was saved"
     with telling(kept) as tell:
-        compared = _compared(runs, path, hold_out, only, assume, tell)
+        compared = _compared(runs, path, choice, tell)
         if apply:
             done = improve(compared, path, most=most, tell=tell)
         else:
@@ -90,32 +93,32 @@ def diagnose(
         print_json(done.document() if apply else found.document())
     elif apply:
         show_improvement(done)
-        _lead_on(done.last, runs, model, hold_out, only)
+        _lead_on(done.last, runs, str(model), choice)
     else:
         show_diagnosis(found)
-        _lead_on(found, runs, model, hold_out, only)
+        _lead_on(found, runs, str(model), choice)
 
 
-def _lead_on(found: Diagnosis, runs: list[str], model: Path, hold_out: str | None, only: str | None) -> None:
+def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
     """What to type next: add what is missing, look at where nothing helps, or make the page."""
     from rigctl.cli.next_command import analysis, page_of, show_next
     from rigctl.diagnose.result import Verdict
 
-    again = analysis("diagnose", runs, str(model), only=only, hold_out=hold_out)
+    again = analysis("diagnose", runs, model, choice)
     if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
-        command = page_of("diagnose", runs, str(model), only=only, hold_out=hold_out)
+        command = page_of("diagnose", runs, model, choice)
         show_next(command, "makes the page of it, with what to measure next")
     elif found.doubt:
-        command = page_of("compare", runs, str(model), only=only, hold_out=hold_out)
+        command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; measure the noise, then ask again")
     elif found.verdict is Verdict.ADEQUATE:
-        command = page_of("compare", runs, str(model), only=only, hold_out=hold_out)
+        command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data ask for nothing more")
     elif found.best.candidates:
         likely = ", the most probable, but these data cannot tell" * (found.verdict is Verdict.AMBIGUOUS)
         show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")
     else:
-        command = analysis("compare", runs, str(model), only=only, hold_out=hold_out)
+        command = analysis("compare", runs, model, choice)
         why = "draws where it fails; 'rigctl effects check FILE' reads an effect of your own"
         show_next(f"{command} -o page.html", why)
 
@@ -144,9 +147,7 @@ def _write_page(
 def _compared(
     runs: list[str],
     path: Path,
-    hold_out: str | None,
-    only: str | None,
-    assume: list[str] | None,
+    choice: DataOptions,
     tell: Callable[[str], None],
 ) -> Comparison:
     """The model fitted to the runs; one with nothing to fit is refused before any work."""
@@ -156,4 +157,5 @@ def _compared(
 
     (model,) = open_models([path])
     require_free_parameters(model)
-    return compare(open_runs(runs, model, assume), [model], hold_out=hold_out, only=only, tell=tell)
+    opened = open_runs(runs, model, choice.assume)
+    return compare(opened, [model], hold_out=choice.hold_out, only=choice.only, tell=tell)

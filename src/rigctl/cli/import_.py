@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 #: so many bad rows are told one by one
 _TOLD = 20
-#: the rig that a model file names
+#: the rig and the family that a rig or model file names
 _RIG = re.compile(r"^rig:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
+_FAMILY = re.compile(r"^model:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
 
 
 def import_(
@@ -228,15 +229,25 @@ def _lead_on(rig: Path | None) -> None:
 
 
 def _model_of(rig: Path | None) -> str | None:
-    """A model of the project that names this rig file; without a rig, one that names none."""
+    """A model of the project that names this rig file, else one of its family; without a rig, one that names
+    none."""
     from rigctl.project import find_project
 
     root = find_project().root
+    family = _named(_FAMILY, rig) if rig is not None and rig.is_file() else None
+    alike = None
     for path in sorted((root / "models").glob("*.yaml")):
-        named = _RIG.search(path.read_text(encoding="utf-8", errors="replace"))
-        if (named.group(1) if named else None) == (rig.as_posix() if rig is not None else None):
+        if _named(_RIG, path) == (rig.as_posix() if rig is not None else None):
             return path.relative_to(root).as_posix()
-    return None
+        if alike is None and family is not None and _named(_FAMILY, path) == family:
+            alike = path.relative_to(root).as_posix()
+    return alike
+
+
+def _named(field: re.Pattern[str], path: Path) -> str | None:
+    """What a file of ours names in a field at its top."""
+    found = field.search(path.read_text(encoding="utf-8", errors="replace"))
+    return found.group(1) if found else None
 
 
 def _tell(done: Imported, file: Path) -> None:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rigctl.cli.compare import open_runs
 from rigctl.cli.echo import echo
 from rigctl.cli.model_views import show_errors
-from rigctl.cli.next_command import analysis, show_next
+from rigctl.cli.next_command import DataOptions, analysis, show_next
 from rigctl.cli.plans import find_file
 from rigctl.cli.tables import console, print_json, table
 from rigctl.cli.telling import telling
@@ -65,7 +65,7 @@ def carry_out(path: Path, wanted: Wanted, *, as_json: bool) -> None:
     if as_json:
         print_json(_document(version))
     else:
-        _show(made, version)
+        _show(made, version, wanted.assume)
 
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
@@ -124,7 +124,7 @@ def _document(version: Version) -> dict[str, Any]:
     }
 
 
-def _show(made: Model, version: Version) -> None:
+def _show(made: Model, version: Version, assume: Sequence[str]) -> None:
     """What became of the file, the fall of the error, and the values found."""
     done, head = version.done, version.head
     old, new = {
@@ -139,7 +139,8 @@ def _show(made: Model, version: Version) -> None:
         _show_values(made)
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
-        command = analysis("compare", done.runs, str(head), only=done.only, hold_out=done.hold_out)
+        choice = DataOptions(done.only, done.hold_out, assume)
+        command = analysis("compare", done.runs, str(head), choice)
         show_next(f"{command} --no-fit", "says whether it agrees with them now")
 
 

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.compare import Assume
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.family import FamilyOption
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
+    from rigctl.model import Model
     from rigctl.report.section import Section
 
 
@@ -45,6 +47,7 @@ def report(
     diagnose: Annotated[
         bool, typer.Option("--diagnose", help="Say too what the first --model lacks.")
     ] = False,
+    assume: Assume = None,
     family: FamilyOption = None,
     figures: Annotated[
         Path | None, typer.Option(help="A folder for every plot as a file of its own.")
@@ -70,24 +73,18 @@ def report(
       rigctl report 20261121-0900 20261122-0900 -o both-days.html --figures figures --format svg
     """
     from rigctl.cli.analysis_page import require_page
-    from rigctl.dataset import open_run
+    from rigctl.cli.compare import open_models, open_runs
     from rigctl.files.write import to_json
     from rigctl.report import write_report
 
-    if diagnose and not model:
-        raise RigctlError(
-            "--diagnose says what a model lacks, and none was named",
-            hint="Name one, e.g. --model models/hl32-textbook.yaml",
-        )
-    opened = {run.id: run for run in map(open_run, runs)}  # a run that is named twice is one run
-    first, *_ = opened
-    more = len(opened) - 1
+    _require_model(model, diagnose=diagnose, assume=assume)
+    models = open_models(model or ())
+    opened = open_runs(runs, models[0] if models else None, assume)
+    first, more = opened[0].id, len(opened) - 1
     target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
     require_page(target, force=force)
-    sections = _analysis(list(opened.values()), model, diagnose=diagnose) if model else []
-    written = write_report(
-        list(opened.values()), target, figures=figures, form=form.value, sections=sections, force=force
-    )
+    sections = _analysis(opened, models, diagnose=diagnose) if models else []
+    written = write_report(opened, target, figures=figures, form=form.value, sections=sections, force=force)
     if as_json:
         facts = {
             "page": written.page,
@@ -100,19 +97,28 @@ def report(
         echo(f"Wrote {written.summary()}")
 
 
-def _analysis(runs: list[Run], models: list[Path], *, diagnose: bool) -> list[Section]:
+def _require_model(model: list[Path] | None, *, diagnose: bool, assume: list[str] | None) -> None:
+    """Refuse what only means something beside a model."""
+    if model:
+        return
+    named = "Name one, e.g. --model models/hl32-textbook.yaml"
+    if diagnose:
+        raise RigctlError("--diagnose says what a model lacks, and none was named", hint=named)
+    if assume:
+        raise RigctlError("--assume says what an input of a model was, and no model was named", hint=named)
+
+
+def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[Section]:
     """What the first model lacks, what the models say of the runs, and how their error fell."""
     from rigctl.cli.analysis_page import compare_with_versions
-    from rigctl.cli.compare import open_models
     from rigctl.cli.telling import telling
     from rigctl.diagnose.diagnose import diagnose_comparison
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
-    opened = open_models(models)
     with telling("nothing was saved") as tell:
-        found, versions = compare_with_versions(runs, opened, tell=tell)
+        found, versions = compare_with_versions(runs, models, tell=tell)
         compared = comparison_sections(found)
-        path = opened[-1].path
+        path = models[-1].path
         if path is not None:
             compared += history_sections(path, versions)
         if not diagnose:

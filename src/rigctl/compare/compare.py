@@ -27,6 +27,10 @@ from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.model import Model
+from rigctl.units import show
+
+#: a converter's step of more sigmas than this hides the noise before it
+_COARSE = 2.0
 
 
 @one_thread()
@@ -196,6 +200,14 @@ def _notes(fitted: FitResult) -> list[str]:
         for channel in problem.noise.channels
         if channel.guessed and not problem.measurements.table
     ]
+    units = dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True))
+    coarse = [
+        f"{channel.name} is read in steps of {show(channel.step, units[channel.name], difference=True)}, "
+        "coarser than its noise: what is finer than a step these data cannot tell"
+        for channel in problem.noise.channels
+        if channel.step > _COARSE * channel.sigma
+    ]
     silent = [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
     inputs = input_noise_notes(problem)
-    return [*problem.measurements.notes, *inputs, problem.noise.statement, *spikes, *edges, *guesses, *silent]
+    noise = [problem.noise.statement, *coarse, *spikes, *edges, *guesses]
+    return [*problem.measurements.notes, *inputs, *noise, *silent]

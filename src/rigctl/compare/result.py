@@ -24,6 +24,7 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
 from rigctl.noise import ChannelNoise
+from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
@@ -65,6 +66,10 @@ class ModelComparison:
     rows: tuple[TableRow, ...] = ()
     findings: tuple[str, ...] = ()
     record_level: tuple[RecordQuantity, ...] = ()
+
+    def __repr__(self) -> str:
+        """The verdict on one line."""
+        return one_line(self, f"{self.name}: {self.statement}")
 
     @property
     def adequate(self) -> bool:
@@ -186,11 +191,14 @@ class Comparison:
         ]
         return pd.DataFrame(rows)
 
+    def __repr__(self) -> str:
+        """The verdicts on one line."""
+        verdicts = ", ".join(f"{m.name} {'adequate' if m.adequate else 'not adequate'}" for m in self.models)
+        return one_line(self, f"of {len(self.runs)} run{'' if len(self.runs) == 1 else 's'}: {verdicts}")
+
     def _repr_html_(self) -> str:
         """The summary and the table, as a notebook shows them."""
-        from html import escape
-
-        return f"<pre>{escape(self.summary())}</pre>{self.frame().to_html(index=False, escape=True)}"
+        return as_html(self.summary(), self.frame())
 
 
 def _channel(
@@ -200,6 +208,7 @@ def _channel(
         **in_unit(error, unit),
         "noise_share": noise.share or None,
         "noise_source": noise.source,
+        "step": noise.step / parse_unit(unit).factor or None,
         "noise_guessed": noise.guessed,
         "noise_growth": _growth(noise, unit),
         "masked": noise.masked,

@@ -54,7 +54,9 @@ def finalise(folder: Path) -> dict[str, Any]:
     files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
     info = {**_summary(history, facts, missing), "annotations": as_data(said), "files": files}
     run_json.write_info(folder, info)
-    set_aside_journal(folder, number)
+    cut_short = any(entry.outcome == DAMAGED for entry in history.records if entry.session == number)
+    lost = number in facts.losses and facts.losses[number].rows > 0
+    set_aside_journal(folder, number, misses=cut_short or lost)
     return info
 
 

@@ -19,6 +19,7 @@ from rigctl.dataset.lock import in_progress
 from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.record_rows import RecordRows
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.notebook import one_line
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
@@ -107,6 +108,10 @@ class Run:
     def layout(self) -> Layout:
         """The columns of a sample and their display units."""
         return self.header.layout
+
+    def __repr__(self) -> str:
+        """The run on one line."""
+        return one_line(self, self.summary())
 
     def summary(self) -> str:
         """One line: the run, how it ended, on which bench, how many records and samples it has."""

@@ -121,8 +121,9 @@ def write_samples(folder: Path, header: RunHeader, session: int, offset: float) 
             _write(path, schema(header, 0), iter(()))
         facts = sample_facts(folder)
     else:
-        if found.damaged:
-            losses = {**losses, session: Loss(found.lost_bytes, found.lost_rows(len(header.layout.columns)))}
+        loss = Loss(found.lost_bytes, found.lost_rows(len(header.layout.columns)))
+        if found.damaged or loss.rows:
+            losses = {**losses, session: loss}
         blocks = _earlier_blocks(path) if earlier is not None else iter(())
         target = schema(header, session, losses)
         facts = _write(path, target, _chain(blocks, _blocks(found, header, target, offset)))
@@ -130,14 +131,15 @@ def write_samples(folder: Path, header: RunHeader, session: int, offset: float) 
     return facts
 
 
-def set_aside_journal(folder: Path, session: int) -> None:
+def set_aside_journal(folder: Path, session: int, *, misses: bool) -> None:
     """Remove the journal of a run whose ``samples.parquet`` is whole; a damaged one is kept for good.
 
-    Its name says the session; a name that is taken already is never taken again.
+    So is one that `misses` samples, though all that is left of it can be read. Its name says the session; a
+    name that is taken already is never taken again.
     """
     path = folder / journal.NAME
     with suppress(OSError):
-        if not _journal_is_damaged(path):
+        if not path.exists() or not (misses or read_journal(path).damaged):
             path.unlink(missing_ok=True)
             return
         number, kept = 0, folder / f"{journal.NAME}.damaged-{session}"
@@ -145,10 +147,6 @@ def set_aside_journal(folder: Path, session: int) -> None:
             number += 1
             kept = folder / f"{journal.NAME}.damaged-{session}.{number}"
         path.rename(kept)
-
-
-def _journal_is_damaged(path: Path) -> bool:
-    return path.exists() and read_journal(path).damaged
 
 
 def _journal_of(folder: Path) -> Journal | None:

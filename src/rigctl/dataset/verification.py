@@ -97,7 +97,10 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
             f"as {journal.NAME}.damaged-…"
         )
     if made["lost_rows"]:
-        told.append(f"at least {made['lost_rows']} samples are lost; records that miss some are 'damaged'")
+        told.append(
+            f"at least {made['lost_rows']} samples are lost; records that miss some are 'damaged', and the "
+            f"journal is kept"
+        )
     if made["damaged_lines"]:
         lines = ", ".join(str(line) for line in made["damaged_lines"])
         told.append(f"{folder / log.NAME}: what line {lines} said is lost; a record open then is 'damaged'")

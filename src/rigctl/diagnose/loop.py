@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rigctl.compare.candidates import Candidate
 from rigctl.compare.compare import judge
@@ -24,6 +24,10 @@ from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
 from rigctl.model.history.version import Version
 from rigctl.model.load import load_model
+from rigctl.notebook import as_html, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Ended(StrEnum):
@@ -125,6 +129,32 @@ class Improvement:
             "after": self.last.document() if self.steps else None,
             "unseen": [one.document() for one in self.unseen],
         }
+
+    def __repr__(self) -> str:
+        """What was added, on one line."""
+        return one_line(self, f"of {self.model.name}: {self.statement}")
+
+    def frame(self) -> pd.DataFrame:
+        """The additions, one row for each: the version, its effects, and the error before and after."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "version": step.version.number,
+                    "effects": ", ".join(step.effects),
+                    "delta_bic": step.delta_bic,
+                    "chi2_reduced_before": step.before.chi2_reduced,
+                    "chi2_reduced_after": step.after.chi2_reduced,
+                }
+                for step in self.steps
+            ],
+            columns=["version", "effects", "delta_bic", "chi2_reduced_before", "chi2_reduced_after"],
+        )
+
+    def _repr_html_(self) -> str:
+        """The summary and the additions, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
 
     def summary(self) -> str:
         """A line for each step, and how it ended."""

@@ -12,6 +12,7 @@ from rigctl.compare.result import ModelComparison
 from rigctl.diagnose.exclusion import Exclusion
 from rigctl.diagnose.remainder import Remainder
 from rigctl.diagnose.trial import Trial
+from rigctl.notebook import as_html, one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -241,11 +242,14 @@ class Diagnosis:
         rows = [one.document() for one in self.ranking]
         return pd.DataFrame([{k: v for k, v in row.items() if k != "parameters"} for row in rows])
 
+    def __repr__(self) -> str:
+        """The verdict on one line."""
+        effects = f" {' + '.join(self.effects)}" if self.effects else ""
+        return one_line(self, f"of {self.model}: {self.verdict.value}{effects}")
+
     def _repr_html_(self) -> str:
         """The summary and the ranking, as a notebook shows them."""
-        from html import escape
-
-        return f"<pre>{escape(self.summary())}</pre>{self.frame().to_html(index=False, escape=True)}"
+        return as_html(self.summary(), self.frame())
 
 
 def _finite(value: float) -> float | None:

@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
+from rigctl.notebook import one_line
 from rigctl.physics.families import find_family
 from rigctl.physics.family import Formula, ModelFamily
 from rigctl.physics.scope import Addition, Scope
@@ -195,6 +196,10 @@ class Effect:
     becomes: tuple[tuple[str, float, str], ...] = ()
     base: Mapping[str, float] = field(default_factory=dict)
     own_family: ModelFamily | None = None
+
+    def __repr__(self) -> str:
+        """What it is, on one line."""
+        return one_line(self, f"{self.name} of {self.family}: {self.summary}")
 
     @property
     def model_family(self) -> ModelFamily:

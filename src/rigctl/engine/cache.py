@@ -33,7 +33,9 @@ CACHE_VARIABLE = "RIGCTL_CACHE_DIR"
 
 _MANIFEST = "checksums.json"
 _MAIN = "compiled.py"
-_KEPT = 64  # modules; the ones that were used longest ago are deleted
+#: modules of one kind; the ones that were used longest ago are deleted. Kinds are counted apart: many
+#: new models must not push out the kernels, which all of them need and which take longest to compile.
+_KEPT = 256
 _LOCK_SECONDS = 300.0
 _loading = threading.RLock()
 
@@ -150,7 +152,7 @@ def _build(module_name: str, folder: Path, files: Mapping[str, str]) -> ModuleTy
                 raise
     finally:
         shutil.rmtree(building, ignore_errors=True)
-    _prune(folder.parent)
+    _prune(folder.parent, folder.name.rpartition("-")[0])
     return module
 
 
@@ -235,15 +237,15 @@ def _remove(folder: Path) -> None:
     shutil.rmtree(aside, ignore_errors=True)
 
 
-def _prune(root: Path) -> None:
-    """Delete modules that were not used for long, and what killed processes left half built or locked."""
+def _prune(root: Path, kind: str) -> None:
+    """Delete modules of this kind not used for long, and what killed processes left half built or locked."""
     day_ago = time.time() - 86_400.0
     try:
         by_use = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
         left_behind = [path for path in by_use if path.name[0] == "." and path.stat().st_mtime < day_ago]
     except OSError:
         return  # another process is tidying up; it will do
-    modules = [path for path in by_use if path.name[0] != "."]
+    modules = [path for path in by_use if path.name.rpartition("-")[0] == kind]
     for path in modules[_KEPT:] + left_behind:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)

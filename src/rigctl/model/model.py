@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect, qualified
@@ -17,8 +18,12 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.version_suffix import split_version
 from rigctl.model.build import build_system, superset
 from rigctl.model.values import parameter_values
+from rigctl.notebook import as_html, one_line
 from rigctl.physics.family import ModelFamily
 from rigctl.rig.rig import Rig
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,43 @@ class Model:
         for effect, parameters in self.effects.items():
             own += [qualified(effect, name) for name, value in parameters.items() if value.fit]
         return tuple(own)
+
+    def __repr__(self) -> str:
+        """What it is, on one line."""
+        effects = f" with {', '.join(self.effects)}" if self.effects else ""
+        return one_line(self, f"{self.name}: {self.family.name}{effects}, {len(self.fitted)} free")
+
+    def summary(self) -> str:
+        """Its family, bench, effects and how many parameters a fit may change."""
+        bench = f" on '{self.rig.name}'" if self.rig is not None else ""
+        effects = ", ".join(self.effects) or "none"
+        return (
+            f"{self.name}: {self.family.title}{bench}\neffects: {effects}; {len(self.fitted)} free parameters"
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """Every parameter in the unit it is shown in: its value, what is known of it and who says so."""
+        import pandas as pd
+
+        from rigctl.model.stated import stated_values
+
+        rows = [
+            {
+                "parameter": one.name,
+                "value": one.value,
+                "unit": one.unit,
+                "std": one.std_value,
+                "free": one.fit,
+                "origin": one.origin,
+                "meaning": one.meaning,
+            }
+            for one in stated_values(self)
+        ]
+        return pd.DataFrame(rows).astype({"std": "float64"})
+
+    def _repr_html_(self) -> str:
+        """The summary and the parameters, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
 
     def system(self, *, library: bool = False) -> System:
         """Its equations; with `library`, every other effect is in them at its null, the user's own too.

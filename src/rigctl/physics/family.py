@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
+from rigctl.notebook import one_line
 from rigctl.physics.standard_record import StandardRecord
 
 if TYPE_CHECKING:
@@ -52,8 +53,9 @@ class InputVariable:
 
     `hold` says what it does between two of its values: ``previous`` keeps the last one, ``linear`` is a
     straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
-    `value` is what it has when nobody says (SI). With `delay`, its switches act later: a formula of the scope
-    and of the commanded values before and after, in s. `role` is the rig's role whose actuator commands it.
+    `value` is what it has when nobody says (SI); with `implied` it goes without saying, as that a pump runs.
+    With `delay`, its switches act later: a formula of the scope and of the commanded values before and after,
+    in s. `role` is the rig's role whose actuator commands it.
     """
 
     name: str
@@ -64,6 +66,7 @@ class InputVariable:
     role: Literal["move", "heat", "set_pressure"] | None = None
     difference: bool = False
     hold: Literal["previous", "linear"] | None = None
+    implied: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,6 +160,10 @@ class ModelFamily:
     standard_record: StandardRecord | None = None
     tables: Mapping[str, Curve] = field(default_factory=dict)
     generic: bool = True
+
+    def __repr__(self) -> str:
+        """What it is, on one line."""
+        return one_line(self, f"{self.name}: {self.title}")
 
     def slot(self, name: str) -> Slot:
         """The slot called `name`.

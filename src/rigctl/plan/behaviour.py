@@ -31,13 +31,15 @@ class OnPause(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Until:
-    """Go on at bench time `time`, or at the first sample for which `when` is true.
+    """Go on at bench time `time`, at the first sample for which `when` is true, or once `done` is.
 
-    The generator is then sent that sample's row, or None when the time was up.
+    The generator is then sent the sample's row, or None where it was not a sample that it waited for. `done`
+    is looked at whenever something has come from the bench.
     """
 
     time: float = math.inf
     when: Callable[[Row], object] | None = None
+    done: Callable[[], bool] | None = None
     on_pause: OnPause = OnPause.RESTART
 
 
@@ -160,7 +162,7 @@ class Bench(Protocol):
         ...
 
     def try_switch(self, actuator: str, value: float) -> bool:
-        """Switch an actuator now; False when contact is lost for the moment."""
+        """Send a command now, without waiting for its answer; False when contact is lost for the moment."""
         ...
 
     def finish_pulse(self, actuator: str) -> Waiting:
@@ -176,7 +178,7 @@ class Bench(Protocol):
         ...
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether an actuator is known to be commanded to a value."""
+        """Whether the newest command to an actuator was a value, and no answer to it has stayed away."""
         ...
 
     def rested_at(self, actuator: str, value: float) -> float:

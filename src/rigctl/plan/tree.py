@@ -15,6 +15,7 @@ from typing import Protocol, TypeAlias
 
 from rigctl.errors import Location
 from rigctl.expressions import Expression
+from rigctl.notebook import one_line
 from rigctl.plan.action import Action
 from rigctl.rig import Rig
 
@@ -142,6 +143,11 @@ class Plan:
     finally_: Group | None
     arguments: Mapping[str, str]  #: as a person reads them, with units
     digest: str  #: SHA-256 over the tree: equal plans do equal things
+
+    def __repr__(self) -> str:
+        """What it is of, on one line."""
+        given = "".join(f", {name} = {value}" for name, value in self.arguments.items())
+        return one_line(self, f"{self.name} on {self.rig.name}{given}")
 
 
 def children(node: Node) -> tuple[Node, ...]:

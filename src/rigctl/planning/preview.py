@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from rigctl.errors import Location
+from rigctl.notebook import one_line
 from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
 from rigctl.plan.forecast import Basis, State
 from rigctl.planning.bench import Bench, bench_of, initial_state
@@ -59,6 +60,16 @@ class Preview:
     roots: tuple[PreviewNode, ...]  #: the procedure, then its cleanup blocks
     limits: tuple[LimitUse, ...]
     start: State
+
+    def __repr__(self) -> str:
+        """What is expected, on one line."""
+        return one_line(self, self.summary())
+
+    def summary(self) -> str:
+        """One line: how many records, and how long it is expected to take."""
+        return (
+            f"{self.plan.name}: {self.records} record{'' if self.records == 1 else 's'}, {self.seconds:.3g} s"
+        )
 
     @property
     def start_readings(self) -> Mapping[str, float]:

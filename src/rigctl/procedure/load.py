@@ -13,6 +13,7 @@ from pydantic import Field
 from rigctl.errors import RigctlError
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.notebook import one_line
 from rigctl.plan.arguments import Argument, ArgumentFields
 from rigctl.plan.fields import Name
 from rigctl.plan.step import Cleanup
@@ -43,6 +44,10 @@ class Procedure:
 
     file: ProcedureFile
     document: Document = field(repr=False)
+
+    def __repr__(self) -> str:
+        """What it is called, on one line."""
+        return one_line(self, f"{self.name}: {len(self.steps)} step{'' if len(self.steps) == 1 else 's'}")
 
     @property
     def name(self) -> str:

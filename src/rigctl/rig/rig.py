@@ -15,6 +15,7 @@ from rigctl.errors import Location, RigctlError
 from rigctl.files.amount import AnyAmount
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
+from rigctl.notebook import one_line
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
 from rigctl.rig.channel import Channel
@@ -81,6 +82,12 @@ class Rig(Part):
 
     _path: Path | None = PrivateAttr(default=None)
     _text: str = PrivateAttr(default="")
+
+    def __repr__(self) -> str:
+        """What it is called and has, on one line."""
+        return one_line(self, f"{self.name}: {len(self.channels)} channels, {len(self.actuators)} actuators")
+
+    __str__ = __repr__
 
     def written_in(self, path: Path | None, text: str) -> Rig:
         """The same rig, knowing its file."""

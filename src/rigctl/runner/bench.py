@@ -8,10 +8,10 @@ from contextlib import suppress
 from typing import Any
 
 from rigctl.backends.errors import OutOfReach
-from rigctl.backends.protocol import Backend, CommandReceipt
+from rigctl.backends.protocol import Backend, CommandReceipt, PendingCommand
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
-from rigctl.plan.behaviour import Answer, Pulse, Question, Row, Until, Waiting, every_sample
+from rigctl.plan.behaviour import Answer, OnPause, Pulse, Question, Row, Until, Waiting, every_sample
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
 from rigctl.runner.history import History
@@ -41,6 +41,7 @@ class Bench:
         self.commanded: dict[str, float] = {}
         self.pulses: dict[str, Pulse] = {}
         self.values: dict[str, float] = {}  #: measures and operators' answers, by name
+        self._sent: dict[str, tuple[PendingCommand, float | None]] = {}  # unanswered
         self.doubtful: dict[str, float] = {}  #: commands without an answer, which may have been carried out
         self.missed: list[str] = []  #: what lay outside its limits while the procedure went on
         self.question: Question | None = None
@@ -97,7 +98,8 @@ class Bench:
 
         At 10 Hz a rod travels 15 mm between two looks, further than from its limit to its end stop.
         """
-        moving = any(self.commanded.get(name, rest) != rest for name, rest in self._resting.items())
+        known = {**self.commanded, **self.doubtful}
+        moving = any(known.get(name, rest) != rest for name, rest in self._resting.items())
         return max(self.rig.monitor_rate, self.rig.moving_rate) if moving else self.rig.monitor_rate
 
     def _keep_watch(self) -> None:
@@ -171,15 +173,19 @@ class Bench:
             ready = self.rested_at(actuator, value)
             while self.now < ready:
                 yield Until(ready)
+            yield from self.settled(actuator)
             with suppress(OutOfReach):
-                return self.switch(actuator, value, duration)
+                sent = self.send(actuator, value, duration)
+                yield from self.settled(actuator)
+                if sent.receipt is not None:
+                    return sent.receipt
             yield Until(when=every_sample)
 
-    def switch(self, actuator: str, value: float, duration: float | None = None) -> CommandReceipt:
-        """Switch an actuator now; for what cannot wait. Otherwise as `command`.
+    def send(self, actuator: str, value: float, duration: float | None = None) -> PendingCommand:
+        """Send a command now, for what cannot wait; its answer is taken while samples are.
 
         A bench that cannot time a pulse itself is switched back by `finish_pulse`. A command whose answer
-        does not come, or is another one than expected, may have been carried out: see `unconfirmed`.
+        has not come, or is another one than expected, may have been carried out: see `unconfirmed`.
 
         Raises
         ------
@@ -190,36 +196,69 @@ class Bench:
         if value != self.safe_value(actuator):
             self.doubtful[actuator] = value  # until it is answered, however the call ends
         try:
-            receipt = self.backend.command(actuator, value, duration=duration if timed else None)
+            sent = self.backend.command(actuator, value, duration=duration if timed else None)
         except OutOfReach as error:
             self.event("note", f"{actuator} could not be commanded: {error}")
             raise
-        self.doubtful.pop(actuator, None)
+        self._sent[actuator] = (sent, duration)
         self.take_receipts()  # what the bench did before comes first
+        self.take_answers()
+        self._keep_watch()
+        return sent
+
+    def take_answers(self) -> None:
+        """Note what has become of commands since the last call.
+
+        Raises
+        ------
+        RigctlError
+            the bench has refused one.
+        """
+        for actuator, (sent, duration) in [entry for entry in self._sent.items() if entry[1][0].settled]:
+            del self._sent[actuator]
+            if sent.receipt is not None:
+                self._carried_out(sent.receipt, duration)
+            elif isinstance(sent.trouble, OutOfReach):
+                self.event("note", f"{actuator} could not be commanded: {sent.trouble}")
+            elif sent.trouble is not None:
+                raise sent.trouble
+
+    def _carried_out(self, receipt: CommandReceipt, duration: float | None) -> None:
+        """The bench has confirmed a command."""
+        actuator = receipt.actuator
+        self.doubtful.pop(actuator, None)
         self.pulses.pop(actuator, None)
-        if duration is not None:
-            self.pulses[actuator] = Pulse(receipt.time + duration, value)
+        if duration is not None and receipt.time >= self._known.get(actuator, -math.inf):  # not over yet
+            self.pulses[actuator] = Pulse(receipt.time + duration, receipt.value)
         self._switched(receipt)
         self._keep_watch()
-        return receipt
+
+    def settled(self, actuator: str | None = None) -> Waiting:
+        """Wait until every command is answered, or that to one actuator; a pause waits for it too."""
+
+        def answered() -> bool:
+            return actuator not in self._sent if actuator is not None else not self._sent
+
+        while not answered():
+            yield Until(done=answered, on_pause=OnPause.DEFER)
 
     def try_switch(self, actuator: str, value: float) -> bool:
-        """Switch an actuator now; False when contact is lost for the moment, which `switch` logs."""
+        """Send a command now; False when contact is lost for the moment, which `send` logs."""
         try:
-            self.switch(actuator, value)
+            self.send(actuator, value)
         except OutOfReach:
             return False
         return True
 
     def release(self, actuator: str) -> None:
         """Bring an actuator back to its safe value now; a bench out of reach is made safe when it is back."""
-        if not self.reachable or self.is_at(actuator, self.safe_value(actuator)):
-            return
-        with suppress(OutOfReach):
-            self.switch(actuator, self.safe_value(actuator))
+        if self.reachable and not self.is_at(actuator, self.safe_value(actuator)):
+            self.try_switch(actuator, self.safe_value(actuator))
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether an actuator is known to be commanded to a value, with no unanswered command since."""
+        """Whether the newest command to an actuator was a value, and no answer to it has stayed away."""
+        if actuator in self._sent:
+            return self._sent[actuator][0].value == value
         return self.commanded.get(actuator) == value and actuator not in self.doubtful
 
     def rested_at(self, actuator: str, value: float) -> float:
@@ -240,6 +279,7 @@ class Bench:
         if not self.backend.timed:
             self.release(actuator)
             self.pulses.pop(actuator, None)
+            yield from self.settled(actuator)
             return
         give_up = pulse.end + self.rig.stale_after
         while actuator in self.pulses:
@@ -247,6 +287,7 @@ class Bench:
                 self.event("note", f"{actuator}: the bench did not report the end of its pulse")
                 self.release(actuator)
                 self.pulses.pop(actuator, None)
+                yield from self.settled(actuator)
                 return
             yield Until(give_up, lambda _: actuator not in self.pulses)
 
@@ -274,6 +315,7 @@ class Bench:
             self.event("note", "the bench can be reached again, outputs are safe")
         self.reachable = True
         self.doubtful.clear()
+        self._sent.clear()  # dropped, or carried out and over
         self.take_receipts()
         for actuator, value in self.rig.safe_state.items():
             changed = self.commanded.get(actuator) != float(value)
@@ -314,7 +356,7 @@ class Bench:
         for actuator, value in commands.items():
             driven = self.rig.actuators[actuator].by == "driven"
             if driven and not self.is_at(actuator, value):
-                self.switch(actuator, value)
+                self.send(actuator, value)
 
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
         """Log a switch; one that is older than what is known changes nothing any more."""

@@ -94,7 +94,7 @@ class Driver:
 
     def wait(self, until: Until) -> Row | None:
         """Let time pass until what a step waits for has come: the row that brought it, or None."""
-        sampling, when, now = self._sampling, until.when, self._clock.now
+        sampling, when, done, now = self._sampling, until.when, until.done, self._clock.now
         limit = self._walker.limit if self._walker is not None else math.inf
         deadline = min(until.time, limit)
         silence = sampling.longest_silence
@@ -108,6 +108,8 @@ class Driver:
                 sampling.next_row(min(self._slice, patience))
                 continue
             row = sampling.next_row(min(max(deadline - time, 0.0), self._slice, patience))
+            if done is not None and done():
+                return None
             if row is not None:
                 if when is not None and when(row):
                     return row
@@ -207,5 +209,7 @@ class Driver:
                 self.watch(self._slice if self._pause is not None else min(self._slice, rested_in))
         self._lifecycle.send("go_on")
         self._bench.restore(baseline)
+        for waiting in self._bench.settled():
+            self.wait(waiting)
         if until.on_pause is OnPause.RESTART:
             raise Restart

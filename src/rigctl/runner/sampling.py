@@ -144,6 +144,7 @@ class Sampling:
     def _collect(self) -> None:
         """Switches and notices that the bench reports by itself."""
         self._bench.take_receipts()
+        self._bench.take_answers()
         for notice in self._backend.take_notices():
             self._bench.log(notice.time, notice.kind, message=notice.message, **notice.fields)
             self.note(notice.time, notice.kind, notice.message)

@@ -9,6 +9,7 @@ from pathlib import Path
 from rigctl.dataset import Run, open_run
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.version_suffix import is_there
+from rigctl.notebook import one_line
 from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
@@ -24,6 +25,10 @@ class Simulation:
 
     result: RunResult
     run: Run
+
+    def __repr__(self) -> str:
+        """The run on one line."""
+        return one_line(self, self.summary())
 
     def summary(self) -> str:
         """One line: the run, how it ended, how many records it has."""

@@ -183,6 +183,7 @@ class Walker:
             while True:
                 try:
                     outcome = yield from leaf.action.carry_out(bench)
+                    yield from bench.settled()
                     break
                 except Restart:
                     bench.event("note", "the step begins again after a pause")

@@ -2,91 +2,51 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from rigctl.backends.conversation import Conversation
 from rigctl.backends.lines.talk import Refused, Talk
-from rigctl.backends.serial.port import Port, PortLost
+from rigctl.backends.serial.port import NoAnswer, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Lines
 
 _FIRST_SILENCE = 0.3  # s that a device needs to throw away half a command
-_SHORTEST = 0.05  # s for an answer
 
 
-@dataclass(frozen=True)
-class Device:
-    """A device that has answered: the line to it, and what it says of itself."""
-
-    talk: Talk
-    identity: Mapping[str, str]
-
-
-class Greeting:
-    """Asks who is there until somebody answers.
+def greeting(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[str, str]]:
+    """Ask who is there until somebody answers, and what that one says of itself.
 
     A device that cannot say who it is must answer the first query instead.
 
     Raises
     ------
     PortLost
-        the port is gone already.
+        nobody answers while the device may still be waking up, or the port is gone.
+    RigctlError
+        somebody else answers.
     """
-
-    def __init__(self, port: Port, clock: Clock, lines: Lines) -> None:
-        self._talk = Talk(port, clock, lines)
-        self._clock = clock
-        self._lines = lines
-        self._question = lines.identify or lines.queries[0]
-        self._give_up = clock.now() + lines.wake
-        self._quiet_until = clock.now() + _FIRST_SILENCE
-        port.write(lines.send_ends.encode("utf-8"))  # whatever half of a command was left is over
-
-    @property
-    def port(self) -> Port:
-        """The port that has been opened for it."""
-        return self._talk.port
-
-    def ask(self, until: float = math.inf) -> Device | None:
-        """Ask once; None when nobody has answered by about bench time `until`.
-
-        Raises
-        ------
-        PortLost
-            nobody answers while the device may still be waking up.
-        RigctlError
-            somebody else answers.
-        """
-        now = self._clock.now()
-        if now < self._quiet_until:
-            self._talk.idle(min(self._quiet_until, until))
-            return None
-        timeout = min(self._lines.timeout, max(until - now, _SHORTEST))
+    question = lines.identify or lines.queries[0]
+    give_up = clock.now() + lines.wake
+    quiet_until = clock.now() + _FIRST_SILENCE
+    talk.port.write(lines.send_ends.encode("utf-8"))  # whatever half of a command was left is over
+    while clock.now() < quiet_until:
+        yield quiet_until
+    while True:
         try:
-            found = self._talk.ask(self._question, tries=1, timeout=timeout).found
+            answer = yield from talk.asking(question, tries=1)
         except Refused as error:
-            if self._clock.now() < self._give_up:
-                return None
+            if clock.now() < give_up:
+                continue
             raise RigctlError(
                 "another device is on this port, or it speaks at another baud rate",
                 value=error.answer,
-                expected=" / ".join(self._question.reply),
+                expected=" / ".join(question.reply),
                 exit_code=ExitCode.FAILED,
             ) from None
-        except PortLost as error:
-            if self._clock.now() < self._give_up:
-                return None
-            heard = "what arrives is no answer; another baud rate?" if self._talk.heard else "nobody answers"
-            raise PortLost(f"{self.port.name}: {heard}") from error
-        return Device(self._talk, found if self._lines.identify is not None else {})
-
-
-def greet(port: Port, clock: Clock, lines: Lines) -> Device:
-    """The device at the other end, once it answers; raises as `Greeting` does."""
-    greeting = Greeting(port, clock, lines)
-    while True:
-        device = greeting.ask()
-        if device is not None:
-            return device
+        except NoAnswer as error:
+            if clock.now() < give_up:
+                continue
+            heard = "what arrives is no answer; another baud rate?" if talk.heard else "nobody answers"
+            raise PortLost(f"{talk.port.name}: {heard}") from error
+        return answer.found if lines.identify is not None else {}

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rigctl.backends.conversation import Conversation
 from rigctl.backends.lines.meaning import Meaning
 from rigctl.backends.lines.talk import Answer, Refused, Talk
 from rigctl.backends.protocol import Notice
@@ -61,7 +62,7 @@ class Poll:
         taken, self._notices = self._notices, []
         return taken
 
-    def ask(self, talk: Talk, commanded: Mapping[str, float]) -> PolledSample:
+    def asking(self, talk: Talk, commanded: Mapping[str, float]) -> Conversation[PolledSample]:
         """Ask what is due now.
 
         An answer that does not fit leaves its channels without a value; interlocks see to that.
@@ -79,7 +80,7 @@ class Poll:
         for index, query in enumerate(self._queries):
             if now < self._due[index] - _SLACK:
                 continue
-            answer = self._ask(talk, index, query)
+            answer = yield from self._ask(talk, index, query)
             if query.every is not None:
                 self._due[index] = max(self._due[index] + query.every, now)
                 if self._due[index] == now:  # the first time, or long ago
@@ -93,9 +94,9 @@ class Poll:
         values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
         return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, changed)
 
-    def _ask(self, talk: Talk, index: int, query: Query) -> Answer | None:
+    def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
         try:
-            answer = talk.ask(query, fits=self._numbers)
+            answer = yield from talk.asking(query, fits=self._numbers)
         except Refused as error:
             if not query.places:
                 raise

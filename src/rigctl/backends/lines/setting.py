@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from rigctl.backends.conversation import Conversation
 from rigctl.backends.lines.duty import SafeOrder
 from rigctl.backends.lines.meaning import Meaning
 from rigctl.backends.lines.talk import Answer, Refused, Talk
@@ -37,7 +38,7 @@ class Setter:
         self._lines = lines
         self._meaning = Meaning(rig, lines)
 
-    def set(self, talk: Talk, actuator: str, value: float) -> CommandReceipt:
+    def setting(self, talk: Talk, actuator: str, value: float) -> Conversation[CommandReceipt]:
         """Set an actuator to an SI value.
 
         Raises
@@ -49,11 +50,11 @@ class Setter:
         """
         part = self._lines.actuators[actuator]
         text = self._meaning.command(actuator, value)
-        answer = talk.ask(part, text)
+        answer = yield from talk.asking(part, text)
         self._require(actuator, value, text, answer)
         if self._lines.confirm is not None:
             try:
-                talk.ask(self._lines.confirm, tries=1)
+                yield from talk.asking(self._lines.confirm, tries=1)
             except Refused as refused:
                 raise Refused(text, refused.answer) from None
         middle, half = 0.5 * (answer.sent + answer.received), 0.5 * (answer.received - answer.sent)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from rigctl.backends.serial.port import Port, PortLost
+from rigctl.backends.conversation import Conversation, carry_through
+from rigctl.backends.serial.port import NoAnswer, Port
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
 
@@ -43,7 +44,6 @@ class Talk:
     Attributes
     ----------
     stray: lines that came unasked; counts up.
-    heard: whether anything ever arrived.
     """
 
     def __init__(self, port: Port, clock: Clock, lines: Lines) -> None:
@@ -54,16 +54,25 @@ class Talk:
         self._reply_ends = lines.reply_ends.encode("utf-8")
         self._rest = b""
         self.stray = 0
-        self.heard = False
+        self._bytes = 0  # that have arrived
         self.last_sent = clock.now()  #: s
         self._in_step = True  # no answer to an earlier question can still come
+
+    @property
+    def heard(self) -> bool:
+        """Whether anything ever arrived."""
+        return self._bytes > 0
 
     def send(self, text: str) -> None:
         """Send a command, and wait for nothing."""
         self.last_sent = self._clock.now()
         self.port.write(text.encode("utf-8") + self._send_ends)
 
-    def ask(
+    def ask(self, exchange: Exchange, *, tries: int | None = None) -> Answer:
+        """Send a command and wait for the answer that is expected; raises as `asking` does."""
+        return carry_through(self.asking(exchange, tries=tries), self.take)
+
+    def asking(
         self,
         exchange: Exchange,
         text: str | None = None,
@@ -71,7 +80,7 @@ class Talk:
         tries: int | None = None,
         timeout: float = 0.0,
         fits: Callable[[Mapping[str, str]], bool] = lambda found: True,
-    ) -> Answer:
+    ) -> Conversation[Answer]:
         """Send a command and read the answer that is expected.
 
         Parameters
@@ -85,13 +94,13 @@ class Talk:
         Refused
             it answers with an error, or again and again with what was not expected.
         PortLost
-            it does not answer.
+            it does not answer (`NoAnswer`), or the port is gone.
         """
         command = exchange.send if text is None else text
         wrong = ""
         for attempt in range(tries or self._lines.tries):
             if attempt or not self._in_step:
-                self._synchronise()
+                yield from self._synchronise()
             self._drop_stray()
             self._in_step = False
             sent = self._clock.now()
@@ -99,7 +108,8 @@ class Talk:
             if not exchange.patterns:
                 self._in_step = True
                 return Answer({}, sent, self._clock.now())
-            found, wrong = self._read_answer(exchange, command, sent + (timeout or self._lines.timeout))
+            deadline = sent + (timeout or self._lines.timeout)
+            found, wrong = yield from self._read_answer(exchange, command, deadline)
             if found is None:
                 continue
             if fits(found):
@@ -108,20 +118,24 @@ class Talk:
             wrong = " / ".join(found.values())
         if wrong:
             raise Refused(command, wrong, " / ".join(exchange.reply))
-        raise PortLost(f"{self.port.name}: the device does not answer {command!r}")
+        raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
 
     def idle(self, until: float) -> None:
         """Let time pass; what comes is unasked."""
-        self._take(until)
+        self.take(until)
         self._drop_stray()
+
+    def abandon(self) -> None:
+        """Whatever was being asked is not waited for any more; its answer may still come."""
+        self._in_step = False
 
     def _read_answer(
         self, exchange: Exchange, command: str, deadline: float
-    ) -> tuple[Mapping[str, str] | None, str]:
+    ) -> Conversation[tuple[Mapping[str, str] | None, str]]:
         """What stood in the places, or None and the line that did not fit (none when it was silent)."""
         found: dict[str, str] = {}
         for pattern in exchange.patterns:
-            line = self._line(deadline)
+            line = yield from self._line(deadline)
             if line is None:
                 return None, ""
             if any(error.match(line) is not None for error in self._lines.error_patterns):
@@ -133,42 +147,47 @@ class Talk:
             found.update(matched)
         return found, ""
 
-    def _line(self, deadline: float) -> str | None:
+    def _line(self, deadline: float) -> Conversation[str | None]:
         """The next line; None when there is none by then."""
         while self._reply_ends not in self._rest:
             if self._clock.now() >= deadline:
                 return None
-            self._take(deadline)
+            yield deadline
         line, _, self._rest = self._rest.partition(self._reply_ends)
         return line.decode("utf-8", "replace").strip()
 
-    def _take(self, until: float) -> bool:
+    def take(self, until: float) -> bool:
+        """Take in what arrives by bench time `until`; False when nothing did."""
         data = self.port.read(until)
-        self.heard = self.heard or bool(data)
+        self._bytes += len(data)
         self._rest = (self._rest + data)[-_LONGEST:]
         return bool(data)
 
     def _drop_stray(self) -> None:
-        while self._take(self._clock.now()):
+        while self.take(self._clock.now()):
             pass
         if self._rest:
             self.stray += max(self._rest.count(self._reply_ends), 1)
             self._rest = b""
 
-    def _synchronise(self) -> None:
+    def _synchronise(self) -> Conversation[None]:
         """Throw away what is on its way, so that the next answer is that of the next question."""
         self._in_step = True
         give_up = self._clock.now() + _LONGEST_NOISE
-        while self._take(min(self._clock.now() + _QUIET, give_up)) and self._clock.now() < give_up:
-            pass
+        quiet = min(self._clock.now() + _QUIET, give_up)
+        while self._clock.now() < quiet:
+            heard = self._bytes
+            yield quiet
+            if self._bytes != heard:
+                quiet = min(self._clock.now() + _QUIET, give_up)
         self._rest = b""
         identify = self._lines.identify
         if identify is None:
             return
         self.send(identify.send)
         deadline = self._clock.now() + self._lines.timeout
-        while (line := self._line(deadline)) is not None:
+        while (line := (yield from self._line(deadline))) is not None:
             if identify.patterns[0].match(line) is not None:
                 break
         for _ in identify.patterns[1:]:
-            self._line(deadline)
+            yield from self._line(deadline)

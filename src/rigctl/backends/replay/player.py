@@ -9,7 +9,7 @@ import numpy as np
 
 from rigctl.backends.commands import check_command, driven_outputs
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.protocol import CommandReceipt, Notice, Sample
+from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.backends.replay.recording import Recording
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -116,7 +116,7 @@ class Player:
         _, values, commands = self._rows.pop()
         return Sample(when, tuple(values), tuple(commands))
 
-    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
         """Take note of a command."""
         recording = self._opened()
         check_command(self._rig, actuator, value, duration)
@@ -125,7 +125,7 @@ class Player:
         self._pulse_ends.pop(actuator, None)
         if duration is not None:
             self._pulse_ends[actuator] = now + duration
-        return CommandReceipt(now, actuator, value)
+        return PendingCommand.answered(CommandReceipt(now, actuator, value))
 
     def take_receipts(self) -> list[CommandReceipt]:
         """Ends of pulses that have passed since the last call."""

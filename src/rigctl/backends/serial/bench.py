@@ -5,29 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import TypeVar
+from dataclasses import dataclass
 
 from rigctl.backends.commands import check_command, driven_outputs
+from rigctl.backends.conversation import Conversation, Underway, carry_through
 from rigctl.backends.errors import BackendLost, BenchTripped, OutOfReach
-from rigctl.backends.protocol import CommandReceipt, Notice, Sample
+from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.backends.serial.board import Board, trip_causes
-from rigctl.backends.serial.greeting import Greeting, greet
+from rigctl.backends.serial.greeting import greeting
 from rigctl.backends.serial.heartbeat import Heartbeat
 from rigctl.backends.serial.intake import Intake
 from rigctl.backends.serial.line import Line, Refused
-from rigctl.backends.serial.port import Connect, NoAnswer, PortLost
+from rigctl.backends.serial.port import Connect, NoAnswer, Port, PortLost
 from rigctl.backends.serial.reaching import reach
-from rigctl.backends.serial.reconnection import Reconnection
+from rigctl.backends.serial.reconnection import Meeting, Reconnection
+from rigctl.backends.serial.switching import Switching
 from rigctl.backends.serial.translation import Translation
 from rigctl.backends.serial.wiring import Wiring
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
 
-T = TypeVar("T")
-
 HOST_SILENT = "host silent"  #: the trip that a host's coming ends
-_REPORT = 0.5  # s for the board to report a switch
+_SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s, to make safe within a second also where lines are lost
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """A command to which the board has not answered yet; `asked_for` where the caller waits for it."""
+
+    pending: PendingCommand
+    underway: Underway[None]
+    asked_for: bool
 
 
 class SerialBench:
@@ -74,7 +83,7 @@ class SerialBench:
         self._baud = baud
         self._patience = patience
         self._reconnection = Reconnection(
-            clock, connect, lambda port: Greeting(Line(port, clock, baud), clock, patience), reconnect
+            clock, connect, lambda port: self._meet(port, again=True), reconnect
         )
         self._clear_trips = clear_trips
         self._by_hand = by_hand
@@ -86,6 +95,10 @@ class SerialBench:
         self._cut_off: set[str] = set()  # what was driven, or may have been, when contact was lost
         self._ends: dict[str, float] = {}  # pulses that are timed here
         self._intake = Intake(self._translation, clock)
+        self._switching = Switching(self._translation, self._intake, clock)
+        self._orders: dict[str, _Order] = {}
+        self._answered = False  # since `next_sample` was called
+        self._streaming: Underway[None] | None = None
 
     @property
     def outputs_read(self) -> frozenset[str]:
@@ -102,7 +115,7 @@ class SerialBench:
     def open(self) -> None:
         """Reach the board, check what it is, make its outputs safe, and learn its clock."""
         with reach(self._connect) as port:
-            self._begin(greet(Line(port, self.clock, self._baud), self.clock, self._patience))
+            self._board = self._meet(port, again=False).carry_through()
         self._opened = True
 
     def close(self) -> None:
@@ -110,11 +123,12 @@ class SerialBench:
         board, self._board = self._board, None
         self._opened = False
         self._reconnection.drop()
+        self._drop_orders("the bench was let go")
         if board is None:
             return
         try:
             self._make_safe(board)
-            board.ask("STRM 0")
+            board.line.ask("STRM 0")
         except (PortLost, Refused):
             pass  # its own watchdog switches it off
         board.line.port.close()
@@ -131,21 +145,25 @@ class SerialBench:
             )
         self._check_open()
         self._rate = rate
-        with suppress(OutOfReach):  # a board that comes back begins its stream by itself
-            self._carried_out(self._start_stream)
-        self._intake.wanted = True
+        if self._board is None:  # one that comes back begins its stream by itself
+            return
+        try:
+            self._streaming = Underway(self._stream(self._board))
+        except PortLost as error:
+            self._lose(error)
 
     def next_sample(self, timeout: float) -> Sample | None:
         """The next line of the stream as a sample, on the bench's clock."""
         self._check_open()
         deadline = self.clock.now() + timeout
+        self._answered = False
         while not self._intake.samples:
             if self._intake.tripped:
                 if not self._trip_told:  # the notice and the receipts of the trip are fetched first
                     self._trip_told = True
                     return None
                 raise BackendLost(f"the board has tripped: {self._intake.tripped}")
-            if self.clock.now() >= deadline:
+            if self._answered or self.clock.now() >= deadline:
                 return None
             self._pump(deadline)
         return self._intake.samples.popleft()
@@ -162,32 +180,22 @@ class SerialBench:
 
     # --- commands -----------------------------------------------------------------------------------------
 
-    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
-        """Switch an actuator; the receipt has the time that the board stamped."""
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
+        """Send a command; its receipt will have the time that the board stamped."""
         self._check_open()
         check_command(self._rig, actuator, value, duration)
         if self._rig.actuators[actuator].by == "operator":
             if self._by_hand is not None:
                 self._by_hand(actuator, value)
             self._intake.commanded[actuator] = value
-            return CommandReceipt(self.clock.now(), actuator, value)
-        self._ends.pop(actuator, None)
-        in_reach = self._board is not None
-        try:
-            receipt = self._carried_out(lambda board: self._switch(board, actuator, value, duration))
-        except OutOfReach:
-            if in_reach and value != self._resting().get(actuator):  # it may have been carried out
-                self._cut_off.add(actuator)
-            raise
-        self._intake.commanded[actuator] = value
-        if duration is not None and not self._translation.times_pulse(actuator, duration):
-            self._ends[actuator] = receipt.time + duration
-        return receipt
+            return PendingCommand.answered(CommandReceipt(self.clock.now(), actuator, value))
+        return self._order(actuator, value, duration, asked_for=True)
 
     def safe(self) -> None:
         """Switch everything off now."""
         self._check_open()
         self._ends.clear()
+        self._drop_orders("outputs were made safe before the board had answered")
         if self._board is None:
             raise BackendLost(f"the bench cannot be reached: {self._reconnection.why}")
         try:
@@ -205,54 +213,152 @@ class SerialBench:
         if not self._opened:
             raise BackendLost("the bench is not open")
 
-    def _begin(self, board: Board) -> None:
-        """Take a board that has answered: safe, trips known, clock learnt."""
+    def _meet(self, port: Port, *, again: bool) -> Meeting[Board]:
+        """Begin to ask who is there, on a port that has just been opened, or `again` after a loss."""
+        line = Line(port, self.clock, self._baud)
+        return Meeting(port, line.poll, self._greet(line, again=again))
+
+    def _greet(self, line: Line, *, again: bool) -> Conversation[Board]:
+        try:
+            return (yield from self._begin(line, again=again))
+        except Refused as error:
+            raise PortLost(str(error)) from None
+
+    def _begin(self, line: Line, *, again: bool) -> Conversation[Board]:
+        """Ask who is there, and take that board: safe, trips known, clock learnt, stream begun."""
+        board = yield from greeting(line, self._patience)
         known = self.identity.get("firmware")
         if known is not None and known != board.identity["firmware"]:
             raise RigctlError(
                 "another board answers than before", value=board.identity["firmware"], expected=known
             )
-        self._make_safe(board)
-        board.ask("STRM 0")
-        board.learn_clock(8)
+        yield from self._making_safe(board)
+        yield from board.asking("STRM 0")
+        yield from board.learning_clock(8)
         board.line.forget()
         self.identity = {**self.identity, **board.identity}
         self._intake.tripped, self._trip_told = "", False
         known_commands = dict.fromkeys(self._rig.actuators, 0.0) | self._intake.commanded
         self._intake.commanded = known_commands | self._resting()
+        try:
+            yield from self._settling_trips(board)
+        except BenchTripped as tripped:
+            if not again:
+                raise
+            self._intake.tripped = tripped.causes  # it can be reached, but does nothing any more
+            self._reconnection.why = tripped.what
+            self._intake.notice("alarm", tripped.what)
+        else:
+            yield from self._stream(board)
         self._heartbeat = Heartbeat(board, self.clock)
-        self._settle_trips(board)
-        self._start_stream(board)
-        self._board = board
+        return board
 
     def _resting(self) -> dict[str, float]:
         return {name: float(value) for name, value in self._rig.safe_state.items()}
 
-    def _make_safe(self, board: Board) -> None:
-        board.ask("OUTP:SAFE", tries=2)  # within a second
+    def _making_safe(self, board: Board) -> Conversation[None]:
+        yield from board.line.asking("OUTP:SAFE", _SAFE_ANSWER, _SAFE_TRIES)
         for text in self._translation.safe_texts():
-            board.ask(text)
+            yield from board.asking(text)
 
-    def _settle_trips(self, board: Board) -> None:
+    def _make_safe(self, board: Board) -> None:
+        """Make it safe, and wait for the answer."""
+        carry_through(self._making_safe(board), board.line.poll)
+
+    def _settling_trips(self, board: Board) -> Conversation[None]:
         """A silence of the host is over once a host is there; every other trip waits for a person."""
-        before = board.trips()
+        before = yield from board.asking_trips()
         if not before:
             return
         causes = ", ".join(trip_causes(before))
         if not (self._clear_trips or trip_causes(before) == [HOST_SILENT]):
             raise BenchTripped(causes)
         try:
-            board.ask("SYST:TRIP:CLE")
+            yield from board.asking("SYST:TRIP:CLE")
         except Refused:
             raise RigctlError(
                 f"the board has tripped, and the cause lasts: {causes}", exit_code=ExitCode.FAILED
             ) from None
         self._intake.notice("note", f"the board had tripped before: {causes}; cleared")
 
-    def _start_stream(self, board: Board) -> None:
-        rate = self._rate or self._rig.monitor_rate
-        board.ask(f"STRM {rate:.3f}")
-        self._intake.restart(board)
+    def _stream(self, board: Board) -> Conversation[None]:
+        """Let the board begin its stream at the present rate."""
+        self._intake.restarting = True
+        try:
+            answer = yield from board.line.asking(f"STRM {self._rate or self._rig.monitor_rate:.3f}")
+        except Refused as error:
+            raise NoAnswer(str(error)) from None
+        self._intake.restart(board, answer.readings_before)
+        self._intake.wanted = self._rate > 0.0
+
+    def _order(
+        self, actuator: str, value: float, duration: float | None, *, asked_for: bool
+    ) -> PendingCommand:
+        """Send a command; the answer is waited for in `_pump`."""
+        board = self._board
+        if board is None:
+            raise OutOfReach(f"the board cannot be reached for the moment: {self._reconnection.why}")
+        self._ends.pop(actuator, None)
+        self._drop_order(actuator, "another command came before the board had answered")
+        self._intake.take(board)  # what happened before is none of its doing
+        pending = PendingCommand(actuator, value, lambda: self._pump(math.inf))
+        try:
+            underway = Underway(self._carry_out(board, pending, duration))
+        except PortLost as error:
+            self._doubt(pending)
+            self._lose(error)
+            raise OutOfReach(f"contact with the board is lost: {error}") from None
+        self._orders[actuator] = _Order(pending, underway, asked_for)
+        return pending
+
+    def _carry_out(self, board: Board, pending: PendingCommand, duration: float | None) -> Conversation[None]:
+        """Switch, and note what the board says of it."""
+        actuator, value = pending.actuator, pending.value
+        try:
+            receipt = yield from self._switching.switch(board, actuator, value, duration)
+        except Refused as error:
+            hint = yield from _asking_why(board)
+            pending.trouble = RigctlError(str(error), hint=hint, exit_code=ExitCode.FAILED)
+            return
+        self._intake.commanded[actuator] = value
+        if duration is not None and not self._translation.times_pulse(actuator, duration):
+            self._ends[actuator] = receipt.time + duration
+        pending.receipt = receipt
+
+    def _go_on(self) -> None:
+        """Go on with what the board has been asked; raises `PortLost`."""
+        if self._streaming is not None:
+            self._streaming.go_on()
+            if self._streaming.over:
+                self._streaming = None
+        for actuator, order in list(self._orders.items()):
+            order.underway.go_on()
+            if not order.underway.over:
+                continue
+            del self._orders[actuator]
+            if order.asked_for:
+                self._answered = True
+            elif order.pending.receipt is not None:
+                self._intake.receipts.append(order.pending.receipt)
+            else:
+                self._intake.notice("fault", f"a pulse could not be ended: {order.pending.trouble}")
+
+    def _drop_order(self, actuator: str, why: str) -> None:
+        """Do not wait for an answer any more; what became of the command is not known."""
+        order = self._orders.pop(actuator, None)
+        if order is not None:
+            order.underway.drop()
+            order.pending.trouble = OutOfReach(why)
+            self._answered = True
+
+    def _drop_orders(self, why: str) -> None:
+        for actuator in list(self._orders):
+            self._drop_order(actuator, why)
+
+    def _doubt(self, pending: PendingCommand) -> None:
+        """A command may have been carried out when contact was lost."""
+        if pending.value != self._resting().get(pending.actuator):
+            self._cut_off.add(pending.actuator)
 
     def _pump(self, until: float) -> None:
         """Let time pass up to `until`, or until something arrived."""
@@ -260,7 +366,7 @@ class SerialBench:
         for actuator in [name for name, end in self._ends.items() if end <= now]:
             del self._ends[actuator]
             with suppress(OutOfReach):  # a board that comes back is made safe before anything else
-                self._intake.receipts.append(self.command(actuator, float(self._rig.safe_state[actuator])))
+                self._order(actuator, float(self._rig.safe_state[actuator]), None, asked_for=False)
         board, heartbeat = self._board, self._heartbeat
         if board is None or heartbeat is None:
             self._try_again(until)
@@ -268,35 +374,34 @@ class SerialBench:
         silence = max(0.1, 3.0 / (self._rate or self._rig.monitor_rate))
         try:
             heartbeat.beat(silent=now - self._intake.heard > silence)
-            board.line.poll(min(until, heartbeat.due, *self._ends.values()))
+            board.line.poll(min(until, heartbeat.due, *self._ends.values(), *self._due()))
             heartbeat.listen()
+            self._go_on()
         except PortLost as error:
             self._lose(error)
             return
         self._intake.take(board)
 
-    def _carried_out(self, action: Callable[[Board], T]) -> T:
-        """Do something with the board, once; what a loss of contact has cut off is never made up for here."""
-        board = self._board
-        if board is None:
-            raise OutOfReach(f"the board cannot be reached for the moment: {self._reconnection.why}")
-        try:
-            return action(board)
-        except PortLost as error:
-            self._lose(error)
-            raise OutOfReach(f"contact with the board is lost: {error}") from None
-        except Refused as error:
-            raise RigctlError(str(error), hint=_why(board), exit_code=ExitCode.FAILED) from None
+    def _due(self) -> list[float]:
+        """When to go on with what the board has been asked, s."""
+        due = [order.underway.until for order in self._orders.values()]
+        return due if self._streaming is None else [*due, self._streaming.until]
 
     def _lose(self, error: PortLost) -> None:
         """Contact is lost; what the board does by itself now is to switch off."""
         board, self._board = self._board, None
+        self._streaming = None
+        for order in self._orders.values():
+            self._doubt(order.pending)
+        self._drop_orders(f"contact with the board is lost: {error}")
         damaged, kept = "", None
         if board is not None:
             self._intake.take(board)
             damaged = self._intake.damage_since_heard(board)
             if isinstance(error, NoAnswer):  # opening it again would restart an Uno, or let another host in
                 kept = board.line.port
+                with suppress(PortLost):
+                    board.line.put("OUTP:SAFE")  # whether or not its answers get through
             else:
                 board.line.port.close()
         self._cut_off |= self._driven()
@@ -308,20 +413,7 @@ class SerialBench:
         board = self._reconnection.attempt(until)
         if board is None:
             return
-        try:
-            self._begin(board)
-        except (PortLost, Refused) as error:
-            board.line.port.close()
-            self._reconnection.why = str(error)
-            return
-        except BenchTripped as tripped:  # it can be reached, and be made safe, but does nothing any more
-            self._board = board
-            self._intake.tripped = tripped.causes
-            self._reconnection.why = tripped.what
-            self._intake.notice("alarm", tripped.what)
-        except RigctlError as error:
-            board.line.port.close()
-            raise BackendLost(str(error)) from None
+        self._board = board
         lost_at, why = self._reconnection.since, self._reconnection.why
         now = self.clock.now()
         self._intake.notice("note", f"the board is back after {now - lost_at:.1f} s, outputs off")
@@ -339,34 +431,11 @@ class SerialBench:
         resting = self._resting()
         return {name for name, value in self._intake.commanded.items() if resting.get(name, value) != value}
 
-    def _switch(self, board: Board, actuator: str, value: float, duration: float | None) -> CommandReceipt:
-        """Send a command and wait for the board to say when it was done."""
-        self._intake.take(board)
-        timed = duration is not None and self._translation.times_pulse(actuator, duration)
-        by_itself = duration if timed else None
-        text = self._translation.text(actuator, value, by_itself)
-        board.ask(text, tries=1 if by_itself is not None else 3)
-        kind = self._translation.event_kind(actuator)
-        raw = self._translation.raw(actuator, value)
-        deadline = self.clock.now() + _REPORT
-        while True:
-            while board.line.switched:
-                event = board.line.switched.popleft()
-                if (event.kind, event.value) == (kind, raw):
-                    self._intake.take(board)
-                    time = board.clock_map.to_host(event.board_us)
-                    return CommandReceipt(time, actuator, value, board.clock_map.uncertainty)
-                if event.kind != kind:  # of the same kind: the way there
-                    self._intake.take_switched(board, event)
-            if self.clock.now() >= deadline:
-                raise NoAnswer(f"the board does not report '{text}'")
-            board.line.poll(deadline)
 
-
-def _why(board: Board) -> str | None:
+def _asking_why(board: Board) -> Conversation[str | None]:
     """What a refusal comes from, where a trip is behind it."""
     try:
-        causes = trip_causes(board.trips())
-    except PortLost:
+        causes = trip_causes((yield from board.asking_trips()))
+    except NoAnswer:
         return None
     return f"The board has tripped: {', '.join(causes)}" if causes else None

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rigctl.backends.conversation import Conversation
 from rigctl.backends.serial.clock_map import ClockMap
-from rigctl.backends.serial.line import Line
+from rigctl.backends.serial.line import TRIES, Line
 
 _CAUSES = (
     "over-temperature",
@@ -31,21 +32,21 @@ class Board:
         self.identity = identity
         self.clock_map = ClockMap()
 
-    def ask(self, command: str, tries: int = 3) -> str:
+    def asking(self, command: str, tries: int = TRIES) -> Conversation[str]:
         """The answer to a command; raises `Refused` or `PortLost`."""
-        return self.line.exchange(command, tries=tries)[1]
+        answer = yield from self.line.asking(command, tries=tries)
+        return answer.text
 
-    def trips(self) -> int:
+    def asking_trips(self) -> Conversation[int]:
         """The latched causes."""
-        return int(self.ask("SYST:TRIP?").partition(",")[0])
+        answer = yield from self.asking("SYST:TRIP?")
+        return int(answer.partition(",")[0])
 
-    def learn_clock(self, times: int) -> bool:
-        """Ask for its time; False when it cannot be the time of the board that answered before."""
+    def learning_clock(self, times: int) -> Conversation[None]:
+        """Ask for its time so many times."""
         for _ in range(times):
-            sent, answer, received = self.line.exchange("SYST:TIME?")
-            if not self.clock_map.add(sent, int(answer), received):
-                return False
-        return True
+            answer = yield from self.line.asking("SYST:TIME?")
+            self.clock_map.add(answer.sent, int(answer.text), answer.received)
 
 
 def trip_causes(bits: int) -> list[str]:

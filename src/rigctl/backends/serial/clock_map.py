@@ -57,6 +57,11 @@ class ClockMap:
             self._last_us, self._board = board_us, time
         return time
 
+    def is_recent(self, board_us: int, span: float) -> bool:
+        """Whether a stamp is at most `span` s from the newest one; of an old one, `unwrap` knows nothing."""
+        away = (board_us - self._last_us) % _ROLL_OVER
+        return min(away, _ROLL_OVER - away) <= span * 1e6
+
     def to_host(self, board_us: int) -> float:
         """Bench time of a stamp of the board, s."""
         return self._h0 + self._rate * (self.unwrap(board_us) - self._b0)

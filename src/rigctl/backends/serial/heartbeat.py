@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from rigctl.backends.serial.board import Board
+from rigctl.backends.serial.line import ANSWER, Question
 from rigctl.backends.serial.port import NoAnswer
 from rigctl.clock import Clock
 
 INTERVAL = 0.5  #: s; the board gives up on a silent host after 1.5 s
-_ANSWER = 0.4  # s for an answer
 _UNANSWERED = 3  # questions in a row, and the board is lost
 _QUERY = "SYST:TIME?"
 
@@ -25,7 +23,7 @@ class Heartbeat:
     def __init__(self, board: Board, clock: Clock) -> None:
         self._board = board
         self._clock = clock
-        self._asked = math.nan  # when the question that is open was asked
+        self._question: Question | None = None  # that is open
         self._unanswered = 0
         self.due = clock.now() + INTERVAL
 
@@ -38,16 +36,15 @@ class Heartbeat:
             several questions in a row were not answered (`NoAnswer`), or the port is gone.
         """
         now = self._clock.now()
-        open_question = not math.isnan(self._asked)
-        if now < self.due and (open_question or not silent or now < self.due - _ANSWER):
+        if now < self.due and (self._question is not None or not silent or now < self.due - ANSWER):
             return
-        if open_question:
+        if self._question is not None:
+            self._board.line.withdraw(self._question)
             self._unanswered += 1
             if self._unanswered >= _UNANSWERED:
                 raise NoAnswer(f"{self._board.line.port.name}: the board does not answer '{_QUERY}'")
-        self._asked = now
-        self.due = now + _ANSWER
-        self._board.line.begin(_QUERY)
+        self._question = self._board.line.put(_QUERY)
+        self.due = now + ANSWER
 
     def listen(self) -> None:
         """Learn from an answer that has arrived.
@@ -57,12 +54,14 @@ class Heartbeat:
         NoAnswer
             the board's time says that it was restarted.
         """
-        answer = self._board.line.take_answer()
-        if answer is None:
+        question = self._question
+        if question is None or question.answer is None:
             return
-        self.due = self._asked + INTERVAL
-        self._asked = math.nan
+        self._question = None
         self._unanswered = 0
-        sent, text, received = answer
-        if not self._board.clock_map.add(sent, int(text), received):
+        self.due = question.sent + INTERVAL
+        answer = question.answer
+        if not answer.text.isdigit():  # an error: it had arrived damaged
+            return
+        if not self._board.clock_map.add(answer.sent, int(answer.text), answer.received):
             raise NoAnswer("the board was restarted")

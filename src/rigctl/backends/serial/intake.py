@@ -13,6 +13,7 @@ from rigctl.backends.serial.translation import Translation
 from rigctl.clock import Clock
 
 _NUMBERS = 1 << 16
+_FIRST_NUMBERS = 4096  # of a stream that has just begun: 2 s at the highest rate
 _NOTHING_ELSE = 5  # damaged lines, and no whole one between them
 
 
@@ -26,6 +27,7 @@ class Intake:
     tripped: why the board has switched off; empty while it has not.
     heard: when the stream was heard last, s.
     wanted: whether anybody has asked for samples.
+    restarting: whether the board has been asked to begin its stream anew, and has not answered yet.
     """
 
     def __init__(self, translation: Translation, clock: Clock) -> None:
@@ -42,12 +44,14 @@ class Intake:
         self.tripped = ""
         self.heard = 0.0
         self.wanted = False
+        self.restarting = False
 
-    def restart(self, board: Board) -> None:
-        """The board has just answered that its stream begins anew; what came before is of the old one."""
-        for _ in range(board.line.readings_at_reply):
+    def restart(self, board: Board, before: int) -> None:
+        """The board says that its stream has begun anew; `before` readings that wait are of the old one."""
+        for _ in range(min(before, len(board.line.readings))):
             self._take_reading(board, board.line.readings.popleft())
         self._sequence = None
+        self.restarting = False
         self._damaged = self._damaged_when_heard = board.line.damaged
         self.heard = self._clock.now()
 
@@ -116,16 +120,19 @@ class Intake:
         self._damaged_when_heard = board.line.damaged
         self._told_of_damage = False
         step = 1 if self._sequence is None else (reading.sequence - self._sequence) % _NUMBERS
-        if step == 0 or step > _NUMBERS // 2:
+        time = board.clock_map.to_host(reading.board_us)
+        old = step == 0 or step > _NUMBERS // 2
+        if old and self.restarting and reading.sequence < _FIRST_NUMBERS and time > self._last_time:
+            old, step = False, 1  # begun anew, and the answer that says so is late or lost
+        if old:
             self.notice("note", f"sample {reading.sequence} came twice or late, left out")
             return
         if step > 1:
             self.gap(step - 1)
         self._sequence = reading.sequence
-        time = board.clock_map.to_host(reading.board_us)
         if reading.trips:
             self._trip(time, reading.trips)
-        if not self.wanted or time < self._last_time:
+        if not self.wanted or time <= self._last_time:
             return
         self._last_time = time
         translation = self._translation

@@ -6,12 +6,15 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import count
 
+from rigctl.backends.conversation import Conversation, carry_through
 from rigctl.backends.serial.messages import LineReader, Reading, Reply, Switched, with_checksum
 from rigctl.backends.serial.port import NoAnswer, Port
 from rigctl.clock import Clock
 
-_TRIES = 3
+ANSWER = 0.4  #: s for an answer
+TRIES = 3
 _BITS = 10  # start, eight, stop
+DAMAGED = (-360, -363)  #: a wrong checksum, lost characters: nothing was carried out
 
 
 class Refused(Exception):
@@ -23,10 +26,51 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class _Question:
+class Answer:
+    """What the board has answered.
+
+    Parameters
+    ----------
+    sent: when the command had been received at the earliest, s.
+    text: the answer.
+    received: when it was given at the latest, s: the characters' time on the line is taken off.
+    readings_before: how many readings that nobody had fetched yet came before it.
+    """
+
+    sent: float
+    text: str
+    received: float
+    readings_before: int
+
+
+@dataclass(slots=True)
+class Question:
+    """One command that was sent once; `answer` comes when it is polled in."""
+
+    command: str
     tag: int
-    sent: float  # s
-    length: int  # bytes
+    sent: float  #: s
+    length: int  #: bytes
+    answer: Answer | None = None
+
+    @property
+    def arrived_damaged(self) -> bool:
+        """Whether the board says so: then nothing was carried out."""
+        return self.answer is not None and _error_number(self.answer.text) in DAMAGED
+
+    def accepted(self) -> Answer | None:
+        """The answer, None while there is none; raises `Refused` where it is an error."""
+        if self.answer is None or self.arrived_damaged:
+            return None
+        number = _error_number(self.answer.text)
+        if number is not None:
+            raise Refused(self.command, number, self.answer.text.partition(",")[2].strip('"'))
+        return self.answer
+
+
+def _error_number(answer: str) -> int | None:
+    """The number in ``!-221,"Settings conflict"``; None where it is no error."""
+    return int(answer[1:].partition(",")[0]) if answer.startswith("!") else None
 
 
 class Line:
@@ -35,27 +79,23 @@ class Line:
     Attributes
     ----------
     readings, switched: what the board sent of its own accord, oldest first.
-    damaged: lines that arrived damaged; counts up.
     """
 
     def __init__(self, port: Port, clock: Clock, baud: int) -> None:
         self.port = port
-        self._clock = clock
+        self.clock = clock
         self.baud = baud
         self._character = _BITS / baud
         self._reader = LineReader()
         self._tags = count(1)
-        self._reply: Reply | None = None
-        self._open: _Question | None = None  # asked, and nobody waits for the answer
-        self._answer: tuple[float, str, float] | None = None
+        self._open: dict[int, Question] = {}  # sent, and not answered yet
         self.readings: deque[Reading] = deque()
         self.switched: deque[Switched] = deque()
-        self.readings_at_reply = 0  #: how many of `readings` came before the last answer
         self.heard = False  #: anything at all
 
     @property
     def damaged(self) -> int:
-        """Lines that arrived damaged."""
+        """Lines that arrived damaged; counts up."""
         return self._reader.damaged
 
     def poll(self, until: float) -> bool:
@@ -69,31 +109,29 @@ class Line:
                 self.readings.append(message)
             elif isinstance(message, Switched):
                 self.switched.append(message)
-            elif self._open is not None and message.tag == self._open.tag:
-                self._answer = self._times(self._open, message)
-                self._open = None
-            else:
-                self._reply = message
-                self.readings_at_reply = len(self.readings)
+            elif (question := self._open.pop(message.tag, None)) is not None:
+                question.answer = self._answer(question, message)
         return True
-
-    def begin(self, command: str) -> None:
-        """Ask without waiting; `take_answer` has the answer once it has been polled in."""
-        self._open = self._put(command)
-        self._answer = None
-
-    def take_answer(self) -> tuple[float, str, float] | None:
-        """The answer to what `begin` asked, as `exchange` gives it; once, and None while there is none."""
-        answer, self._answer = self._answer, None
-        return answer
 
     def forget(self) -> None:
         """Drop what the board has sent of its own accord so far."""
         self.readings.clear()
         self.switched.clear()
 
-    def ask(self, command: str, timeout: float = 0.4) -> str:
-        """The board's answer; a question that was lost is asked again, so that it must do no harm twice.
+    def put(self, command: str) -> Question:
+        """Send a command, and wait for nothing."""
+        tag = next(self._tags)
+        data = with_checksum(f"#{tag} {command}")
+        question = self._open[tag] = Question(command, tag, self.clock.now(), len(data))
+        self.port.write(data)
+        return question
+
+    def withdraw(self, question: Question) -> None:
+        """An answer that still comes is of no use any more."""
+        self._open.pop(question.tag, None)
+
+    def asking(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> Conversation[Answer]:
+        """Ask; a question that was lost is asked again, so that it must do no harm twice.
 
         Raises
         ------
@@ -102,41 +140,28 @@ class Line:
         PortLost
             it does not answer (`NoAnswer`), or the port is gone.
         """
-        return self.exchange(command, timeout)[1]
-
-    def exchange(self, command: str, timeout: float = 0.4, tries: int = _TRIES) -> tuple[float, str, float]:
-        """When the command had been received at the earliest, the answer, and when it was given at the
-        latest: the characters' time on the line is taken off."""
-        for _ in range(tries):
-            self._reply = None
-            question = self._put(command)
-            reply = self._await(question.tag, question.sent + timeout)
-            if reply is None:
-                continue
-            if reply.text.startswith("!"):
-                number, _, words = reply.text[1:].partition(",")
-                raise Refused(command, int(number), words.strip('"'))
-            return self._times(question, reply)
+        asked: list[Question] = []
+        try:
+            for _ in range(tries):
+                asked.append(self.put(command))
+                deadline = asked[-1].sent + timeout
+                while self.clock.now() < deadline and not asked[-1].arrived_damaged:
+                    for question in asked:  # the answer to an earlier try is as good
+                        if (answer := question.accepted()) is not None:
+                            return answer
+                    yield deadline
+        finally:
+            for question in asked:
+                self.withdraw(question)
         raise NoAnswer(f"{self.port.name}: the board does not answer '{command}'")
 
-    def _put(self, command: str) -> _Question:
-        tag = next(self._tags)
-        data = with_checksum(f"#{tag} {command}")
-        sent = self._clock.now()
-        self.port.write(data)
-        return _Question(tag, sent, len(data))
+    def ask(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> str:
+        """The board's answer, waited for; raises as `asking` does."""
+        return carry_through(self.asking(command, timeout, tries), self.poll).text
 
-    def _times(self, question: _Question, reply: Reply) -> tuple[float, str, float]:
-        received = self._clock.now()
+    def _answer(self, question: Question, reply: Reply) -> Answer:
+        now = self.clock.now()
         characters = len(f"#{reply.tag} {reply.text}*0000\n")
         earliest = question.sent + question.length * self._character
-        return earliest, reply.text, max(received - characters * self._character, earliest)
-
-    def _await(self, tag: int, deadline: float) -> Reply | None:
-        while True:
-            reply = self._reply
-            if reply is not None and reply.tag == tag:
-                return reply
-            if self._clock.now() >= deadline:
-                return None
-            self.poll(deadline)
+        latest = max(now - characters * self._character, earliest)
+        return Answer(earliest, reply.text, latest, len(self.readings))

@@ -10,12 +10,8 @@ from rigctl.backends.serial.port import Connect, Port, PortLost
 
 
 @contextmanager
-def reach(connect: Connect, *refusals: type[Exception]) -> Iterator[Port]:
+def reach(connect: Connect) -> Iterator[Port]:
     """Open a port for the block, which greets the bench; closed again if that fails.
-
-    Parameters
-    ----------
-    refusals: what else than a lost port means that the bench cannot be reached.
 
     Raises
     ------
@@ -29,6 +25,6 @@ def reach(connect: Connect, *refusals: type[Exception]) -> Iterator[Port]:
     except BaseException as error:
         if port is not None:
             port.close()
-        if isinstance(error, (PortLost, *refusals)):
+        if isinstance(error, PortLost):
             raise BackendLost(f"the bench cannot be reached: {error}") from None
         raise

@@ -1,13 +1,13 @@
-"""Finds a lost board again, a little at a time, so that whoever waits for a sample is not held up."""
+"""Finds a lost bench again, a little at a time, so that whoever waits for a sample is not held up."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
+from rigctl.backends.conversation import Conversation, Take, Underway
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.serial.line import Refused
 from rigctl.backends.serial.port import Connect, Port, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -15,63 +15,77 @@ from rigctl.errors import RigctlError
 _FIRST_RETRY, _LONGEST_RETRY = 0.1, 2.0  # s, between two attempts
 
 Met = TypeVar("Met")
-Met_co = TypeVar("Met_co", covariant=True)
 
 
-class Greeter(Protocol[Met_co]):
-    """Asks who is at the other end of a port, a little at a time."""
+class Meeting(Generic[Met]):
+    """The conversation that begins at the other end of a port that has just been opened.
 
-    @property
-    def port(self) -> Port:
-        """The port that has been opened for it."""
-        ...
+    Parameters
+    ----------
+    port: where it is held.
+    take: takes in what arrives on it.
+    conversation: asks who is there and what it takes until the bench can be used.
+    """
 
-    def ask(self, until: float) -> Met_co | None:
-        """Who answers; None when nobody has by about bench time `until`."""
-        ...
+    def __init__(self, port: Port, take: Take, conversation: Conversation[Met]) -> None:
+        self.port = port
+        self._take = take
+        self._underway = Underway(conversation)
+
+    def go_on(self, until: float) -> Met | None:
+        """Go on up to about bench time `until`; what was met, or None when that takes longer."""
+        if not self._underway.over:
+            self._underway.take(self._take, until)
+        return self._underway.result if self._underway.over else None
+
+    def carry_through(self) -> Met:
+        """Wait until it is over."""
+        while (met := self.go_on(self._underway.until)) is None:
+            pass
+        return met
 
 
 class Reconnection(Generic[Met]):
-    """Attempts with growing distances, until the board answers or `limit` has passed.
+    """Attempts with growing distances, until the bench answers or `limit` has passed.
 
     Parameters
     ----------
     connect: opens the port.
-    greet: begins to ask who is there.
+    meet: begins to ask who is there.
     limit: s for it to come back.
 
     Attributes
     ----------
-    since: when the board was lost, s.
+    since: when the bench was lost, s.
     why: what is known of the reason.
     """
 
     def __init__(
-        self, clock: Clock, connect: Connect, greet: Callable[[Port], Greeter[Met]], limit: float
+        self, clock: Clock, connect: Connect, meet: Callable[[Port], Meeting[Met]], limit: float
     ) -> None:
         self._clock = clock
         self._connect = connect
-        self._greet = greet
+        self._meet = meet
         self._limit = limit
-        self._greeting: Greeter[Met] | None = None
+        self._meeting: Meeting[Met] | None = None
         self._next_try = self._pause = 0.0
         self.since = math.nan
         self.why = ""
 
     def begin(self, why: str, still_open: Port | None = None) -> None:
-        """The board has just been lost; on a port that is `still_open` it is looked for first."""
+        """The bench has just been lost; on a port that is `still_open` it is looked for first."""
         self.since = self._next_try = self._clock.now()
         self._pause = _FIRST_RETRY
         self.why = why
-        self._greeting = None
+        self._meeting = None
         if still_open is not None:
             try:
-                self._greeting = self._greet(still_open)
+                self._meeting = self._meet(still_open)
             except PortLost:
                 still_open.close()
 
     def attempt(self, until: float) -> Met | None:
-        """What can be done by about bench time `until`: the board when it answers, None when not yet.
+        """What can be done by about bench time `until`: the bench when it can be used, None when not yet.
 
         Raises
         ------
@@ -82,31 +96,31 @@ class Reconnection(Generic[Met]):
         if now - self.since > self._limit:
             self.drop()
             raise BackendLost(f"the board did not come back within {self._limit:g} s: {self.why}")
-        if self._greeting is None and now < self._next_try:
+        if self._meeting is None and now < self._next_try:
             self._clock.sleep_until(min(self._next_try, until))
             return None
         try:
-            if self._greeting is None:
-                self._greeting = self._open(now)
-            board = self._greeting.ask(until)
-        except (PortLost, Refused) as error:
+            if self._meeting is None:
+                self._meeting = self._open(now)
+            met = self._meeting.go_on(until)
+        except PortLost as error:
             self.why = str(error)
             self.drop()
             return None
         except RigctlError as error:
             self.drop()
             raise BackendLost(str(error)) from None
-        if board is not None:
-            self._greeting = None  # the port is the board's now
-        return board
+        if met is not None:
+            self._meeting = None  # the port is the bench's now
+        return met
 
     def drop(self) -> None:
         """Let the port go that an attempt has opened."""
-        if self._greeting is not None:
-            self._greeting.port.close()
-        self._greeting = None
+        if self._meeting is not None:
+            self._meeting.port.close()
+        self._meeting = None
 
-    def _open(self, now: float) -> Greeter[Met]:
+    def _open(self, now: float) -> Meeting[Met]:
         self._next_try = now + self._pause
         self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
         try:
@@ -114,7 +128,7 @@ class Reconnection(Generic[Met]):
         except RigctlError as error:  # a port that has just come back may not be ours yet, or be looked at
             raise PortLost(str(error)) from None
         try:
-            return self._greet(port)
+            return self._meet(port)
         except PortLost:
             port.close()
             raise

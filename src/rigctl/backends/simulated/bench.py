@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rigctl.backends.commands import check_command, driven_outputs
 from rigctl.backends.errors import BackendLost, OutOfReach
-from rigctl.backends.protocol import CommandReceipt, Notice, Sample
+from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.backends.simulated.device import Device
 from rigctl.backends.simulated.link import Link
 from rigctl.clock import Clock
@@ -105,14 +105,14 @@ class SimulatedBench:
             self._report_gap(when, self._make_safe_again(device, when))
         return Sample(when, device.read(), device.commands)
 
-    def command(self, actuator: str, value: float, *, duration: float | None = None) -> CommandReceipt:
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
         """Switch an actuator now."""
         device = self._opened()
         check_command(self._rig, actuator, value, duration)
         when = device.command(actuator, value, self._reached() - self._origin, duration)
         if self._rig.actuators[actuator].by == "driven":
             self._told[actuator] = value
-        return CommandReceipt(when + self._origin, actuator, value)
+        return PendingCommand.answered(CommandReceipt(when + self._origin, actuator, value))
 
     def take_receipts(self) -> list[CommandReceipt]:
         """Ends of pulses since the last call."""

@@ -16,7 +16,13 @@ from rigctl.effects.generic.common import (
     share,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import Given, Late, is_point_on_scale
+from rigctl.effects.generic.places import (
+    Given,
+    Late,
+    counted_from,
+    is_point_on_scale,
+    point_of_reference,
+)
 from rigctl.effects.lag import reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, positive_part
 from rigctl.physics.family import ModelFamily
@@ -68,6 +74,8 @@ class _Made:
         self.span = sizes.input(self.name)
         outputs = {output.name for output in family.outputs}
         self.label = f"{self.name}_input" if self.name in outputs else self.name
+        self.reference = point_of_reference(place.input)
+        self.counted = counted_from(self.name, self.reference)
 
     def effect(
         self,
@@ -101,6 +109,11 @@ class _Made:
     def u(self, m: Scope) -> Scalar:
         return m[self.name]
 
+    def from_reference(self, m: Scope) -> Scalar:
+        """The input, a temperature counted from the family's usual value: 0 K is no reference for a share."""
+        u = self.u(m)
+        return u if self.reference is None else u - constant_like(self.reference, u)
+
     def corner(self, x: Scalar) -> Scalar:
         return constant_like(CORNER * self.span, x)
 
@@ -124,19 +137,23 @@ class _Made:
         return self.effect(
             "gain",
             f"What acts is off from {self.name} by a share.",
-            f"w = k·{self.name}",
-            lambda m, p: p.share * self.u(m),
+            f"w = k·{self.counted}",
+            lambda m, p: p.share * self.from_reference(m),
             (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k", physical="low"),),
             "All that is commanded does more, or less, in proportion.",
             confused=("quadratic", "saturation"),
         )
 
     def quadratic(self) -> Effect:
+        def term(m: Scope, p: Own) -> Scalar:
+            u = self.from_reference(m)
+            return p.bend * u * absolute(u, self.corner(u))
+
         return self.effect(
             "quadratic",
-            f"What acts is not in proportion to {self.name}.",
-            f"w = k·{self.name}·|{self.name}|",
-            lambda m, p: p.bend * self.u(m) * absolute(self.u(m), self.corner(self.u(m))),
+            f"What acts is not in proportion to {self.counted}.",
+            f"w = k·{self.counted}·|{self.counted.strip('()')}|",
+            term,
             (either_sign("bend", quotient("1", self.unit), 0.05 / self.span, "k"),),
             "Twice the command has not twice the effect.",
             confused=("gain", "saturation", "dead_band"),

@@ -77,7 +77,8 @@ and widths from the range of the data. Widths, limits, exponents and times are *
 at several, and fits them once the effect is in.
 
 What only rounds or disturbs a reading, quantisation for one, is no effect: it belongs to the noise, which a
-diagnosis learns from the readings.
+diagnosis learns from the readings ([why](../../decisions/0050-quantisation-is-read-off.md)). A share of an
+absolute temperature counts from the input's usual value, `value:` in the family file.
 """
 
 

@@ -18,7 +18,7 @@ from rigctl.physics.derived_slots import input_slot, kinematics, rate_slot
 from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
 from rigctl.physics.scope import Addition, Scope
 from rigctl.physics.units import si_unit
-from rigctl.units import is_speed_of_rotation, parse_unit
+from rigctl.units import is_speed_of_rotation, parse_unit, show
 
 #: words of a name that make a variable the surroundings of others
 _SURROUNDINGS = frozenset(
@@ -295,6 +295,16 @@ class _Probed:
 def is_point_on_scale(item: InputVariable) -> bool:
     """Whether an input is an absolute temperature, whose zero is nothing that a bench comes near."""
     return _is_one_of(item.unit, ("K",)) and not item.difference
+
+
+def point_of_reference(item: InputVariable) -> float | None:
+    """What shares of an input are counted from, SI: an absolute temperature from its usual value, not 0 K."""
+    return item.value if is_point_on_scale(item) and item.value else None
+
+
+def counted_from(name: str, reference: float | None) -> str:
+    """An input as equations write it: ``(bath − 20 degC)``, or its name alone."""
+    return name if reference is None else f"({name} − {show(reference, 'degC')})"
 
 
 def _is_one_of(unit: str, units: Sequence[str]) -> bool:

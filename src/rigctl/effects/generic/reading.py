@@ -18,7 +18,12 @@ from rigctl.effects.generic.common import (
     sign,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import Reading, is_point_on_scale
+from rigctl.effects.generic.places import (
+    Reading,
+    counted_from,
+    is_point_on_scale,
+    point_of_reference,
+)
 from rigctl.effects.lag import deviation_rate, reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, power
 from rigctl.physics.family import ModelFamily
@@ -221,15 +226,25 @@ class _Made:
         unit, point = item.unit, is_point_on_scale(item)
         span = self.sizes.input(name)
         label = self.place.label
+        reference = point_of_reference(item)
+        counted = counted_from(name, reference)
+
+        def from_reference(m: Scope) -> Scalar:
+            u = m[name]
+            return u if reference is None else u - constant_like(reference, u)
+
+        def squared(m: Scope, p: Own) -> Scalar:
+            u = from_reference(m)
+            return p.coefficient * u * absolute(u, corner(u))
 
         def corner(u: Scalar) -> Scalar:
             return constant_like(CORNER * span, u)
 
         yield self.effect(
             "gain",
-            f"Something at {label} goes in proportion to {name}.",
-            f"w = k·{name}",
-            lambda m, p: p.coefficient * m[name],
+            f"Something at {label} goes in proportion to {counted}.",
+            f"w = k·{counted}",
+            lambda m, p: p.coefficient * from_reference(m),
             (either_sign("coefficient", quotient(self.unit, unit), 0.05 * self.span / span, "k"),),
             f"The error grows in proportion to {name}.",
             confused=("quadratic", "threshold"),
@@ -237,9 +252,9 @@ class _Made:
         )
         yield self.effect(
             "quadratic",
-            f"Something at {label} goes with the square of {name}.",
-            f"w = k·{name}·|{name}|",
-            lambda m, p: p.coefficient * m[name] * absolute(m[name], corner(m[name])),
+            f"Something at {label} goes with the square of {counted}.",
+            f"w = k·{counted}·|{counted.strip('()')}|",
+            squared,
             (either_sign("coefficient", quotient(self.unit, unit, unit), 0.05 * self.span / span**2, "k"),),
             f"The error grows with the square of {name}.",
             confused=("gain", "threshold"),

@@ -36,7 +36,7 @@ INPUTS = (
         "pressure_setpoint", "Pa", 20e5, "setting of the relief valve at full flow", role="set_pressure"
     ),
     InputVariable("ambient_temperature", "K", 295.15, "around the tank"),
-    InputVariable("pump", "1", 1.0, "1 runs, 0 stands"),
+    InputVariable("pump", "1", 1.0, "1 runs, 0 stands", implied=True),
 )
 
 DEFINITIONS = (

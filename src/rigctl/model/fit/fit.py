@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ from rigctl.model.fit.input_noise import with_input_noise
 from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.switch_scan import with_best_switches
 from rigctl.model.model import Model
+from rigctl.notebook import as_html, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Floats = NDArray[np.float64]
 
@@ -130,6 +135,28 @@ class FitResult:
             raise RigctlError(blocks.reason)
         squares = [float(block.residual @ block.residual) for block in blocks]
         return sum(squares) / max(1, sum(block.residual.size for block in blocks))
+
+    def __repr__(self) -> str:
+        """What was fitted, on one line."""
+        return one_line(self, self.summary())
+
+    def summary(self) -> str:
+        """One line: the model, its free parameters, the records, and the misfit beside the noise."""
+        free = 0 if self.solution is None else len(self.solution.unknowns)
+        return (
+            f"{self.problem.model.name}: {free} parameter{'' if free == 1 else 's'} fitted to "
+            f"{len(self.fitted)} record{'' if len(self.fitted) == 1 else 's'}, "
+            f"chi² reduced {self.chi2_reduced:.3g}"
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """The parameters of the fitted model that a fit may change, in the units they are shown in."""
+        frame = self.model.frame()
+        return frame[frame["free"]].drop(columns="free").reset_index(drop=True)
+
+    def _repr_html_(self) -> str:
+        """The summary and the parameters, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
 
 
 def fit(

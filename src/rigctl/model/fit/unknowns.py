@@ -20,6 +20,8 @@ from rigctl.physics.units import si_unit
 
 #: a parameter's bounds where its declaration has none, as factors of its value
 _NARROW, _WIDE = 0.05, 20.0
+#: Pa above the surroundings that no closed chamber falls below: its oil breaks up before
+_VACUUM = -0.5e5
 
 
 @dataclass(frozen=True)
@@ -131,12 +133,22 @@ def _start(
         mean = found[start.state]
         return Unknown(start.state, mean, scale=start.rest, prior=Prior(mean, start.rest))
     if start.how == "set" and start.spread > 0.0:
-        given = float(record.inputs[0, measurements.inputs.index(start.input)])
-        std, mean = start.spread * given, start.share * given
-        if std <= 0.0:
-            return None
-        return Unknown(start.state, mean, -0.5e5, 1.2 * given, scale=std, prior=Prior(mean, std))
+        return _set(start, record, measurements)
     return None
+
+
+def _set(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
+    """What a closed valve keeps of a setting: of this record's, or of an earlier one that was higher."""
+    place = measurements.inputs.index(start.input)
+    given = float(record.inputs[0, place])
+    std, mean = start.spread * given, start.share * given
+    if std <= 0.0:
+        return None
+    reading = _first(start.state, record, measurements)
+    if math.isfinite(reading):  # the setting says nothing beside it
+        return Unknown(start.state, reading, min(_VACUUM, reading), scale=std)
+    highest = max(float(each.inputs[:, place].max()) for each in measurements.records)
+    return Unknown(start.state, mean, _VACUUM, 1.2 * highest, scale=std, prior=Prior(mean, std))
 
 
 def _first(state: str, record: MeasuredRecord, measurements: Measurements) -> float:

@@ -49,13 +49,21 @@ def _value(name: str, text: str, model: Model) -> float:
     return assumed_value(name, text, model.rig, inputs[name].unit, difference=inputs[name].difference)
 
 
+def input_unit(model: Model, rig: Rig | None, name: str) -> str:
+    """What an input is shown in: its channel's unit, or its SI one; a temperature in degC."""
+    if rig is not None and name in rig.channels:
+        return rig.channels[name].unit
+    item = {item.name: item for item in model.family.inputs}[name]
+    return "degC" if item.unit == "K" and not item.difference else item.unit
+
+
 def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
     """That an input was not recorded, and what was said of it."""
-    units = {item.name: item.unit for item in model.family.inputs}
     actuators = rig.actuators if rig is not None else {}
-    shown = [
-        f"{name} {actuators[name].show(value) if name in actuators else show(value, units[name])}"
-        for name, value in assumed_of(run).items()
-        if name in actuators or name in units
-    ]
+    shown = []
+    for name, value in assumed_of(run).items():
+        if name in actuators:
+            shown.append(f"{name} {actuators[name].show(value)}")
+        elif any(item.name == name for item in model.family.inputs):
+            shown.append(f"{name} {show(value, input_unit(model, rig, name))}")
     return [f"assumed of {run.id}, not recorded: {', '.join(shown)}"] if shown else []

@@ -40,7 +40,7 @@ class Acting:
     along: places among the inputs.
     unrecorded: of inputs that nobody recorded, the lowest and the highest value, SI.
     absent: the actuators of these inputs.
-    taken: of measured inputs that this record lacks, the family's value that stands for it, SI.
+    taken: of inputs of which nobody says what they were, the family's value that stands for it, SI.
     bridged, spikes: by input, how many readings of it are missing, and how many were spikes.
     """
 
@@ -93,7 +93,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
         elif source.channel is not None:
             builder.measured(place, source)
         else:
-            builder.constant(place, source.value)
+            builder.unmeasured(place, source)
     builder.straighten()
     times, half, rows = builder.rows()
     commanded = rows.copy()
@@ -134,6 +134,12 @@ class _Builder:
     def constant(self, place: int, value: float) -> None:
         self._first[place] = value
 
+    def unmeasured(self, place: int, source: InputSource) -> None:
+        """An input that nothing records: what is said of it, else the family's value, which must be known."""
+        self.constant(place, source.value)
+        if not source.said:
+            self.taken[source.input] = source.value
+
     def commanded(self, place: int, source: InputSource) -> None:
         """An input of actuators: their commands, or anything that they can be told where none is there."""
         absent = unrecorded_actuators(source, self._run)
@@ -153,9 +159,7 @@ class _Builder:
             if span is not None:
                 self.unrecorded[source.input] = span
             else:
-                self.constant(place, source.value)
-                if not source.said:
-                    self.taken[source.input] = source.value
+                self.unmeasured(place, source)
         elif source.hold == "previous":
             self.steps(place, readings)
         else:

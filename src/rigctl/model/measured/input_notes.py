@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rigctl.model.measured.assumed import input_unit
 from rigctl.model.measured.excitation import Acting
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.measured.smoothing import smoothed, window_of
@@ -14,13 +15,6 @@ from rigctl.model.model import Model
 from rigctl.noise import NoiseRecord, estimate_noise
 from rigctl.rig.rig import Rig
 from rigctl.units import show
-
-
-def input_unit(model: Model, rig: Rig | None, name: str) -> str:
-    """What an input is shown in: its channel's unit, or its SI one."""
-    if rig is not None and name in rig.channels:
-        return rig.channels[name].unit
-    return {item.name: item.unit for item in model.family.inputs}[name]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,145 @@
+"""What the commands do and no single room offers as a function: fit, run a bench, find runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from rigctl.compare.fitting import fit_to_data, read_runs, require_free_parameters
+from rigctl.dataset import Run, RunSummary, list_runs
+from rigctl.engine.one_thread import one_thread
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.model import Model
+from rigctl.procedure import expand, load_procedure
+from rigctl.project import find_project
+from rigctl.rig import load_rig
+from rigctl.runner.launch import UNREAL, Launch, bench_options, clock_for, launch
+from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
+from rigctl.runner.session import Observer, RunResult
+
+
+@one_thread()
+def fit(
+    runs: Sequence[Run],
+    model: Model,
+    *,
+    hold_out: str | None = None,
+    only: str | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> FitResult:
+    """Fit a model's free parameters to the usable records of `runs`; the model's file stays as it is.
+
+    ``min Σ ((f(θ) − y)/σ)²`` over the parameters θ that the model file marks to be fitted, with what
+    is known of them beforehand, and over what each record has of its own.
+
+    Parameters
+    ----------
+    hold_out: a condition that chooses the records the fit does not see, e.g. ``oil == 60 degC``.
+    only: a condition that chooses the records to look at; the noise is learned from all.
+    on_progress: called with a line about what is being done.
+
+    Raises
+    ------
+    RigctlError
+        the runs are not of the model's bench, too few values for the parameters, or nothing to fit.
+    """
+    if not runs:
+        raise RigctlError("a fit needs a run")
+    require_free_parameters(model)
+    data = read_runs(model, runs, hold_out=hold_out, only=only, tell=on_progress)
+    return fit_to_data(model, data, tell=on_progress)
+
+
+def run(
+    procedure: str | Path,
+    *,
+    rig: str | Path | None = None,
+    arguments: Mapping[str, str] | None = None,
+    backend: str | None = None,
+    port: str | None = None,
+    operator: Operator | None = None,
+    answers: Mapping[str, str] | None = None,
+    person: str = "",
+    seed: int | None = None,
+    speed: str = "1x",
+    dry: bool = False,
+    runs: str | Path | None = None,
+    observer: Observer | None = None,
+) -> RunResult:
+    """Carry out a procedure on the bench and record it, as `rigctl run` does; Ctrl-C ends it safely.
+
+    Parameters
+    ----------
+    procedure, rig: files; the rig that the procedure names unless another one is given.
+    arguments: of the procedure, written with units: ``{"supply": "30 bar"}``.
+    backend: ``serial``, ``emulated``, ``simulated``, ``replay``; the rig file names the default.
+    port: a serial port or pyserial URL.
+    operator: who answers when the procedure asks.
+    answers: instead of `operator`: values by name; confirmations are given at once.
+    person: who is in charge; kept with the run.
+    seed: of what is random on a simulated bench.
+    speed: ``1x``; on a bench that is no real one also ``10x`` or ``max``.
+    dry: arm and read, but move nothing.
+    runs: the folder for the run; the project's by default.
+    observer: told about ten times a second what the run is doing.
+
+    Raises
+    ------
+    RigctlError
+        a file, an argument or an option is wrong, nobody answers on a real bench, or it cannot be opened. How
+        a run that has begun ended is in the result.
+    """
+    read = load_procedure(Path(procedure))
+    plan = expand(read, load_rig(Path(rig) if rig is not None else read.rig_path), dict(arguments or {}))
+    kind = backend or plan.rig.backend_named()
+    folder = Path(runs) if runs is not None else find_project().runs
+    return launch(
+        plan,
+        Launch(
+            runs=folder,
+            operator=operator or _answering(kind, answers),
+            backend=kind,
+            options=bench_options(kind, plan.rig, port=port, seed=seed, runs=folder),
+            clock=clock_for(speed, kind),
+            person=person,
+            arguments=dict(arguments or {}),
+            seed=seed,
+            observer=observer,
+            dry=dry,
+        ),
+    )
+
+
+def _answering(backend: str, answers: Mapping[str, str] | None) -> Operator:
+    if answers is not None:
+        return ScriptedOperator(answers)
+    if backend not in UNREAL:
+        raise RigctlError(
+            "somebody has to answer on a real bench",
+            expected="an operator, or answers={…}, with which confirmations are given at once",
+        )
+    return AutomaticOperator()
+
+
+def find_runs(
+    *,
+    procedure: str | None = None,
+    rig: str | None = None,
+    status: str | None = None,
+    runs: str | Path | None = None,
+) -> list[RunSummary]:
+    """The runs of a folder, oldest first; one small file of each is read.
+
+    Parameters
+    ----------
+    procedure, rig: only those of this name.
+    status: only those that ended so: ``finished``, ``failed``, ``aborted``, ``interrupted``.
+    runs: the folder; the project's by default.
+    """
+    wanted = {"procedure": procedure, "rig": rig, "status": status}
+    return [
+        summary
+        for summary in list_runs(Path(runs) if runs is not None else None)
+        if all(value is None or getattr(summary, name) == value for name, value in wanted.items())
+    ]
