@@ -13,6 +13,7 @@ import pytest
 
 from rigctl.files.shipped import shipped
 from tclab_board import Served
+from torture import switching_off
 
 
 def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
@@ -70,6 +71,20 @@ def test_with_only_a_port_and_no_project_it_finds_out_what_is_there(tmp_path: Pa
         assert code == 1
         assert "60 %" in err
         assert "rigctl off" not in err
+
+
+def test_a_run_that_has_the_bench_is_ended_and_says_that_it_is_safe(tmp_path: Path) -> None:
+    done = switching_off.running_run(tmp_path / "project")
+    assert done.told["known_by"] == "the run that has the bench has made it safe"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
+def test_rigctls_own_board_is_found_by_its_port_alone(tmp_path: Path) -> None:
+    switching_off.board_with_only_a_port(tmp_path / "nowhere")
+
+
+def test_what_to_do_by_hand_is_said_before_a_dead_line_is_given_up(tmp_path: Path) -> None:
+    switching_off.dead_line(tmp_path / "project")
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"pid": "x"}', '{"token": 1, "beat": null}', "TYPES"])

@@ -18,9 +18,10 @@ from rigctl.rig import load_rig
 from rigctl.runner import lock as locks
 from rigctl.runner.launch import Launch
 from rigctl.runner.lock import RigLock, read_owner
-from rigctl.runner.manual import switch_off, watch
+from rigctl.runner.manual import watch
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.requests import Request
+from rigctl.runner.switch_off import switch_off
 from rigctl.runner.view import View
 
 NAME = "HL32 bench"
@@ -150,7 +151,9 @@ def test_a_monitor_keeps_its_bench_and_ends_when_it_is_taken_over(
 ) -> None:
     monkeypatch.setattr(locks, "_BEAT", 0.0)
     rig = load_rig(RIG)
-    how = Launch(tmp_path, AutomaticOperator(), options={"plant": "roles"}, lock_folder=tmp_path)
+    how = Launch(
+        runs=tmp_path, operator=AutomaticOperator(), options={"plant": "roles"}, lock_folder=tmp_path
+    )
     readings = watch(rig, replace(how, clock=VirtualClock()), 10.0)
     next(readings)
     pretend(tmp_path, beat=0.0)

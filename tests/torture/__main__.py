@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from torture import broken_files, corruptions, endings, guarded
+from torture import broken_files, corruptions, endings, guarded, switching_off
 
 
 def main() -> None:
@@ -18,6 +18,7 @@ def main() -> None:
     asked.add_argument("--files", type=int, default=100_000)
     asked.add_argument("--endings", type=int, default=2000)
     asked.add_argument("--guarded", type=int, default=80)
+    asked.add_argument("--off", type=int, default=5, help="calls of 'rigctl off' of each kind")
     asked.add_argument("--seed", type=int, default=0)
     given = asked.parse_args()
     kinds = endings.available()
@@ -33,6 +34,7 @@ def main() -> None:
                     Path(folder) / "guarded", given.guarded if sys.platform == "linux" else 0, given.seed
                 )
             ),
+            "off": asdict(switching_off.torture(Path(folder) / "off", given.off)) if given.off else {},
         }
     print(json.dumps({"seed": given.seed, **found}, indent=1))  # noqa: T201
     if found["endings"]["failures"] or found["guarded"]["failures"]:

@@ -534,11 +534,17 @@ def _due(trial: Trial, facts: dict[str, Any]) -> list[tuple[float, float, float]
         killed_first = facts.get("killed", math.inf) < one.begin + SIGNAL_BOUND[trial.kind]
         if one.what in _SIGNALS and not line and not killed_first:
             found.append((one.begin, SIGNAL_BOUND[trial.kind], math.inf))
-        elif trial.kind == "emulated" and (
-            one.what == "kill" or (one.what in ("stall", "loss") and one.end - one.begin > WATCHDOG_BOUND)
-        ):
-            found.append((one.begin, WATCHDOG_BOUND, math.inf if one.what == "kill" else one.end))
+        elif trial.kind == "emulated" and (one.what in ("kill", "stall", "loss")):
+            begin = _begun(one, trial)
+            if one.what == "kill" or one.end - begin > WATCHDOG_BOUND:
+                found.append((begin, WATCHDOG_BOUND, math.inf if one.what == "kill" else one.end))
     return found
+
+
+def _begun(one: Disturbance, trial: Trial) -> float:
+    """When it really began: a host that stands still already goes on for a moment before it does so again."""
+    before = [other for other in trial.disturbances if other.what == one.what == "stall" and other is not one]
+    return max([one.begin, *(other.end for other in before if other.begin <= one.begin < other.end)])
 
 
 def _check_said(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[str, Any]) -> None:

@@ -137,11 +137,11 @@ def _from_bench(
     readings: int,
 ) -> Sequence[Point]:
     """The points as they are taken; what the operator needs to know goes to stderr."""
-    from rigctl.cli.manual import launch_of
+    from rigctl.cli.manual import access_of
     from rigctl.runner.calibrate import take_points
     from rigctl.runner.console import Console
 
-    how = launch_of(rig, backend, port, speed)
+    how = access_of(rig, backend, port, speed)
     with Console("operator") as console:
         return take_points(
             rig,

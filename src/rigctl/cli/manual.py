@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -18,8 +19,10 @@ from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
-    from rigctl.runner.launch import Launch
+    from rigctl.runner.access import Access
     from rigctl.runner.manual import Reading
+
+_NO_ANSWER = 1.5  # s after which somebody has to be told what to do by hand
 
 RigFile = Annotated[
     Path | None, typer.Option(help="The rig file; by default the project's.", show_default=False)
@@ -46,11 +49,12 @@ def off(
 
     Example: rigctl off --rig rigs/hl32-bench.yaml
     """
-    from rigctl.runner.manual import switch_off
+    from rigctl.runner.switch_off import switch_off
 
     say_guards()
-    bench = open_rig_at(port) if rig is None and port is not None else open_rig(rig)
-    result = switch_off(bench, launch_of(bench, backend, port, "1x", clear_trips=clear_trips))
+    with _impatient():
+        bench = open_rig_at(port) if rig is None and port is not None else open_rig(rig)
+        result = switch_off(bench, access_of(bench, backend, port, "1x", clear_trips=clear_trips))
     said = {
         "rig": bench.name,
         "done": result.done,
@@ -63,6 +67,23 @@ def off(
         echo(result.done)
     if not result.confirmed:
         raise typer.Exit(ExitCode.FAILED)
+
+
+@contextmanager
+def _impatient() -> Iterator[None]:
+    """Say what to do by hand while nothing has answered; a board that starts anew needs some seconds."""
+
+    def say() -> None:
+        text = "no answer yet; do not wait for it: switch the bench off by hand, at its supply"
+        typer.secho(text, fg=typer.colors.RED, bold=True, err=True)
+
+    timer = threading.Timer(_NO_ANSWER, say)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def jog(
@@ -82,23 +103,22 @@ def jog(
 
     Example: rigctl jog valve extend --for "0.5 s"
     """
-    from dataclasses import replace
-
     from rigctl.cli.running import tell
     from rigctl.runner.console import Console
+    from rigctl.runner.launch import operated
     from rigctl.runner.manual import jog as carry_out
     from rigctl.runner.manual import needs_person
+    from rigctl.runner.operator import AutomaticOperator
 
     bench = open_rig(rig)
-    how = launch_of(bench, backend, port, speed)
-    by_person = needs_person(bench, actuator, duration, how)
+    access = access_of(bench, backend, port, speed)
+    by_person = needs_person(bench, actuator, duration, access)
     if by_person and speed == "max":
         raise RigctlError(
             f"{actuator}: nobody answers that fast", expected="--for, or --speed 1x", value=speed
         )
     with Console("operator") as console:
-        operator = console if by_person else how.operator
-        how = replace(how, operator=operator, controls=(console,))
+        how = operated(access, console if by_person else AutomaticOperator(), console)
         result = carry_out(bench, actuator, value, duration, how, partial(_print_event, bench))
     tell(result, as_json=as_json)
 
@@ -124,7 +144,7 @@ def monitor(
     bench = open_rig(rig)
     end = read_si(duration, "s") if duration is not None else None
     say_guards()
-    readings = watch(bench, launch_of(bench, backend, port, speed), rate or bench.monitor_rate)
+    readings = watch(bench, access_of(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None
     with _shown(bench, as_json=as_json) as show:
         for reading in islice(readings, count):
@@ -219,18 +239,16 @@ def open_rig_at(port: str) -> Rig:
     raise RigctlError("nobody knows what makes this device safe", value=found.identity, expected="--rig FILE")
 
 
-def launch_of(
+def access_of(
     rig: Rig, backend: str | None, port: str | None, speed: str, *, clear_trips: bool = False
-) -> Launch:
+) -> Access:
     """What a bench that is worked by hand needs besides its rig file."""
     from rigctl.project import find_project
-    from rigctl.runner.launch import Launch, bench_options, clock_for
-    from rigctl.runner.operator import AutomaticOperator
+    from rigctl.runner.access import Access, bench_options, clock_for
 
     kind = backend or rig.backend_named()
-    return Launch(
+    return Access(
         runs=find_project().runs,
-        operator=AutomaticOperator(),
         backend=kind,
         options=bench_options(kind, rig, port=port, clear_trips=clear_trips),
         clock=clock_for(speed, kind),

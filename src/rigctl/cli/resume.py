@@ -32,7 +32,8 @@ def resume(
     """
     from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.dataset import find_run
-    from rigctl.runner.launch import Launch, bench_options, clock_for
+    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.launch import Launch
     from rigctl.runner.operator import AutomaticOperator
     from rigctl.runner.relaunch import open_interrupted, relaunch
 

@@ -53,7 +53,8 @@ def run(
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
     from rigctl.project import find_project
-    from rigctl.runner.launch import Launch, bench_options, clock_for, launch
+    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.launch import Launch, launch
     from rigctl.runner.operator import AutomaticOperator
 
     plan = open_plan(procedure, rig, arg or ())

@@ -14,14 +14,16 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from rigctl.dataset.lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import to_json
 from rigctl.runner.requests import Order, Request
-from rigctl.runner.view import View
+
+if TYPE_CHECKING:
+    from rigctl.runner.view import View
 
 CONTROL_NAME = "control.jsonl"
 #: s of wall time between two looks at the file

@@ -10,14 +10,12 @@ from rigctl.plan.behaviour import OnPause, Row, Until
 from rigctl.plan.outcomes import Aborted, Ending, Outcome, StepFailed
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
-from rigctl.runner.requests import Control, Order, Request
+from rigctl.runner.requests import RESPONSE, Control, Order, Request
 from rigctl.runner.sampling import Sampling
 from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
 
-#: s of wall time that a signal or a key may have to wait
-RESPONSE = 0.1
 #: s from which two times of a sampling grid are different
 _SLACK = 1e-9
 

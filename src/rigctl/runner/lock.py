@@ -15,14 +15,16 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 from uuid import uuid4
 
 from rigctl.backends.processes import process_exists
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.runner.requests import Order, Request
-from rigctl.runner.view import View
+
+if TYPE_CHECKING:
+    from rigctl.runner.view import View
 
 #: s without a heartbeat after which an owner counts as gone
 OLD = 30.0
@@ -79,7 +81,7 @@ class RigLock:
         self._next_beat = 0.0
         self._lost = False
         self._held = False
-        self.run: Path | None = None  #: the folder of the run that the bench is needed for
+        self._run: Path | None = None
 
     def __enter__(self) -> Self:
         """Take the lock.
@@ -156,6 +158,12 @@ class RigLock:
     def close(self) -> None:
         """The lock is given back where it was taken."""
 
+    def take_for(self, run: Path) -> None:
+        """Say in which folder the run lies that the bench is needed for, so that others can ask it to end."""
+        self._run = run
+        self._next_beat = 0.0
+        self.beat()
+
     def owner(self) -> Owner | None:
         """Who commands the bench now; None when nobody does."""
         owner = read_owner(self._path)
@@ -178,7 +186,7 @@ class RigLock:
             pid=os.getpid(),
             beat=time.monotonic(),
             date=time.time(),
-            run=str(self.run.absolute()) if self.run is not None else "",
+            run=str(self._run.absolute()) if self._run is not None else "",
         )
         draft = self._path.with_suffix(".tmp")
         draft.write_text(json.dumps(asdict(owner)), encoding="utf-8", newline="\n")

@@ -14,7 +14,8 @@ from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
-from rigctl.runner.launch import Launch, carry_out, header_of, held, opened
+from rigctl.runner.access import held, opened
+from rigctl.runner.launch import Launch, carry_out, header_of
 from rigctl.runner.resume import Resume, record_paths
 from rigctl.runner.session import RunResult
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from rigctl.runner.view import View
+if TYPE_CHECKING:
+    from rigctl.runner.view import View
+
+#: s of wall time that a signal or a key may have to wait
+RESPONSE = 0.1
 
 
 class Request(Enum):

@@ -16,13 +16,13 @@ from rigctl.runner.aside import Watching, beside
 from rigctl.runner.bench import Bench
 from rigctl.runner.blame import ending_for
 from rigctl.runner.control import ControlFile
-from rigctl.runner.drive import RESPONSE, Driver, Quit
+from rigctl.runner.drive import Driver, Quit
 from rigctl.runner.history import history_for
 from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.operator import Operator
 from rigctl.runner.progress import progress_of
 from rigctl.runner.recorder import Recorder
-from rigctl.runner.requests import Control
+from rigctl.runner.requests import RESPONSE, Control
 from rigctl.runner.resume import Resume
 from rigctl.runner.sampling import Sampling
 from rigctl.runner.signals import Signals
@@ -260,6 +260,7 @@ class _Session:
             self._message = self._first.reason
             self._lifecycle.send("make_safe")
             self._lifecycle.send("clean_up")
+            self._tick()  # 'rigctl off' waits for it
 
     def _verdict(self, ending: Ending | None) -> tuple[str, str, str | None, ExitCode]:
         """Status, event of the state machine, reason, exit code."""

@@ -14,7 +14,8 @@ from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
-from rigctl.runner.launch import Launch, clock_for, launch
+from rigctl.runner.access import clock_for
+from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.session import Observer, RunResult
 

@@ -1,0 +1,129 @@
+"""A way to a bench: which backend, with which options, on which clock; its lock, and the open bench.
+
+Imports little: `rigctl off` has no time for what carries a procedure out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rigctl.backends.protocol import Backend
+from rigctl.backends.registry import create_backend
+from rigctl.clock import Clock, ScaledClock, VirtualClock, real_clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+from rigctl.runner.lock import RigLock
+
+#: backends that are no real bench and may run at any speed
+UNREAL = ("simulated", "replay", "emulated")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Access:
+    """How a bench is reached.
+
+    Parameters
+    ----------
+    runs: the folder that holds the runs.
+    backend: name of the backend; the rig file's own when None.
+    options: of the backend.
+    clock: what the bench waits on.
+    exclusive: whether nobody else may command this bench meanwhile; a private simulation needs no lock.
+    lock_folder: where locks lie; the user's state folder by default.
+    """
+
+    runs: Path
+    backend: str | None = None
+    options: Mapping[str, object] = field(default_factory=dict)
+    clock: Clock = field(default_factory=real_clock)
+    exclusive: bool = True
+    lock_folder: Path | None = None
+
+
+def clock_for(speed: str, backend: str) -> Clock:
+    """The clock for ``max`` (virtual), ``1x`` (real) or ``10x``.
+
+    Raises
+    ------
+    RigctlError
+        the text is none of them, or a real bench is asked to be faster than time.
+    """
+    try:
+        factor = math.inf if speed == "max" else float(speed.removesuffix("x"))
+    except ValueError:
+        factor = math.nan
+    if not (0.001 <= factor <= 1e6 or factor == math.inf):
+        raise RigctlError("not a speed", value=speed, expected="max, 1x, or e.g. 10x")
+    if backend not in UNREAL and factor != 1.0:
+        raise RigctlError("a real bench knows one speed", value=speed, expected="1x")
+    if math.isinf(factor):
+        return VirtualClock(started=datetime.now(UTC))
+    return ScaledClock(speed=factor)
+
+
+def bench_options(
+    backend: str,
+    rig: Rig,
+    *,
+    port: str | None = None,
+    seed: int | None = None,
+    recording: str | None = None,
+    runs: Path | None = None,
+    clear_trips: bool = False,
+) -> dict[str, object]:
+    """The options of a backend for what a command line can say.
+
+    Raises
+    ------
+    RigctlError
+        something is given that this backend has no use for.
+    """
+    given: dict[str, object] = {
+        "port": port,
+        "seed": seed,
+        "run": recording,
+        "clear_trips": clear_trips or None,
+    }
+    taken = {
+        "simulated": ("seed",),
+        "replay": ("run",),
+        "serial": ("port", "clear_trips"),
+        "emulated": ("seed", "clear_trips"),
+    }
+    known = taken.get(backend, tuple(given))
+    for name, value in given.items():
+        if value is not None and name not in known:
+            what = "a run to play" if name == "run" else f"--{name.replace('_', '-')}"
+            raise RigctlError(f"the {backend} backend takes no {what.removeprefix('a ')}", value=str(value))
+    options = {name: given[name] for name in known if given.get(name) is not None}
+    if backend == "serial":
+        options = {"port": rig.backend.port, "baud": rig.backend.baud} | options
+    if backend == "replay" and runs is not None:
+        options["runs"] = str(runs)
+    return {name: value for name, value in options.items() if value is not None}
+
+
+@contextmanager
+def opened(rig: Rig, how: Access) -> Iterator[Backend]:
+    """The bench, open; closed again whatever happens before, in or after the run."""
+    backend = create_backend(rig, how.backend, how.clock, how.options)
+    try:
+        backend.open()
+        yield backend
+    finally:
+        backend.close()
+
+
+@contextmanager
+def held(rig: Rig, purpose: str, how: Access) -> Iterator[RigLock | None]:
+    """The rig's lock, where one is needed."""
+    if not how.exclusive:
+        yield None
+        return
+    with RigLock(rig.name, purpose, how.lock_folder) as lock:
+        yield lock

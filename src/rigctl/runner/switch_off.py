@@ -1,0 +1,183 @@
+"""Everything off, whoever has the bench: what `rigctl off` does."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
+
+from rigctl.backends.errors import BackendLost, BenchTripped
+from rigctl.backends.protocol import Backend
+from rigctl.dataset.catalogue import run_folders
+from rigctl.dataset.lock import read_state
+from rigctl.dataset.run_json import read_info
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.rig import Rig
+from rigctl.runner.access import UNREAL, Access, opened
+from rigctl.runner.control import send
+from rigctl.runner.lock import RigLock
+from rigctl.runner.requests import Request
+
+#: s of wall time that a run may take to answer, and again to say that its outputs are safe
+_ANSWER = 0.8
+_LOOK = 0.02
+_ENDED = ("finished", "failed", "aborted")
+
+
+@dataclass(frozen=True)
+class SwitchedOff:
+    """What `switch_off` did.
+
+    Parameters
+    ----------
+    done: one sentence.
+    confirmed: whether every output was read back, or the bench has answered its command, or the run that has
+        the bench says so.
+    known_by: how that is known.
+    ended: the runs that were ended, each with its answer.
+    """
+
+    done: str
+    confirmed: bool
+    known_by: str
+    ended: tuple[str, ...] = ()
+
+
+def switch_off(rig: Rig, how: Access) -> SwitchedOff:
+    """Bring every output to the safe state, now, and read them back.
+
+    Runs in progress on this bench, simulated ones too, are asked to end: their own first act is the same.
+    Whoever else has the bench, or does not answer, loses it.
+
+    Raises
+    ------
+    RigctlError
+        the bench cannot be reached, or its outputs are others than commanded.
+    """
+    owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
+    folders = [Path(owner.run)] if owner is not None and owner.run else []
+    holder = folders[0] if folders else None
+    folders += [folder for folder in _in_progress(rig, how.runs) if folder not in folders]
+    ended, safe_by_run = [], False
+    for folder in folders:
+        try:
+            answer = send(folder, Request.ABORT, timeout=_ANSWER)
+        except RigctlError as error:
+            answer = error.what
+        else:
+            safe_by_run = safe_by_run or (folder == holder and _made_safe(folder))
+        ended.append(f"{folder.name}: {answer}")
+    if (how.backend or rig.backend.kind) in UNREAL:
+        return _nothing_real(rig, how, folders, ended)
+    if safe_by_run:
+        return SwitchedOff(
+            "; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended)
+        )
+    done, confirmed, known_by = _switch_off_here(rig, how)
+    return SwitchedOff("; ".join([*ended, done]), confirmed, known_by, tuple(ended))
+
+
+def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) -> SwitchedOff:
+    """A bench that lives in the process of its user alone: what was to be switched off ends with that."""
+    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
+        pass  # whoever moves or watches it by hand loses it
+    if not all(_made_safe(folder) for folder in folders):
+        known_by = "a run has not said that its outputs are safe"
+        done = f"OUTPUTS NOT CONFIRMED SAFE ({known_by})"
+        return SwitchedOff("; ".join([*ended, done]), False, known_by, tuple(ended))
+    kind = how.backend or rig.backend.kind
+    known_by = f"a {kind} bench lives in the process that uses it: no real one was touched"
+    done = f"outputs are safe: {_safe_state(rig)} ({known_by})"
+    return SwitchedOff("; ".join([*ended, done]), True, known_by, tuple(ended))
+
+
+def _safe_state(rig: Rig) -> str:
+    """E.g. ``heater off, valve neutral``."""
+    return ", ".join(f"{name} {rig.actuators[name].show(float(at))}" for name, at in rig.safe_state.items())
+
+
+def _in_progress(rig: Rig, runs: Path) -> list[Path]:
+    """Runs on a bench of this name that are carried out now, from this project."""
+    found = []
+    for folder in reversed(run_folders(runs)):
+        state = read_state(folder)
+        if state is None or not state.fresh or state.fields.get("state") in _ENDED:
+            continue
+        with suppress(RigctlError):
+            kept = read_info(folder).get("rig")
+            if isinstance(kept, dict) and kept.get("name") == rig.name:
+                found.append(folder)
+    return found
+
+
+def _made_safe(folder: Path) -> bool:
+    """Whether a run that was asked to end says, soon, that its outputs are confirmed to be safe."""
+    give_up = monotonic() + _ANSWER
+    while monotonic() < give_up:
+        state = read_state(folder)
+        fields = state.fields if state is not None else {}
+        if fields.get("state") in ("finishing", *_ENDED):
+            return fields.get("unconfirmed", "") is None
+        sleep(_LOOK)
+    return False
+
+
+def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
+    """What was done, whether it is confirmed, and how that is known."""
+    told = ""
+    confirmed, known_by = True, "the bench has answered each command"
+    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
+        try:
+            with opened(rig, how) as backend:
+                backend.safe()
+                read = _read_back(rig, backend)
+                confirmed, known_by = _known_by(rig, read, backend.outputs_answered)
+                told = "".join(f"; {notice.message}" for notice in backend.take_notices())
+        except BenchTripped as tripped:
+            told = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
+        except BackendLost as lost:
+            raise BackendLost(
+                lost.what,
+                value=lost.value,
+                hint="Switch the bench off by hand, at its supply; then look at the cable",
+            ) from None
+    outputs = "outputs are safe" if confirmed else "OUTPUTS NOT CONFIRMED SAFE, commanded"
+    return f"{outputs}: {_safe_state(rig)}{told} ({known_by})", confirmed, known_by
+
+
+def _known_by(rig: Rig, read: frozenset[str], answered: frozenset[str]) -> tuple[bool, str]:
+    """Whether every driven output is confirmed to be safe, and by what."""
+    outputs = [name for name in rig.safe_state if rig.actuators[name].by == "driven"]
+    unsure = [name for name in outputs if name not in read | answered]
+    if unsure:
+        return False, f"sent, not confirmed: {', '.join(unsure)}; see for yourself whether it is off"
+    unread = [name for name in outputs if name not in read]
+    if not unread:
+        return True, "read back from the bench"
+    if len(unread) == len(outputs):
+        return True, "the bench has answered each command"
+    return True, f"read back from the bench; {', '.join(unread)}: the bench has answered the command"
+
+
+def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
+    """Read the outputs as they are now: those that the bench reports; none where no sample came.
+
+    Raises
+    ------
+    RigctlError
+        one is other than its safe value.
+    """
+    backend.start(rig.monitor_rate)
+    sample = backend.next_sample(min(1.0, 2.0 / rig.monitor_rate))
+    if sample is None:
+        return frozenset()
+    for name, value in zip(rig.layout.commands, sample.commands, strict=True):
+        safe = rig.safe_state.get(name)
+        if safe is not None and rig.actuators[name].by == "driven" and value != float(safe):
+            raise RigctlError(
+                f"{name} is {rig.actuators[name].show(value)}, though it was commanded to be safe",
+                hint="Switch the bench off by hand, at its supply",
+                exit_code=ExitCode.FAILED,
+            )
+    return backend.outputs_read

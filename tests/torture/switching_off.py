@@ -1,0 +1,263 @@
+"""How soon `rigctl off` is done, as a process of its own, on each kind of bench and with what is in its way.
+
+The witness is the emulated board's pins, or what the stand-in of the two-heater board got. How long it takes
+depends on how busy the computer is: the test suite looks at what it does only.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from board_emulation import Emulation
+from rigctl.dataset.run_id import slug
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig
+from tclab_board import Served
+
+HEATING = "procedure: p\nrig: rigs/RIG.yaml\nsteps:\n  - set: {heater_1: 60 %}\n  - wait: 1 h\n"
+
+
+@dataclass(frozen=True)
+class Off:
+    """One call.
+
+    Parameters
+    ----------
+    seconds: from the start of the process to its end.
+    cpu: s of processor, its guard's included: what a quiet computer cannot spare.
+    first_word: s until it first said anything.
+    dark: s until the last output was off, where the witness saw one switched; None where none was on.
+    """
+
+    code: int
+    out: str
+    err: str
+    seconds: float
+    first_word: float
+    cpu: float
+    dark: float | None = None
+
+    @property
+    def told(self) -> dict[str, object]:
+        answer: dict[str, object] = json.loads(self.out)
+        return answer
+
+
+@dataclass
+class Tally:
+    """Seconds of every case, slowest of all trials; see `Off`."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    first_word: dict[str, float] = field(default_factory=dict)
+    cpu: dict[str, float] = field(default_factory=dict)
+    dark: dict[str, float] = field(default_factory=dict)
+    load: float = 0.0
+
+
+def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """`rigctl` in a folder, with a state folder of its own."""
+    state = str(folder / "state")
+    return subprocess.Popen(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": state, "XDG_DATA_HOME": state},
+    )
+
+
+def off(folder: Path, *arguments: str) -> Off:
+    """Call `rigctl off`."""
+    import resource
+    import selectors
+
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    began = time.monotonic()
+    with begin(folder, "off", *arguments, "--json") as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        with selectors.DefaultSelector() as both:
+            both.register(process.stdout, selectors.EVENT_READ)
+            both.register(process.stderr, selectors.EVENT_READ)
+            both.select(60.0)
+        first = time.monotonic() - began
+        out, err = process.communicate(timeout=60)
+    took, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Off(process.returncode, out, err, took, first, cpu)
+
+
+def project(folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "rigs").mkdir(parents=True)
+    (folder / "rigctl.toml").write_text("", encoding="utf-8")
+    for name in ("tclab-board", "heater-board"):
+        text = HEATING.replace("RIG", name)
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+        shutil.copy(shipped("rigs", f"{name}.yaml"), folder / "rigs")
+    shutil.copy(shipped("rigs", "hl32-bench-uno.yaml"), folder / "rigs")
+    return folder
+
+
+@contextmanager
+def heated() -> Iterator[Served]:
+    """The two-heater board with a heater on that nobody sees to."""
+    with Served() as board:
+        board.sketch.model._Q1 = 60
+        yield board
+
+
+def _on_heaters(folder: Path, *arguments: str, before: Callable[[Path], object] = lambda _: None) -> Off:
+    with heated() as board:
+        before(folder)
+        began = time.monotonic()
+        done = off(folder, *arguments, "--port", board.url)
+        assert board.sketch.heaters == (0.0, 0.0)
+        dark = board.switched[-1][0] - began
+    assert done.code == 0, done.err
+    assert (done.told["confirmed"], done.told["known_by"]) == (True, "read back from the bench")
+    return replace(done, dark=dark)
+
+
+def lines_with_rig(folder: Path) -> Off:
+    """A device that is spoken to in lines."""
+    return _on_heaters(project(folder), "--rig", "rigs/tclab-board.yaml")
+
+
+def only_a_port(folder: Path) -> Off:
+    """The same, without a project and without a rig."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return _on_heaters(folder)
+
+
+def corrupt_lock(folder: Path) -> Off:
+    """The same, behind a lock that nobody can read."""
+
+    def corrupt(where: Path) -> None:
+        locks = where / "state" / "rigctl" / "locks"
+        locks.mkdir(parents=True)
+        name = slug(load_rig(shipped("rigs", "tclab-board.yaml")).name)
+        (locks / f"{name}.json").write_text('{"pid": "x", "token": 1', encoding="utf-8")
+
+    return _on_heaters(project(folder), "--rig", "rigs/tclab-board.yaml", before=corrupt)
+
+
+def _wait_for(condition: Callable[[], object], process: subprocess.Popen[str]) -> None:
+    give_up = time.monotonic() + 60.0
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < give_up, "waited in vain"
+        time.sleep(0.02)
+
+
+def running_run(folder: Path) -> Off:
+    """A run on a device in lines goes on, and has the port."""
+    project(folder)
+    with Served() as board:
+        run = begin(folder, "run", "tclab-board.yaml", "--port", board.url, "--json")
+        try:
+            _wait_for(lambda: board.sketch.heaters == (60.0, 0.0), run)
+            began = time.monotonic()
+            done = off(folder, "--rig", "rigs/tclab-board.yaml", "--port", board.url)
+            dark = board.switched[-1][0] - began
+            assert board.sketch.heaters == (0.0, 0.0)
+            answer = json.loads(run.communicate(timeout=60)[0])
+        finally:
+            run.kill()
+            run.communicate()
+    assert (done.code, done.told["confirmed"], answer["status"]) == (0, True, "aborted"), done.err
+    assert len(done.told["ended"]) == 1  # type: ignore[arg-type]
+    return replace(done, dark=dark)
+
+
+def running_simulation(folder: Path) -> Off:
+    """A simulation goes on."""
+    project(folder)
+    run = begin(folder, "simulate", "heater-board.yaml", "--speed", "1x", "--json")
+    try:
+        _wait_for(lambda: any('"running"' in p.read_text() for p in folder.glob("runs/2*/state.json")), run)
+        done = off(folder, "--rig", "rigs/heater-board.yaml", "--backend", "simulated")
+        answer = json.loads(run.communicate(timeout=60)[0])
+    finally:
+        run.kill()
+        run.communicate()
+    assert (done.code, done.told["confirmed"], answer["status"]) == (0, True, "aborted"), done.err
+    return done
+
+
+def _on_board(folder: Path, *arguments: str) -> Off:
+    emulation = Emulation(load_rig(shipped("rigs", "hl32-bench-uno.yaml")), folder / "port")
+    try:
+        emulation.board.avr.send(b"OUTP:HEAT ON\n")
+        done = off(folder, *arguments, "--port", str(emulation.name))
+        assert emulation.board.outputs == (False, False, False)
+    finally:
+        emulation.close()
+    assert done.code == 0, done.err
+    assert done.told["confirmed"] is True
+    assert "read back" in str(done.told["known_by"])
+    return done
+
+
+def board_with_rig(folder: Path) -> Off:
+    """rigctl's own board; its heater was on, and its own watchdog may have been sooner."""
+    return _on_board(project(folder), "--rig", "rigs/hl32-bench-uno.yaml")
+
+
+def board_with_only_a_port(folder: Path) -> Off:
+    """The same, without a project and without a rig."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return _on_board(folder)
+
+
+def dead_line(folder: Path) -> Off:
+    """The port is there, and nobody answers: that is said soon, and again when it is given up."""
+    with heated() as board:
+        board.mute = True
+        done = off(project(folder), "--rig", "rigs/tclab-board.yaml", "--port", board.url)
+    assert done.code == 1
+    assert done.err.startswith("no answer yet"), "it is said before it is given up"
+    assert done.err.count("by hand") == 2
+    assert "rigctl off" not in done.err
+    return done
+
+
+def no_port(folder: Path) -> Off:
+    """There is no such port at all."""
+    done = off(project(folder), "--rig", "rigs/hl32-bench-uno.yaml", "--port", str(folder / "nothing"))
+    assert done.code == 1
+    assert "by hand" in done.err
+    return done
+
+
+CASES = (
+    *(lines_with_rig, only_a_port, corrupt_lock, running_run, running_simulation),
+    *(board_with_rig, board_with_only_a_port, dead_line, no_port),
+)
+
+
+def torture(folder: Path, trials: int) -> Tally:
+    """So many calls of each kind; what they do is judged here, how long they took by whoever reads it."""
+    tally = Tally()
+    for _ in range(trials):
+        for case in CASES:
+            done, name = case(folder / case.__name__), case.__name__
+            for kept in ("seconds", "first_word", "cpu", "dark"):
+                took, slowest = getattr(done, kept), getattr(tally, kept)
+                if took is not None:
+                    slowest[name] = round(max(took, slowest.get(name, 0.0)), 2)
+    tally.load = os.getloadavg()[0]
+    return tally
