@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "rigctl"
@@ -30,3 +31,35 @@ def test_a_search_that_may_find_nothing_is_told_from_one_that_cannot() -> None:
 def test_no_search_ends_in_stop_iteration() -> None:
     found = {str(path): bare_nexts(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
     assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+WHERE = re.compile(r"^\| .+ \| `([\w/]+\.py)` \| `(\w+)` \|$", re.MULTILINE)
+
+
+def defined(path: Path) -> set[str]:
+    """The names that a module itself defines at its top."""
+    names: set[str] = set()
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            names.add(node.target.id)
+    return names
+
+
+def test_where_to_change_what_is_where_it_is_said_to_be() -> None:
+    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
+    rows = WHERE.findall(page)
+    assert len(rows) >= 20
+    assert len(rows) == page.partition("## Where do I change")[2].count("\n| ") - 1
+    missing = [f"{file}: {name}" for file, name in rows if name not in defined(SOURCE / file)]
+    assert missing == []
+
+
+def test_every_package_has_its_row() -> None:
+    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
+    listed = set(re.findall(r"`(\w+)`", page.partition("| package | holds |")[2].partition("## Habits")[0]))
+    packages = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
+    assert packages <= listed, f"CONTRIBUTING.md has no row for {sorted(packages - listed)}"
