@@ -1,5 +1,5 @@
 """`python -m rigctl` is the same as `rigctl`."""
 
-from rigctl.cli.main import main
+from rigctl.cli.entry import main
 
 main()

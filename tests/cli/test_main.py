@@ -14,14 +14,14 @@ from rigctl.cli.catalogue import ENTRIES
 from rigctl.cli.main import app, load_command
 
 HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "numba", "scipy", "plotly", "matplotlib", "pydantic",
-         "ruamel", "jinja2")  # fmt: skip
+         "ruamel", "jinja2", "typer", "rich", "click")  # fmt: skip
 
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
         "import sys\n"
         "sys.argv = ['rigctl', '--help']\n"
-        "from rigctl.cli.main import main\n"
+        "from rigctl.cli.entry import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         f"heavy = sorted({set(HEAVY)!r} & set(sys.modules))\n"
         "sys.exit(f'imported: {heavy}' if heavy else 0)\n"
@@ -29,6 +29,13 @@ def test_help_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "simulate" in done.stdout
+
+
+def test_the_overview_is_the_same_with_and_without_the_libraries() -> None:
+    short = subprocess.run([sys.executable, "-m", "rigctl", "-h"], capture_output=True, text=True, check=True)
+    assert CliRunner().invoke(app, ["--help"]).output == short.stdout
+    assert all(len(line) <= 106 for line in short.stdout.splitlines())
+    assert {entry.name for entry in ENTRIES} <= set(short.stdout.split())
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in ENTRIES])

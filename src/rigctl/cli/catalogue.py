@@ -6,11 +6,10 @@ command is called.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """One command: its name, the object that implements it, and the line shown in the overview."""
 
     name: str

@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
 from rigctl.cli.echo import echo
+from rigctl.cli.overview import overview
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 
 
@@ -29,6 +30,10 @@ class LazyGroup(TyperGroup):
         if entry is None:
             return None
         return TyperCommand(entry.name, help=entry.summary, rich_help_panel=entry.panel)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The overview, as `rigctl.cli.entry` shows it too."""
+        formatter.write(overview())
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Load the command that is really called."""
