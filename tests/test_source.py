@@ -6,6 +6,8 @@ import ast
 import re
 from pathlib import Path
 
+from rigctl.effects import library
+
 SOURCE = Path(__file__).parents[1] / "src" / "rigctl"
 
 
@@ -63,3 +65,16 @@ def test_every_package_has_its_row() -> None:
     listed = set(re.findall(r"`(\w+)`", page.partition("| package | holds |")[2].partition("## Habits")[0]))
     packages = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
     assert packages <= listed, f"CONTRIBUTING.md has no row for {sorted(packages - listed)}"
+
+
+def test_the_glossary_leads_to_what_is_there() -> None:
+    page = (SOURCE.parents[1] / "docs" / "reference" / "glossary.md").read_text("utf-8")
+    named = re.findall(r"`([\w/]+(?:\.py|/))`", page)
+    assert len(named) > 30
+    assert [name for name in named if not (SOURCE / name).exists()] == []
+    effects = re.findall(r"`(\w+_(?:leakage|delay|friction))`", page)
+    assert effects
+    assert set(effects) <= set(library("hydraulic_cylinder"))
+    for table in page.split("| term |")[1:]:
+        terms = [line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ")]
+        assert terms == sorted(terms, key=str.casefold), "in alphabetical order"

@@ -124,10 +124,10 @@ class Context(Reader):
         path: str | None = None,
     ) -> Group:
         """Nodes that are already built, as one group with its cleanup."""
-        own = self.path if path is None else path
-        blocks = self.cleanup_groups(cleanup, own)
+        at = self.path if path is None else path
+        blocks = self.cleanup_groups(cleanup, at)
         return Group(
-            path=own or "procedure",
+            path=at or "procedure",
             label=label,
             where=self.where(),
             children=tuple(children),

@@ -80,15 +80,15 @@ def repeated(points: Sequence[Point], times: int) -> list[Point]:
     return list(points) * times
 
 
-def shuffled(points: Sequence[Point], seed: int, place: str) -> list[Point]:
+def shuffled(points: Sequence[Point], seed: int, path: str) -> list[Point]:
     """The points in a random order that the seed decides (Fisher-Yates on a Mersenne Twister).
 
-    `place` is the sweep's path in the plan: an inner sweep has another order at each point of the outer one,
+    `path` is the sweep's in the plan: an inner sweep has another order at each point of the outer one,
     so that an effect of the order is not mistaken for one of the outer variable. Python keeps what a seed's
     `random()` gives from version to version, so the order is drawn from that alone.
     """
     order = list(points)
-    draw = random.Random(f"{seed}:{place}").random  # noqa: S311 - an order, not a secret
+    draw = random.Random(f"{seed}:{path}").random  # noqa: S311 - an order, not a secret
     for index in range(len(order) - 1, 0, -1):
         other = int(draw() * (index + 1))
         order[index], order[other] = order[other], order[index]

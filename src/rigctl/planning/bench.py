@@ -36,7 +36,7 @@ class Bench:
         )
 
     def speed(self, direction: int, state: State) -> float | None:
-        """Metres per second of a move; None when the rig does not tell."""
+        """Metres per second of a move; None when the rig does not say."""
         return self.cylinder.speed(direction, state.pressure) if self.cylinder is not None else None
 
 

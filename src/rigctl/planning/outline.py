@@ -114,8 +114,8 @@ def _entry(node: PreviewNode) -> Text:
         return Text(f"{printable(node.label)} (only then)", "dim")
     style = "bold" if node.kind == "record" else ""
     entry = Text(printable(node.label), style)
-    told = node.kind == "step" and node.basis is Basis.TIMED
-    if node.seconds > 0.0 and not told:
+    as_written = node.kind == "step" and node.basis is Basis.TIMED
+    if node.seconds > 0.0 and not as_written:
         entry.append(f"  {_MARKS[node.basis]}{clock_time(node.seconds)}", "dim")
     if node.records > 1:
         entry.append(f", {node.records} records", "dim")

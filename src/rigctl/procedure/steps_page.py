@@ -40,10 +40,10 @@ def steps_page() -> str:
     schema = json_schema(ProcedureFile, title="")
     definitions: dict[str, Any] = schema["$defs"]
     lines = [_HEAD, "## The file", ""]
-    own = {
+    fields = {
         name: info for name, info in ProcedureFile.model_fields.items() if name not in Cleanup.model_fields
     }
-    lines += _table(own, schema["properties"])
+    lines += _table(fields, schema["properties"])
     lines += ["", "An argument is written with its default, `supply: 30 bar`, or in full:", ""]
     lines += _fields(definitions, ArgumentFields)
     lines += ["", "## Cleanup", "", _CLEANUP, "## Steps", ""]

@@ -48,9 +48,9 @@ class HoldStep(Step):
                 check_set_point(context.rig, fields.channel, at)
         within = context.si(fields.within, "hold", "within", unit=channel.unit)
         action = Hold(context.si(fields.for_, "hold", "for"), fields.channel, at, within)
-        place = f"at {show(at, channel.unit)} " if at is not None else ""
+        around = f"at {show(at, channel.unit)} " if at is not None else ""
         label = (
-            f"hold {fields.channel} {place}± {show(within, channel.unit, difference=True)} "
+            f"hold {fields.channel} {around}± {show(within, channel.unit, difference=True)} "
             f"for {shown_time(action.duration)}"
         )
         return context.leaf(label, action)
