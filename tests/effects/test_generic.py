@@ -155,6 +155,16 @@ def test_shares_of_a_temperature_are_counted_from_its_usual_value(text: str, nam
         assert added(30.0) == pytest.approx(0.2)
 
 
+def test_a_settled_reading_may_depend_on_what_its_author_left_out() -> None:
+    """The textbook's pump delivers the same at every pressure; real ones leak."""
+    text = "family: pump\ninputs: {pressure: {value: 100 bar}, oil_temperature: {value: 40 degC}}\n"
+    text += "parameters: {delivery: {value: 8 l/min, bounds: [1 l/min, 50 l/min]}}\n"
+    text += "outputs: {flow: {unit: l/min, formula: delivery}}\n"
+    known = library(family(text))
+    assert {"gain_of_flow_with_pressure", "gain_of_flow_with_oil_temperature"} <= set(known)
+    assert "− 40 degC)" in known["gain_of_flow_with_oil_temperature"].equation
+
+
 GROWTH = """
 family: culture
 states:

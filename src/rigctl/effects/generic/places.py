@@ -7,7 +7,7 @@ the time of its switches.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, cast
 
@@ -63,7 +63,7 @@ class Reading:
     label: how effects there are named: the output, or a slot that is no sensor's.
     direction: 1 where a term raises the reading, -1 where it lowers it.
     slopes: of the reading, by the states that it reads.
-    inputs: that it depends on, where it reads no state: of a bench without time.
+    inputs: that it may depend on, where it reads no state: of a bench without time.
     reference: the value it is counted from, SI.
     """
 
@@ -275,8 +275,15 @@ class _Probed:
             output,
             float(slope.value),
             slopes,
-            () if slopes else tuple(item.name for item in self.family.inputs if item.name in variables),
+            () if slopes else self._settings(variables),
             self._finite(expr) if _is_one_of(output.unit, _FAR_FROM_ZERO) else 0.0,
+        )
+
+    def _settings(self, variables: Collection[str]) -> tuple[str, ...]:
+        """The inputs that a reading may depend on: of a bench without time those too that its author left
+        out, of another only those that it is said to."""
+        return tuple(
+            item.name for item in self.family.inputs if item.name in variables or not self.family.states
         )
 
     def _finite(self, expr: Expr) -> float:
