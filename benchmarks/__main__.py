@@ -5,7 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 
-NAMES = ("campaign", "steps", "journal", "report", "importing", "engine", "analysis", "board", "endings")
+NAMES = (
+    "campaign",
+    "startup",
+    "steps",
+    "journal",
+    "report",
+    "importing",
+    "engine",
+    "analysis",
+    "board",
+    "endings",
+)
 
 for name in NAMES:
     print(f"\n=== {name}", flush=True)

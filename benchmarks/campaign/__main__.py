@@ -1,7 +1,6 @@
 """Whole commands, as a user types them: ``python -m benchmarks.campaign``.
 
-The published campaign on the simulated bench, its page, and the overview of the commands, each beside the
-time that the same would take otherwise: the bench's own time, and a bare interpreter.
+The published campaign on the simulated bench beside the bench's own time, and its page.
 """
 
 from __future__ import annotations
@@ -29,8 +28,6 @@ def main() -> None:
         size = (folder / "page.html").stat().st_size
         run = open_run("latest", folder / "runs")
         bench_time, rows, records = float(run.info["duration"]), int(run.info["rows"]), len(run.records)
-    bare = command_seconds([sys.executable, "-c", "pass"], RUNS)
-    overview = command_seconds([command, "--help"], RUNS)
     table(
         f"The published campaign: {records} records, {rows} samples, {bench_time:.0f} s of bench time",
         [
@@ -41,7 +38,6 @@ def main() -> None:
                 f"{bench_time / simulated:.0f} times as fast as the bench",
             ),
             ("rigctl report", f"{page:.2f}", f"a page of {size / 1e6:.1f} MB"),
-            ("rigctl --help", f"{overview:.3f}", f"{(overview - bare) * 1e3:.0f} ms over a bare interpreter"),
         ],
     )
     results = {
@@ -50,8 +46,6 @@ def main() -> None:
         "rows": rows,
         "report_s": page,
         "page_bytes": size,
-        "help_s": overview,
-        "bare_interpreter_s": bare,
     }
     print(f"\nkept in {keep(HERE, results, 'numpy', 'numba', 'pyarrow', 'typer')}")
 

@@ -70,10 +70,10 @@ def install(peer: Peer, folder: Path) -> None:
 
 
 def measure_rigctl(runs: int) -> dict[str, Any]:
-    """rigctl from this environment: `rigctl --help` is its start-up."""
+    """rigctl from this environment: its start-up is `--version`, since `--help` imports nothing."""
     python = Path(sys.executable)
     return {
-        "start_ms": (command_seconds([str(python.parent / "rigctl"), "--help"], runs) - bare(python, runs))
+        "start_ms": (command_seconds([str(python.parent / "rigctl"), "--version"], runs) - bare(python, runs))
         * 1e3,
         "steps_us": medians([python, HERE / "rigctl_peer.py", "steps", "20000"], runs),
         "rows": medians([python, HERE / "rigctl_peer.py", "rows", "500000"], runs, needs_folder=True),
