@@ -46,9 +46,14 @@ def test_the_table_is_what_a_type_checker_reads() -> None:
     read = {
         alias.asname: (node.module, alias.name) for node in imports for alias in node.names if alias.asname
     }
-    assert read.keys() == rigctl.front_door.PUBLIC.keys()
+    assert {*read, "Family"} == rigctl.front_door.PUBLIC.keys()
     for name, (module, there) in read.items():
         assert getattr(rigctl, name) is getattr(import_module(str(module)), there)
+
+
+def test_every_name_is_checked_as_users_would_write_it() -> None:
+    text = (ROOT / "tests" / "public_typing.py").read_text(encoding="utf-8")
+    assert [name for name in rigctl.__all__ if f"    rigctl.{name},\n" not in text] == []
 
 
 @pytest.mark.parametrize("name", ["compare", "diagnose"])

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rigctl.model import Model as Model
     from rigctl.model import load_model as load_model
     from rigctl.physics.families import find_family as find_family
-    from rigctl.physics.family import ModelFamily as Family  # noqa: F401
+    from rigctl.physics.family import ModelFamily
     from rigctl.planning.preview import preview as preview
     from rigctl.procedure.expand import expand as expand
     from rigctl.procedure.load import load_procedure as load_procedure
@@ -35,17 +35,21 @@ if TYPE_CHECKING:
     from rigctl.rig import load_rig as load_rig
     from rigctl.runner.simulation import simulate as simulate
 
+    Family = ModelFamily
+
 __all__ = list(PUBLIC)
 
 sys.modules[__name__].__class__ = FrontDoor
 
 
-def __getattr__(name: str) -> Any:
-    """The public name, loaded with its first use."""
-    if name not in PUBLIC:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = load(name)
-    return value
+if not TYPE_CHECKING:  # so that a type checker finds a name that is not there
+
+    def __getattr__(name: str) -> Any:
+        """The public name, loaded with its first use."""
+        if name not in PUBLIC:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = load(name)
+        return value
 
 
 def __dir__() -> list[str]:

@@ -31,7 +31,7 @@ from rigctl.rig.rig import Rig
 from rigctl.units import Quantity, onto_bound, read_si, show
 
 
-def load_model(path: Path) -> Model:
+def load_model(path: str | Path) -> Model:
     """The model that a file describes; its rig's path is looked for beside it, then in the project.
 
     ``m.yaml@3`` is version 3 of ``m.yaml``; what it names is looked for beside ``m.yaml``.

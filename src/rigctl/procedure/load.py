@@ -116,7 +116,7 @@ class Procedure:
             raise error.at(where) from None
 
 
-def load_procedure(path: Path) -> Procedure:
+def load_procedure(path: str | Path) -> Procedure:
     """The procedure that a file describes.
 
     Raises

@@ -11,7 +11,7 @@ from rigctl.rig.checks import problems
 from rigctl.rig.rig import Rig
 
 
-def load_rig(path: Path) -> Rig:
+def load_rig(path: str | Path) -> Rig:
     """The rig that a file describes, checked as far as a file can be.
 
     Raises
