@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -26,6 +28,7 @@ def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     os.environ["XDG_STATE_HOME"] = str(folder)
     yield folder
     end_guards(folder)
+    wait_for_guards()
     if before is None:
         del os.environ["XDG_STATE_HOME"]
     else:
@@ -39,3 +42,14 @@ def end_guards(folder: Path) -> None:
             with suppress(OSError):
                 notice.unlink()
         time.sleep(0.01)
+
+
+def wait_for_guards() -> None:
+    """Let no guard that a test in this process has left to itself outlive the tests."""
+    guard_port = sys.modules.get("rigctl.backends.lines.guard_port")
+    for process in guard_port._GOING_ON if guard_port else ():
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:  # its notice lies elsewhere
+            process.kill()
+            process.wait()
