@@ -25,8 +25,10 @@ types: $(VENV)/.installed-dev
 imports: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 
+# One more than the two cores it is meant for: some tests wait for a process or a line, and leave their core to others.
+WORKERS ?= 3
 unit: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # Debian packages that the tests use: a browser to open the report in, an emulator of the board's microcontroller
 # and the compiler for its program. Elsewhere: install Chromium, simavr and avr-gcc by hand.
@@ -46,7 +48,7 @@ torture: $(VENV)/.installed-dev
 
 # New examples for every property that leaves their number open; those of `make test` are the same each time.
 explore: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m hypothesis --hypothesis-profile=explore
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m hypothesis --hypothesis-profile=explore
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py

@@ -19,6 +19,56 @@ settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("explore", max_examples=2_000, deadline=None)
 settings.load_profile("suite")
 
+#: files that take longest, longest first: they begin at once, so that no worker is left with one at the end
+LONGEST = (
+    "test_docs.py",
+    "journeys/test_tables.py",
+    "validation/test_work.py",
+    "validation/test_expected_verdicts.py",
+    "benches/test_journeys.py",
+    "engine/test_guards.py",
+    "journeys/test_diagnose.py",
+    "noise/test_estimate.py",
+    "journeys/test_measured_inputs.py",
+    "faults/test_unconfirmed_endings.py",
+    "journeys/test_heater_board.py",
+    "diagnose/test_strong_effects.py",
+    "journeys/test_demo.py",
+    "journeys/test_switch_times.py",
+    "compare/test_single_values.py",
+    "cli/test_line_device.py",
+    "journeys/test_own_effects.py",
+    "model/test_plant.py",
+    "faults/test_board_in_real_time.py",
+    "faults/test_host_faults.py",
+    "journeys/test_three_backends.py",
+    "firmware/test_emulated_bench.py",
+    "dataset/importing/test_hostile_files.py",
+    "model/test_signature.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Deal the longest files to the workers; the rest follows, to be stolen by whoever is done first.
+
+    `--dist worksteal` gives each worker a run of as many tests as the others in the order collected.
+    """
+    here = Path(__file__).parent
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    by_file: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        by_file.setdefault(item.path.relative_to(here).as_posix(), []).append(item)
+    dealt: list[list[pytest.Item]] = [[] for _ in range(workers)]
+    for place, name in enumerate(name for name in LONGEST if name in by_file):
+        dealt[place % workers] += by_file.pop(name)
+    rest = [item for name in by_file for item in by_file[name]]
+    share = -(-len(items) // workers)
+    for hand in dealt:
+        room = max(share - len(hand), 0)
+        hand.extend(rest[:room])
+        del rest[:room]
+    items[:] = [item for hand in dealt for item in hand] + rest
+
 
 @pytest.fixture(scope="session", autouse=True)
 def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
