@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rigctl.effects.generic import generic_effects, offers
+from rigctl.effects.generic.common import shown_quotient
 from rigctl.effects.registry import check_effect, library
 from rigctl.engine.compile import compile_system
 from rigctl.engine.excitation import Excitation
@@ -24,6 +25,7 @@ from rigctl.physics.family import (
 )
 from rigctl.physics.scope import Scope
 from rigctl.physics.user import parse_family
+from rigctl.units import parse_unit
 
 MOTOR = """
 family: motor
@@ -163,6 +165,25 @@ def test_a_settled_reading_may_depend_on_what_its_author_left_out() -> None:
     known = library(family(text))
     assert {"gain_of_flow_with_pressure", "gain_of_flow_with_oil_temperature"} <= set(known)
     assert "− 40 degC)" in known["gain_of_flow_with_oil_temperature"].equation
+    units = [known[f"{law}_of_flow_with_pressure"].parameters[0].unit for law in ("gain", "quadratic")]
+    assert units == ["l/min/bar", "l/min/bar^2"]  # as its author writes them, not m^4*s/kg
+    assert known["threshold_of_flow_with_oil_temperature"].parameters[1].unit == "degC"
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "unit"),
+    [
+        ("bar", ("l/min", "l/min"), "bar/(l/min)^2"),
+        ("1", ("V",), "1/V"),
+        ("mm", ("1",), "mm"),
+        ("K", ("W/cm^2",), "K/(W/cm^2)"),
+    ],
+)
+def test_units_of_a_quotient_are_those_that_were_written(
+    above: str, below: tuple[str, ...], unit: str
+) -> None:
+    assert shown_quotient(above, *below) == unit
+    parse_unit(unit)
 
 
 GROWTH = """

@@ -55,7 +55,8 @@ class InputVariable:
     straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
     `value` is what it has when nobody says (SI); with `implied` it goes without saying, as that a pump runs.
     With `delay`, its switches act later: a formula of the scope and of the commanded values before and after,
-    in s. `role` is the rig's role whose actuator commands it.
+    in s. `role` is the rig's role whose actuator commands it. `shown` is the unit that its author writes, where
+    it is another than the SI one.
     """
 
     name: str
@@ -67,6 +68,7 @@ class InputVariable:
     difference: bool = False
     hold: Literal["previous", "linear"] | None = None
     implied: bool = False
+    shown: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,12 +126,13 @@ class Slot:
 
 @dataclass(frozen=True)
 class OutputVariable:
-    """What a sensor reads: `formula` with its unit (SI)."""
+    """What a sensor reads: `formula` with its unit (SI); `shown` as of an input."""
 
     name: str
     unit: str
     formula: Formula
     meaning: str
+    shown: str = ""
 
 
 @dataclass(frozen=True)

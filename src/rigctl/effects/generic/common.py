@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from rigctl.effects.declaration import Effect, EffectParameter, Term
@@ -24,6 +25,21 @@ def quotient(above: str, *below: str) -> str:
     for unit in below:
         dimension = dimension / parse_unit(unit).dimension
     return shortest_unit(dimension)
+
+
+def interval(unit: str) -> str:
+    """What a difference is shown in, of values shown in `unit`."""
+    return "K" if parse_unit(unit).absolute_temperature else unit
+
+
+def shown_quotient(above: str, *below: str) -> str:
+    """``above/(below*...)`` in the units that are given: ``l/min/bar^2`` for 'l/min', 'bar' and 'bar'."""
+    written = above
+    for unit, count in Counter(below).items():
+        if unit != "1":
+            plain = unit if unit.isalpha() else f"({unit})"
+            written += f"/{plain}" + (f"^{count}" if count > 1 else "")
+    return quotient(above, *below) if parse_unit(written).dimension.dimensionless else written
 
 
 def placed(

@@ -9,11 +9,12 @@ from rigctl.effects.generic.common import (
     CORNER,
     beyond,
     either_sign,
+    interval,
     one_sign,
     placed,
-    quotient,
     shape,
     share,
+    shown_quotient,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
 from rigctl.effects.generic.places import (
@@ -71,6 +72,8 @@ class _Made:
         self.family, self.place, self.sizes = family, place, sizes
         self.name = place.input.name
         self.unit = place.slot.unit
+        self.shown = place.input.shown or self.unit
+        self.interval = interval(self.shown)
         self.span = sizes.input(self.name)
         outputs = {output.name for output in family.outputs}
         self.label = f"{self.name}_input" if self.name in outputs else self.name
@@ -120,7 +123,7 @@ class _Made:
     def limit(self, meaning: str, shares: tuple[float, ...]) -> EffectParameter:
         point = is_point_on_scale(self.place.input)
         within = f"travel of {self.name}" if point else f"|{self.name}|"
-        return shape("limit", self.unit, 0.5 * self.span, meaning, within=within, shares=shares)
+        return shape("limit", self.interval, 0.5 * self.span, meaning, within=within, shares=shares)
 
     def offset(self) -> Effect:
         return self.effect(
@@ -128,7 +131,7 @@ class _Made:
             f"What acts is {self.name} and a constant.",
             "w = c",
             lambda m, p: p.size,
-            (either_sign("size", self.unit, 0.01 * self.span, "c"),),
+            (either_sign("size", self.interval, 0.01 * self.span, "c"),),
             "As if something else were commanded, by the same amount always.",
             confused=("gain", "dead_band"),
         )
@@ -154,7 +157,7 @@ class _Made:
             f"What acts is not in proportion to {self.counted}.",
             f"w = k·{self.counted}·|{self.counted.strip('()')}|",
             term,
-            (either_sign("bend", quotient("1", self.unit), 0.05 / self.span, "k"),),
+            (either_sign("bend", shown_quotient("1", self.interval), 0.05 / self.span, "k"),),
             "Twice the command has not twice the effect.",
             confused=("gain", "saturation", "dead_band"),
             needs="several commands",

@@ -132,7 +132,7 @@ def _of_effect(effect: Effect) -> Iterator[str]:
 
 def _without_numbers(equation: str) -> str:
     """The example's own range is a letter."""
-    return re.sub(r"/[\d.e+-]+ [\w/*^]+([)|])", r"/x₀\1", equation)
+    return re.sub(r"/[\d.e+-]+( [\w/*^]+)?([)|])", r"/x₀\2", equation)
 
 
 def _plain(text: str) -> str:

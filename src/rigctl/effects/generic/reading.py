@@ -10,11 +10,12 @@ from rigctl.effects.generic.common import (
     SENSORS,
     beyond,
     either_sign,
+    interval,
     one_sign,
     placed,
-    quotient,
     shape,
     share,
+    shown_quotient,
     sign,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
@@ -28,6 +29,7 @@ from rigctl.effects.lag import deviation_rate, reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, power
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
+from rigctl.units import show
 
 #: a lag is regular down to this share of the family's shortest time
 _RESOLUTION = 1e-3
@@ -55,6 +57,8 @@ class _Made:
         self.family, self.place, self.sizes = family, place, sizes
         self.name = place.output.name
         self.unit = place.slot.unit
+        self.shown = place.output.shown or self.unit
+        self.interval = interval(self.shown)
         self.span = sum(abs(slope) * sizes.state(state) for state, slope in place.slopes.items()) or (
             sizes.reading(self.name) or 1.0
         )
@@ -102,7 +106,7 @@ class _Made:
             f"The reading {self.name} is off by a constant.",
             "w = c",
             lambda m, p: p.size,
-            (either_sign("size", self.unit, 0.01 * self.span, "c"),),
+            (either_sign("size", self.interval, 0.01 * self.span, "c"),),
             "All of its readings are shifted alike, and no other channel is.",
             confused=("drift", "gain"),
         )
@@ -113,7 +117,7 @@ class _Made:
             f"The zero of the reading {self.name} wanders.",
             "w = k·t",
             lambda m, p: p.rate * p.elapsed,
-            (either_sign("rate", quotient(self.unit, "s"), 0.01 * self.span / self.time, "k"),),
+            (either_sign("rate", shown_quotient(self.interval, "s"), 0.01 * self.span / self.time, "k"),),
             "Its error grows in the course of a record, and no other channel's does.",
             states=(EffectState("elapsed", "s", 1.0, lambda m, p: 1.0, "time since the record began"),),
             confused=("offset",),
@@ -121,7 +125,8 @@ class _Made:
         )
 
     def gain(self) -> Effect:
-        base = f"({self.name} − {self.place.reference:g})" if self.place.reference else self.name
+        reference = show(self.place.reference, self.shown) if self.place.reference else ""
+        base = f"({self.name} − {reference})" if reference else self.name
         return self.effect(
             "gain",
             f"The reading {self.name} is off by a share.",
@@ -169,7 +174,7 @@ class _Made:
                 share("share", "k; 1 is a hard limit"),
                 shape(
                     "limit",
-                    self.unit,
+                    self.shown,
                     typical,
                     "where it begins",
                     within=f"reading {self.name}",
@@ -202,11 +207,11 @@ class _Made:
             f"w = c − b·z, dz/dt = (d{self.name}/dt − |d{self.name}/dt|·z^{_SHARP})/s",
             lambda m, p: p.zero - p.size * side(p),
             (
-                one_sign("size", self.unit, 0.01 * self.span, "b, half of the play"),
-                either_sign("zero", self.unit, 0.01 * self.span, "c, where in the play it was zeroed"),
+                one_sign("size", self.interval, 0.01 * self.span, "b, half of the play"),
+                either_sign("zero", self.interval, 0.01 * self.span, "c, where in the play it was zeroed"),
                 shape(
                     "distance",
-                    self.unit,
+                    self.interval,
                     0.02 * self.span,
                     "s, over which it turns; b where it is play",
                     within=f"length of {self.name}",
@@ -223,7 +228,8 @@ class _Made:
     def with_input(self, name: str) -> Iterator[Effect]:
         """What a settled value may lack that depends on a setting."""
         item = {item.name: item for item in self.family.inputs}[name]
-        unit, point = item.unit, is_point_on_scale(item)
+        unit, point = item.shown or item.unit, is_point_on_scale(item)
+        per = interval(unit)
         span = self.sizes.input(name)
         label = self.place.label
         reference = point_of_reference(item)
@@ -245,7 +251,7 @@ class _Made:
             f"Something at {label} goes in proportion to {counted}.",
             f"w = k·{counted}",
             lambda m, p: p.coefficient * from_reference(m),
-            (either_sign("coefficient", quotient(self.unit, unit), 0.05 * self.span / span, "k"),),
+            (either_sign("coefficient", shown_quotient(self.interval, per), 0.05 * self.span / span, "k"),),
             f"The error grows in proportion to {name}.",
             confused=("quadratic", "threshold"),
             of=name,
@@ -255,7 +261,11 @@ class _Made:
             f"Something at {label} goes with the square of {counted}.",
             f"w = k·{counted}·|{counted.strip('()')}|",
             squared,
-            (either_sign("coefficient", quotient(self.unit, unit, unit), 0.05 * self.span / span**2, "k"),),
+            (
+                either_sign(
+                    "coefficient", shown_quotient(self.interval, per, per), 0.05 * self.span / span**2, "k"
+                ),
+            ),
             f"The error grows with the square of {name}.",
             confused=("gain", "threshold"),
             of=name,
@@ -269,10 +279,10 @@ class _Made:
         yield self.effect(
             "threshold",
             f"Above a limit of {name} something sets in.",
-            f"w = k·(max(0, {name} − limit)/{span:.3g} {unit})^n",
+            f"w = k·(max(0, {name} − limit)/{show(span, unit, difference=True, digits=3)})^n",
             threshold,
             (
-                either_sign("coefficient", self.unit, 0.1 * self.span, "k"),
+                either_sign("coefficient", self.interval, 0.1 * self.span, "k"),
                 shape(
                     "limit",
                     unit,

@@ -113,6 +113,7 @@ def _input(name: str, field: InputField) -> InputVariable:
         role=field.role,
         difference=_difference(unit),
         hold=field.hold,
+        shown=unit,
     )
 
 
@@ -139,7 +140,7 @@ def _definition(name: str, field: FormulaField) -> Definition:
 
 
 def _output(name: str, field: FormulaField) -> OutputVariable:
-    return OutputVariable(name, si_unit(field.unit), unwritten, field.meaning)
+    return OutputVariable(name, si_unit(field.unit), unwritten, field.meaning, shown=field.unit)
 
 
 def _table(name: str, field: TableField) -> Curve:
