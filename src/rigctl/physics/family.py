@@ -55,8 +55,7 @@ class InputVariable:
     straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
     `value` is what it has when nobody says (SI); with `implied` it goes without saying, as that a pump runs.
     With `delay`, its switches act later: a formula of the scope and of the commanded values before and after,
-    in s. `role` is the rig's role whose actuator commands it. `shown` is the unit that its author writes, where
-    it is another than the SI one.
+    in s. `role` is the rig's role whose actuator commands it. `shown` is the unit that its author writes.
     """
 
     name: str
