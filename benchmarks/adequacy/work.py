@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rigctl.compare.compare import judge
-from rigctl.compare.fitting import fit_model
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.fitting import fit_model
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.measured.noise import noise_of

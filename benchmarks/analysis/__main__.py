@@ -46,9 +46,9 @@ def main() -> None:
 
 def standard(folder: Path) -> dict[str, dict[str, float]]:
     """The standard campaign, step by step."""
-    from rigctl.compare.compare import judge
-    from rigctl.compare.fitting import fit_to_data, read_runs
-    from rigctl.diagnose.diagnose import diagnose_comparison
+    from rigctl.analysis.comparison import judge
+    from rigctl.analysis.diagnosis import diagnose_comparison
+    from rigctl.analysis.fitting import fit_to_data, read_runs
     from rigctl.model import load_model
 
     run, model = run_of(28, folder), load_model(MODEL)

@@ -38,7 +38,7 @@ def _import(file: str, runs: str) -> str:
 
 
 def _compare(run: str) -> str:
-    from rigctl.compare.compare import compare
+    from rigctl.analysis.comparison import compare
     from rigctl.dataset import open_run
     from rigctl.model import load_model
 

@@ -1,24 +1,23 @@
 """rigctl: run physical test benches, compare a model with what was measured, learn what is missing."""
 
-import sys
 from typing import TYPE_CHECKING, Any
 
-from rigctl.front_door import PUBLIC, FrontDoor, load
+from rigctl.front_door import PUBLIC, load
 
 if TYPE_CHECKING:
+    from rigctl.analysis.comparison import compare as compare
+    from rigctl.analysis.comparison_result import Comparison as Comparison
+    from rigctl.analysis.diagnosis import diagnose as diagnose
+    from rigctl.analysis.diagnosis_result import Diagnosis as Diagnosis
+    from rigctl.analysis.improve import improve as improve
     from rigctl.api import find_runs as find_runs
     from rigctl.api import fit as fit
     from rigctl.api import run as run
-    from rigctl.compare.compare import compare as compare
-    from rigctl.compare.result import Comparison as Comparison
     from rigctl.dataset import Run as Run
     from rigctl.dataset import open_run as open_run
     from rigctl.dataset import query as query
     from rigctl.dataset.exporting import export_run as export_run
     from rigctl.dataset.importing import import_file as import_file
-    from rigctl.diagnose.diagnose import diagnose as diagnose
-    from rigctl.diagnose.loop import improve as improve
-    from rigctl.diagnose.result import Diagnosis as Diagnosis
     from rigctl.effects import Effect as Effect
     from rigctl.effects import EffectParameter as EffectParameter
     from rigctl.effects import find_effect as find_effect
@@ -38,8 +37,6 @@ if TYPE_CHECKING:
     Family = ModelFamily
 
 __all__ = list(PUBLIC)
-
-sys.modules[__name__].__class__ = FrontDoor
 
 
 if not TYPE_CHECKING:  # so that a type checker finds a name that is not there

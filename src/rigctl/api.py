@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from rigctl.compare.fitting import fit_to_data, read_runs, require_free_parameters
+from rigctl.analysis.fitting import fit_to_data, read_runs, require_free_parameters
 from rigctl.dataset import Run, RunSummary, list_runs
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError

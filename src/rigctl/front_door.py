@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import Any, Final
 
 #: every public name, and where it stands: ``module`` or ``module:name there``
@@ -14,9 +14,9 @@ PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
         "simulate": "rigctl.runner.simulation",
         "run": "rigctl.api",
         "preview": "rigctl.planning.preview",
-        "compare": "rigctl.compare.compare",
-        "diagnose": "rigctl.diagnose.diagnose",
-        "improve": "rigctl.diagnose.loop",
+        "compare": "rigctl.analysis.comparison",
+        "diagnose": "rigctl.analysis.diagnosis",
+        "improve": "rigctl.analysis.improve",
         "fit": "rigctl.api",
         "write_report": "rigctl.report",
         # what one reads, finds and keeps
@@ -32,8 +32,8 @@ PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
         "find_effect": "rigctl.effects",
         "find_family": "rigctl.physics.families",
         # what these are
-        "Comparison": "rigctl.compare.result",
-        "Diagnosis": "rigctl.diagnose.result",
+        "Comparison": "rigctl.analysis.comparison_result",
+        "Diagnosis": "rigctl.analysis.diagnosis_result",
         "Effect": "rigctl.effects",
         "EffectParameter": "rigctl.effects",
         "Family": "rigctl.physics.family:ModelFamily",
@@ -49,16 +49,3 @@ def load(name: str) -> Any:
     """The public name, from the module that defines it."""
     module, _, there = PUBLIC[name].partition(":")
     return getattr(import_module(module), there or name)
-
-
-class FrontDoor(ModuleType):
-    """The package `rigctl`, whose public names win over subpackages of the same name.
-
-    Importing a submodule puts it into its parent under its own name, so ``rigctl.compare`` would be the
-    function before `rigctl.compare.result` is imported and the package after. Here it is always the function.
-    """
-
-    def __setattr__(self, name: str, value: object) -> None:
-        """Bind a name, unless it is the import system with a subpackage that has a public name."""
-        if not (isinstance(value, ModuleType) and name in PUBLIC):
-            super().__setattr__(name, value)

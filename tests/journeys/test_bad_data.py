@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from commands import MODEL, answer, call, create_strokes, refusal, told
+from rigctl.analysis import fitting
 from rigctl.cli.main import main
-from rigctl.compare import fitting
 from rigctl.errors import ExitCode
 
 RIG = ("--rig", "rigs/hl32-bench.yaml")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import cast
 
 from made_fit import RECORDS, made_fit, made_noise
-from rigctl.compare.result import ModelComparison
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.analysis.maps import channel_maps
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rigctl.cli.echo import echo
 
 if TYPE_CHECKING:
-    from rigctl.compare.result import Comparison, ModelComparison
+    from rigctl.analysis.comparison_result import Comparison, ModelComparison
     from rigctl.dataset import Run
     from rigctl.model import Model
     from rigctl.report.section import Section
@@ -56,7 +56,7 @@ def compare_with_versions(
     Parameters
     ----------
     earlier: False for the models alone.
-    choice: as of `rigctl.compare.compare.compare`.
+    choice: as of `rigctl.analysis.comparison.compare`.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def compare_with_versions(
     """
     from dataclasses import replace
 
-    from rigctl.compare.compare import compare
+    from rigctl.analysis.comparison import compare
     from rigctl.model.history.save import load_version
 
     path = models[0].path if earlier and len(models) == 1 else None

@@ -11,8 +11,8 @@ import typer
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
+    from rigctl.analysis.comparison_result import Comparison
     from rigctl.cli.next_command import DataOptions
-    from rigctl.compare.result import Comparison
     from rigctl.dataset import Run
     from rigctl.model import Model
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.analysis.adequacy import chance
+from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.localisation import Place
 from rigctl.cli.table_views import show_rows
 from rigctl.cli.tables import console, table
-from rigctl.compare.chance import chance
-from rigctl.compare.localise import Place
-from rigctl.compare.result import Comparison, ModelComparison
 from rigctl.report.bars import draw_bar
 from rigctl.report.numbers import resolved
 

@@ -12,9 +12,9 @@ from rigctl.cli.echo import echo_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rigctl.compare.result import Comparison
+    from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.improve import Improvement
     from rigctl.dataset import Run
-    from rigctl.diagnose.loop import Improvement
 
 _PROCEDURE = Path("procedures") / "campaign.yaml"
 _MODEL = Path("models") / "hl32-textbook.yaml"
@@ -100,10 +100,10 @@ def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improv
     """Compare the textbook model with the run, and add what it lacks."""
     from rich.markup import escape
 
+    from rigctl.analysis.comparison import compare
+    from rigctl.analysis.improve import improve
     from rigctl.cli.diagnose_views import show_improvement
     from rigctl.cli.telling import telling
-    from rigctl.compare.compare import compare
-    from rigctl.diagnose.loop import improve
     from rigctl.model import load_model
 
     with telling() as tell:

@@ -12,11 +12,11 @@ from rigctl.cli.compare import Assume, Force, HoldOut, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 
 if TYPE_CHECKING:
+    from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.diagnosis_result import Diagnosis
+    from rigctl.analysis.improve import Improvement
     from rigctl.cli.next_command import DataOptions
-    from rigctl.compare.result import Comparison
     from rigctl.dataset import Run
-    from rigctl.diagnose.loop import Improvement
-    from rigctl.diagnose.result import Diagnosis
 
 
 def diagnose(
@@ -64,6 +64,8 @@ def diagnose(
 
       rigctl diagnose latest --model models/hl32-textbook.yaml --apply --hold-out "oil == 60 degC"
     """
+    from rigctl.analysis.diagnosis import diagnose_comparison
+    from rigctl.analysis.improve import improve
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_runs
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
@@ -71,8 +73,6 @@ def diagnose(
     from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
-    from rigctl.diagnose.diagnose import diagnose_comparison
-    from rigctl.diagnose.loop import improve
 
     require_page(output, force=force)
     path = own_model(model) if apply else model
@@ -101,8 +101,8 @@ def diagnose(
 
 def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
     """What to type next: add what is missing, look at where nothing helps, or make the page."""
+    from rigctl.analysis.diagnosis_result import Verdict
     from rigctl.cli.next_command import analysis, page_of, show_next
-    from rigctl.diagnose.result import Verdict
 
     again = analysis("diagnose", runs, model, choice)
     if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
@@ -133,8 +133,8 @@ def _write_page(
     force: bool,
 ) -> None:
     """The diagnosis first, or what was added; then the comparison."""
+    from rigctl.analysis.improve import Improvement
     from rigctl.cli.analysis_page import write_page
-    from rigctl.diagnose.loop import Improvement
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, improvement_sections
 
     if isinstance(found, Improvement):
@@ -151,9 +151,9 @@ def _compared(
     tell: Callable[[str], None],
 ) -> Comparison:
     """The model fitted to the runs; one with nothing to fit is refused before any work."""
+    from rigctl.analysis.comparison import compare
+    from rigctl.analysis.fitting import require_free_parameters
     from rigctl.cli.compare import open_models, open_runs
-    from rigctl.compare.compare import compare
-    from rigctl.compare.fitting import require_free_parameters
 
     (model,) = open_models([path])
     require_free_parameters(model)

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.analysis.adequacy import chance
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
+from rigctl.analysis.held_out import Unseen
+from rigctl.analysis.improve import Improvement, Step
+from rigctl.analysis.text import parameters_text
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
-from rigctl.compare.chance import chance
-from rigctl.diagnose.loop import Improvement, Step
-from rigctl.diagnose.result import Diagnosis, Drift, Ranked, Verdict
-from rigctl.diagnose.unseen_group import Unseen
-from rigctl.diagnose.wording import parameters_text
 from rigctl.report.bars import draw_bar
 from rigctl.units import parse_unit
 

@@ -87,8 +87,8 @@ def _errors(found: FitResult, place: int) -> np.ndarray:
 
 
 def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult:
+    from rigctl.analysis.fitting import fit_to_data, read_runs
     from rigctl.cli.telling import telling
-    from rigctl.compare.fitting import fit_to_data, read_runs
     from rigctl.dataset import open_run
     from rigctl.dataset.importing import import_file
     from rigctl.model import load_model

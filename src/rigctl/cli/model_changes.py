@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from rich.markup import escape
 
+from rigctl.analysis.fitting import fit_again, fit_to_data, read_runs, require_free_parameters
 from rigctl.cli.compare import open_runs
 from rigctl.cli.echo import echo
 from rigctl.cli.model_views import show_errors
@@ -16,7 +17,6 @@ from rigctl.cli.next_command import DataOptions, analysis, show_next
 from rigctl.cli.plans import find_file
 from rigctl.cli.tables import console, print_json, table
 from rigctl.cli.telling import telling
-from rigctl.compare.fitting import fit_again, fit_to_data, read_runs, require_free_parameters
 from rigctl.effects import Effect
 from rigctl.effects.option import read_effect_option
 from rigctl.effects.user import is_effect_file

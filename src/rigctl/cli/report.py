@@ -110,9 +110,9 @@ def _require_model(model: list[Path] | None, *, diagnose: bool, assume: list[str
 
 def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[Section]:
     """What the first model lacks, what the models say of the runs, and how their error fell."""
+    from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.cli.analysis_page import compare_with_versions
     from rigctl.cli.telling import telling
-    from rigctl.diagnose.diagnose import diagnose_comparison
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
     with telling("nothing was saved") as tell:

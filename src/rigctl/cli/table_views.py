@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from rich.markup import escape
 
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.single_values.rows import TableRow, shows_unfitted
 from rigctl.cli.tables import console, table
-from rigctl.compare.result import ModelComparison
-from rigctl.compare.table_rows import TableRow, shows_unfitted
 
 #: standard deviations beyond which a value is marked
 _FAR = 3.0

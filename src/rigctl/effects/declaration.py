@@ -61,7 +61,7 @@ class EffectParameter:
     difference: a temperature that is an interval.
     grid: values at which a diagnosis looks for the effect, SI: of a shape, those besides `start`; of one that
         switches the effect on at a threshold, those in place of its null, where its slope says nothing.
-    within, shares: of a shape, what it is a value of, as `rigctl.compare.data_ranges` calls it, and the
+    within, shares: of a shape, what it is a value of, as `rigctl.analysis.candidates` calls it, and the
         shares of that range at which a diagnosis looks for it, instead of at `grid`.
     refined: a shape that a diagnosis fits as well, once the effect is in.
     physical: the bounds beyond which physics forbids a value: a share of more than one, a negative mass. The

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from rigctl.compare.chance import chance
+from rigctl.analysis.adequacy import chance
 from rigctl.report import numbers
 from rigctl.report.interactive import embed, figure
 from rigctl.report.plot import Plot

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.candidates import Candidate
-from rigctl.compare.unexplained import Unexplained
-from rigctl.diagnose.confound import separation
-from rigctl.diagnose.trial import Trial, plain, refit
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.refit import Trial, plain, refit
+from rigctl.analysis.separability import separation
+from rigctl.analysis.unexplained import Unexplained
 from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]

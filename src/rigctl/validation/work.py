@@ -11,12 +11,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.compare import judge
-from rigctl.compare.fitting import fit_model
-from rigctl.compare.linearise import linearise
-from rigctl.compare.unexplained import Unexplained, unexplained
-from rigctl.diagnose.diagnose import diagnose_comparison
-from rigctl.diagnose.result import Diagnosis
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.diagnosis import diagnose_comparison
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.unexplained import Unexplained, unexplained
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult, fit

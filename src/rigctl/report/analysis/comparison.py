@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from rigctl.compare.localise import variable_units
-from rigctl.compare.record_level import RecordQuantity
-from rigctl.compare.result import Comparison, ModelComparison
+from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.localisation import variable_units
+from rigctl.analysis.record_level import RecordQuantity
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import overlay_plot, typical_records

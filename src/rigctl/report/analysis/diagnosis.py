@@ -6,9 +6,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.diagnose.result import Diagnosis, Ranked
-from rigctl.diagnose.trial import Trial
-from rigctl.diagnose.wording import parameters_text
+from rigctl.analysis.diagnosis_result import Diagnosis, Ranked
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.text import parameters_text
 from rigctl.effects.record_level import RECORD
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.overlay import typical_records

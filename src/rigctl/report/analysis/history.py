@@ -7,7 +7,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from rigctl.compare.result import ModelComparison
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.history.change import ModelError
 from rigctl.model.history.errors import version_errors
 from rigctl.model.history.store import versions

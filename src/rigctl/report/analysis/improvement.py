@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from rigctl.compare.chance import chance_text
-from rigctl.compare.result import Comparison, ModelComparison
-from rigctl.diagnose.loop import Ended, Improvement
-from rigctl.diagnose.result import Verdict
+from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.analysis.improve import Ended, Improvement
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.history import history_sections

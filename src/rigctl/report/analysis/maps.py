@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compare.localise import variable_units, whitened_errors
-from rigctl.compare.result import ModelComparison
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.localisation import variable_units, whitened_errors
 from rigctl.report.heat_map import HeatMap
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.compare.localise import variable_units
-from rigctl.compare.result import ModelComparison
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.problem import Problem
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace

@@ -10,10 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
+from rigctl.analysis.diagnosis import diagnose
+from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
-from rigctl.diagnose.diagnose import diagnose
-from rigctl.diagnose.result import Diagnosis
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig

@@ -1,0 +1,159 @@
+"""The effects that a model may lack: those of the library that it has not and that do not contradict it.
+
+Effects that begin at a threshold are looked for over the range that the data cover.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.effects.declaration import Effect, EffectParameter, qualified
+from rigctl.effects.registry import library
+from rigctl.errors import RigctlError
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.model import Model
+from rigctl.physics.derived_slots import rates_in_symbols
+from rigctl.physics.family import ModelFamily
+
+#: shares of the readings left out at either end: spikes are no range
+_ENDS = (0.005, 0.995)
+
+#: the lowest and the highest value of a state, of "reading NAME", of its span ("length of NAME"), of an
+#: input ("input NAME"), of its size ("|u|") and span ("travel of NAME"), or of a record's "time", SI
+Ranges = Mapping[str, tuple[float, float]]
+
+
+def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
+    """The ranges of what was measured: of states that are read, of inputs' sizes, of records' lengths."""
+    if not family.generic:
+        return {}
+    found: dict[str, tuple[float, float]] = {}
+    states = _read_states(family)
+    for at, name in enumerate(measurements.outputs):
+        values = np.concatenate([record.values[:, at] for record in measurements.records])
+        values = values[np.isfinite(values)]
+        if not values.size:
+            continue
+        low, high = (float(end) for end in np.quantile(values, _ENDS))
+        found |= {f"reading {name}": (low, high), f"length of {name}": (0.0, high - low)}
+        if name in states:
+            found[states[name]] = (low, high)
+    for k, name in enumerate(measurements.inputs):
+        values = np.concatenate([np.empty(0), *(_acting(record, k) for record in measurements.records)])
+        if values.size:
+            low, high = float(values.min()), float(values.max())
+            found |= {f"input {name}": (low, high), f"travel of {name}": (0.0, high - low)}
+            found[f"|{name}|"] = (0.0, max(-low, high))
+    lengths = [
+        float(record.times[-1] - record.times[0]) for record in measurements.records if record.times.size
+    ]
+    if lengths:
+        found["time"] = (0.0, float(np.median(lengths)))
+    return {name: ends for name, ends in found.items() if ends[1] > ends[0]}
+
+
+def _acting(record: MeasuredRecord, place: int) -> NDArray[np.float64]:
+    """What an input was in a record: its course where it changes steadily, else its commands."""
+    if place in record.along:
+        return record.lines[:, record.along.index(place)]
+    return record.inputs[:, place]
+
+
+def _read_states(family: ModelFamily) -> dict[str, str]:
+    """Of each output that reads one state alone, the state."""
+    try:
+        written = rates_in_symbols(family)
+    except RigctlError:
+        return {}
+    states = {state.name for state in family.states}
+    readings = {output.name: written[f"reading of {output.name}"] for output in family.outputs}
+    return {
+        name: expr.name for name, expr in readings.items() if expr.op == "variable" and expr.name in states
+    }
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one choice of its shapes.
+
+    Attributes
+    ----------
+    effect: of the library, or a user's own.
+    columns: the parameters that switch it on, as a system knows them.
+    signs: of each column, 1 or -1 where physics allows one direction only, 0 where both.
+    shapes: values of its shapes that differ from their starts, by qualified name, SI.
+    sizes: parameters that are looked at at this value, by qualified name, SI, and not at their null: the
+        effect begins at a threshold, and its slope at the null says nothing of it.
+    """
+
+    effect: Effect
+    columns: tuple[str, ...]
+    signs: tuple[int, ...]
+    shapes: Mapping[str, float]
+    sizes: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.effect.name
+
+    def parameter(self, column: str) -> EffectParameter:
+        """The effect's parameter that a system knows as `column`."""
+        return self.effect.parameter(column.partition(".")[2])
+
+
+def candidates(
+    model: Model, excluded: Collection[str] = (), ranges: Ranges | None = None
+) -> tuple[Candidate, ...]:
+    """Every effect that `model` may lack, at every shape of its grid, in the library's order.
+
+    Parameters
+    ----------
+    excluded: names of effects that are not to be looked at.
+    ranges: of what was measured, over which thresholds are looked for.
+    """
+    present = [model.effect(name) for name in model.effects]
+    impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
+    found: list[Candidate] = []
+    for effect in (*library(model.family).values(), *model.own):
+        says_the_same = any(other.name in effect.instead_of for other in present)
+        if effect.terms and effect.name not in impossible and not says_the_same:
+            found += _at_each_shape(effect, ranges or {})
+    return tuple(found)
+
+
+def by_effect(found: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
+    """The places of each effect's candidates among `found`."""
+    places: dict[str, list[int]] = {}
+    for place, candidate in enumerate(found):
+        places.setdefault(candidate.name, []).append(place)
+    return {name: tuple(own) for name, own in places.items()}
+
+
+def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:
+    switching = [parameter for parameter in effect.parameters if not parameter.shape]
+    columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
+    signs = tuple(int(parameter.sign) for parameter in switching)
+    at_sizes = [(qualified(effect.name, one.name), size) for one in switching for size in one.grid]
+    for name, size in at_sizes:
+        yield Candidate(effect, columns, signs, {}, {name: size})
+    measured = [one for one in effect.parameters if one.shape and one.within in ranges and one.shares]
+    if not at_sizes and not measured:
+        yield Candidate(effect, columns, signs, {})
+    for parameter in effect.parameters:
+        if parameter.shape:
+            for value in _grid(parameter, ranges):
+                yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})
+
+
+def _grid(parameter: EffectParameter, ranges: Ranges) -> tuple[float, ...]:
+    """The values of a shape that are looked at: over the measured range, where there is one."""
+    if parameter.within not in ranges or not parameter.shares:
+        return parameter.grid
+    low, high = ranges[parameter.within]
+    over = [low + share * (high - low) for share in parameter.shares]
+    return tuple(min(max(value, parameter.low), parameter.high) for value in over)

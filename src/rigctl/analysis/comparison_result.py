@@ -1,0 +1,249 @@
+"""What a comparison returns, for people and for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from rigctl.analysis.adequacy import Adequacy
+from rigctl.analysis.linearisation import Linearisation
+from rigctl.analysis.localisation import CellMap, Place
+from rigctl.analysis.nuisance_projection import Projected
+from rigctl.analysis.record_level import RecordQuantity
+from rigctl.analysis.score_test import Screening
+from rigctl.analysis.single_values.rows import TableRow
+from rigctl.analysis.slot_evidence import SlotEvidence
+from rigctl.analysis.trends import Trend
+from rigctl.model.fit.errors import ChannelError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.noise import DataNoise
+from rigctl.model.measured.record import Measurements
+from rigctl.noise import ChannelNoise
+from rigctl.notebook import as_html, one_line
+from rigctl.units import parse_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def in_unit(error: ChannelError, unit_name: str) -> dict[str, Any]:
+    """`rmse`, `bias`, `max` and `noise` of model less measurement in `unit`, K for a temperature's."""
+    unit = parse_unit(unit_name)
+    return {
+        "rmse": error.rmse / unit.factor,
+        "unit": "K" if unit.offset else unit_name,
+        "bias": error.bias / unit.factor,
+        "max": error.maximum / unit.factor,
+        "noise": error.noise / unit.factor,
+    }
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """One model on the data.
+
+    Attributes
+    ----------
+    name: of the model, with its version where it has one.
+    fit: its free parameters fitted, or left as they are.
+    adequacy: the three tests.
+    where: places of the error, the worst of each kind first.
+    trends: directions of the error over the operating variables, the most wrong first.
+    slots: which equation needs a term, the most wanted first.
+    statement: one plain sentence.
+    whole: the same data with the whole library at its null, for those who look further.
+    excluded: effects that were not looked at.
+    rows: of a table, every value beside the model's; findings: what they say, a sentence each.
+    record_level: what each record has of its own, by quantity, what is evidence of something first.
+    """
+
+    name: str
+    fit: FitResult
+    adequacy: Adequacy
+    where: tuple[Place, ...]
+    trends: tuple[Trend, ...]
+    slots: tuple[SlotEvidence, ...]
+    statement: str
+    linearisation: Linearisation = field(repr=False)
+    projected: Projected = field(repr=False)
+    screening: Screening = field(repr=False)
+    cells: CellMap = field(repr=False)
+    whole: Problem = field(repr=False)
+    excluded: frozenset[str] = frozenset()
+    rows: tuple[TableRow, ...] = ()
+    findings: tuple[str, ...] = ()
+    record_level: tuple[RecordQuantity, ...] = ()
+
+    def __repr__(self) -> str:
+        """The verdict on one line."""
+        return one_line(self, f"{self.name}: {self.statement}")
+
+    @property
+    def adequate(self) -> bool:
+        """True when the data show nothing that the model lacks."""
+        return self.adequacy.adequate
+
+    def channels(self) -> dict[str, dict[str, Any]]:
+        """By channel, in the channels' units."""
+        measurements = self.fit.problem.measurements
+        shown = dict(zip(measurements.outputs, measurements.units, strict=True))
+        noise = {channel.name: channel for channel in self.fit.problem.noise.channels}
+        return {
+            name: _channel(error, shown[name], noise[name], self.fit.heldout_errors.get(name))
+            for name, error in self.fit.errors.items()
+        }
+
+    def document(self) -> dict[str, Any]:
+        """Its part of the machine-readable answer."""
+        tests = {
+            name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.freedom}
+            for name, test in self.adequacy.tests.items()
+        }
+        parameters = {
+            unknown.name: {
+                "value": float(value),
+                "unit": unknown.unit,
+                "std": _finite(self.fit.std.get(unknown.name, 0.0)),
+            }
+            for unknown, value in zip(self.fit.problem.shared, self.fit.values, strict=True)
+        }
+        return {
+            "model": self.name,
+            "adequate": self.adequate,
+            "below_noise": self.adequacy.below_noise,
+            "p_value": self.adequacy.p_value,
+            "tests": tests,
+            "chi2_reduced": _finite(self.fit.chi2_reduced),
+            "channels": self.channels(),
+            "parameters": parameters,
+            "where": [place.document() for place in self.where],
+            "trends": [trend.document() for trend in self.trends],
+            "slots": [slot.document() for slot in self.slots],
+            "rows": [row.document() for row in self.rows],
+            "findings": list(self.findings),
+            "record_level": [row for quantity in self.record_level for row in quantity.rows()],
+            "record_level_summary": [quantity.document() for quantity in self.record_level],
+            "statement": self.statement,
+        }
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which records were looked at, and what was left out.
+
+    Attributes
+    ----------
+    hold_out, only: the conditions by which records were held out, and chosen; "" for none.
+    rest: the records that were not chosen, with the noise of all; None where all were.
+    """
+
+    hold_out: str = ""
+    only: str = ""
+    rest: tuple[Measurements, DataNoise] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Models on the same data.
+
+    Attributes
+    ----------
+    runs: the ids.
+    held_out: the records that no fit saw, by label.
+    models: in the order asked for.
+    notes: on the data and their noise.
+    choice: of the records.
+    """
+
+    runs: tuple[str, ...]
+    held_out: tuple[str, ...]
+    models: tuple[ModelComparison, ...]
+    notes: tuple[str, ...]
+    choice: Choice = Choice()
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer; with one model its fields also stand at the top level."""
+        models = [model.document() for model in self.models]
+        top: Mapping[str, Any] = models[0] if len(models) == 1 else {}
+        return {
+            "runs": list(self.runs),
+            "held_out": list(self.held_out),
+            "notes": list(self.notes),
+            "models": models,
+            **top,
+        }
+
+    def summary(self) -> str:
+        """A line for each model."""
+        lines = []
+        for model in self.models:
+            errors = ", ".join(
+                f"{name} {one['rmse']:.3g} {one['unit']}" for name, one in model.channels().items()
+            )
+            verdict = "adequate" if model.adequate else "not adequate"
+            if model.adequacy.below_noise:
+                verdict = "not decided"
+            lines.append(f"{model.name}: {verdict} (p = {model.adequacy.p_value:.2g}); error {errors}")
+            lines.append(f"  {model.statement}")
+        return "\n".join(lines)
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each model and channel; units in their own column."""
+        import pandas as pd
+
+        rows = [
+            {"model": model.name, "adequate": model.adequate, "channel": name, **values}
+            for model in self.models
+            for name, values in model.channels().items()
+        ]
+        return pd.DataFrame(rows)
+
+    def __repr__(self) -> str:
+        """The verdicts on one line."""
+        verdicts = ", ".join(f"{m.name} {'adequate' if m.adequate else 'not adequate'}" for m in self.models)
+        return one_line(self, f"of {len(self.runs)} run{'' if len(self.runs) == 1 else 's'}: {verdicts}")
+
+    def _repr_html_(self) -> str:
+        """The summary and the table, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
+
+
+def _channel(
+    error: ChannelError, unit: str, noise: ChannelNoise, held_out: ChannelError | None
+) -> dict[str, Any]:
+    return {
+        **in_unit(error, unit),
+        "noise_share": noise.share or None,
+        "noise_source": noise.source,
+        "step": noise.step / parse_unit(unit).factor or None,
+        "noise_guessed": noise.guessed,
+        "noise_growth": _growth(noise, unit),
+        "masked": noise.masked,
+        "masked_share": noise.masked / max(1, noise.masked + noise.edges + error.count),
+        "on_edges": noise.edges,
+        "nrmse": error.nrmse,
+        "chi2_reduced": error.chi2_reduced,
+        "r2": _finite(error.r2),
+        "heldout_rmse": None if held_out is None else in_unit(held_out, unit)["rmse"],
+    }
+
+
+def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:
+    """How the noise grows with level and rate, in the channel's unit; None where it does not."""
+    law = noise.law
+    if law is None:
+        return None
+    shown = parse_unit(unit)
+    return {
+        "at_rest": law.floor / shown.factor,
+        "per_level": law.level,
+        "per_rate_s": law.rate,
+        "from_level": (law.origin - shown.offset) / shown.factor,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,388 @@
+"""Which physical effect is missing from a model, how sure that is, and what it cannot be told from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rigctl.analysis.adequacy import LEVEL, variance_factor
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison import compare
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.cross_validation import HeldOut, held_out_gain
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.fitting import require_free_parameters
+from rigctl.analysis.linearisation import slopes_at
+from rigctl.analysis.power import hidden_at_typical_size, power_text
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.remainder import Remainder, remainder
+from rigctl.analysis.rivals import Rival, classes_of, find_rivals
+from rigctl.analysis.score_test import Score
+from rigctl.analysis.search import Search, Tell
+from rigctl.analysis.separability import softened
+from rigctl.analysis.single_values.remarks import table_remarks
+from rigctl.analysis.text import drift_text, evidence_for, verdict_text, whether_at_all
+from rigctl.dataset.run import Run
+from rigctl.effects.declaration import qualified
+from rigctl.effects.record_level import RECORD
+from rigctl.engine.one_thread import one_thread
+from rigctl.model.model import Model
+from rigctl.units import parse_unit
+
+_SHOWN = 12
+#: of an effect's signature, the share that an unrecorded input does as well
+_MOSTLY = 0.5
+
+
+def diagnose(
+    runs: Sequence[Run],
+    model: Model,
+    *,
+    hold_out: str | None = None,
+    only: str | None = None,
+    most: int = 2,
+    excluded: Collection[str] = (),
+    tell: Tell | None = None,
+) -> Diagnosis:
+    """Diagnose a model on the usable records of `runs`; see `Diagnosis`.
+
+    Parameters
+    ----------
+    hold_out: a condition that chooses records which nothing here sees.
+    only: a condition that chooses the records to look at.
+    most: effects in the largest set that is looked at: one or two.
+    excluded: effects of the library that are not to be looked at.
+
+    Raises
+    ------
+    RigctlError
+        as `rigctl.analysis.comparison.compare`; or the model has nothing to fit.
+    """
+    require_free_parameters(model)
+    compared = compare(runs, [model], hold_out=hold_out, only=only, excluded=excluded, tell=tell)
+    return diagnose_comparison(
+        compared.models[0], compared.runs, compared.held_out, compared.notes, most=most, tell=tell
+    )
+
+
+@one_thread()
+def diagnose_comparison(
+    before: ModelComparison,
+    runs: Sequence[str] = (),
+    held_out: Sequence[str] = (),
+    notes: Sequence[str] = (),
+    *,
+    most: int = 2,
+    tell: Tell | None = None,
+) -> Diagnosis:
+    """Diagnose a model that has been compared with data."""
+    search = Search(before, before.whole, most=most, tell=tell or (lambda _: None))
+    best = search.none if before.adequate else search.best()
+    rivals = find_rivals(search, best)
+    close = [rival for rival in rivals if not rival.told]
+    ranking = _ranking(search, best)
+    checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
+    ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
+    left = remainder(search, best)
+    verdict = _verdict(search, best, close, checks, left)
+    by_name = {one.effect: one for one in ranking}
+    chosen = [(candidate, by_name[candidate.name]) for candidate in best.candidates]
+    drift = _drift(before, best)
+    evidence: list[str] = power_text(before.projected) if before.adequacy.agrees else []
+    evidence += [quantity.statement for quantity in before.record_level if quantity.statement]
+    for candidate, ranked in chosen:
+        evidence += evidence_for(candidate, ranked, checks[candidate.name], rivals)
+    remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
+    undecided = verdict is Verdict.OUTSIDE_LIBRARY or before.adequacy.below_noise
+    doubt = whether_at_all(before) if undecided else ""
+    seen = _seen(search, ranking) if not best.candidates else None
+    after = search.at(best) if best.candidates else None
+    return Diagnosis(
+        runs=tuple(runs),
+        model=before.name,
+        verdict=verdict,
+        effects=best.effects if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
+        classes=classes_of(best, rivals) if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
+        indistinguishable=tuple((rival.member, rival.name) for rival in close),
+        ranking=tuple(ranking),
+        untestable=tuple(_untestable(before)),
+        drift=tuple(drift),
+        slot=before.slots[0].slot if before.slots and not before.adequate else "",
+        statement=remarks.statement
+        or verdict_text(verdict, before, chosen, rivals, left, checks, seen, best.unusual, doubt),
+        evidence=(*evidence, *drift_text(drift)),
+        held_out=tuple(held_out),
+        notes=tuple(notes),
+        before=before,
+        best=best,
+        trials=tuple(search.trials.values()),
+        excluded=remarks.excluded,
+        excluded_because=remarks.why,
+        next_steps=remarks.next_steps,
+        p_value_after=before.adequacy.p_value if after is None else after.adequacy.p_value,
+        remainder=left,
+        doubt=doubt,
+    )
+
+
+def _verdict(
+    search: Search,
+    best: Trial,
+    close: Sequence[Rival],
+    checks: dict[str, HeldOut | None],
+    left: Remainder | None,
+) -> Verdict:
+    if search.before.adequate:
+        return Verdict.ADEQUATE
+    if not best.candidates or not search.sure(best):
+        return Verdict.OUTSIDE_LIBRARY
+    failed = any(check is not None and check.folds >= 2 and not check.passed for check in checks.values())
+    if failed and left is not None and len(best.candidates) > 1:
+        # several effects that neither explain all of it nor predict what they were not fitted on make up
+        # together for one that is not in the library
+        return Verdict.OUTSIDE_LIBRARY
+    unsettled = left is not None and left.below_noise  # the noise is not what the tests take it for
+    if close or failed or best.unusual or unsettled:
+        return Verdict.AMBIGUOUS
+    return Verdict.MISSING_EFFECT
+
+
+def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
+    """The refitted effect that explains most of what the scores alone see, and that does not pay for itself.
+
+    None where another test rejects as well: what that sees no effect has explained.
+    """
+    tests = search.before.adequacy.tests
+    rejecting = {name for name, test in tests.items() if len(tests) * test.p_value < LEVEL}
+    refitted = {trial.effects[0] for trial in search.trials.values() if len(trial.effects) == 1}
+    tried = [one for one in ranking if one.effect in refitted and one.size > 0.0]
+    return min(tried, key=lambda one: one.delta_bic, default=None) if rejecting == {"score"} else None
+
+
+def _ranking(search: Search, best: Trial) -> list[Ranked]:
+    """Effects with their probabilities over all sets that were looked at, "none" among them."""
+    trials = [search.none, *search.trials.values()]
+    refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
+    screened = [score for score in search.before.screening.scores if score.effect not in refitted]
+    sets: dict[tuple[str, ...], float] = {}
+    for trial in trials:  # of several shapes of one set, the best counts
+        if len(trial.effects) > len(best.effects) > 0:
+            continue  # what it has beyond the best set explains no more than the shape of that may
+        key = tuple(sorted(trial.effects))
+        sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
+    tried = search.before.linearisation.candidates
+    for score in screened:
+        price = search.price(tried[score.candidate])
+        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + price
+    # what is better than the best set is so by less than shapes may do, or it would be the best
+    least = search.mbic(best)
+    less = max(softened(search.none.chi2 - best.chi2), _factor(search, best))
+    behind = {names: min(max(value - least, 0.0) / less, 1400.0) for names, value in sets.items()}
+    weights = {names: math.exp(-0.5 * value) for names, value in behind.items()}
+    total = sum(weights.values())
+    shares: dict[str, float] = {}
+    for names, weight in weights.items():
+        for name in set(names):
+            shares[name] = shares.get(name, 0.0) + weight / total
+    by_name = {score.effect: score for score in search.before.screening.scores}
+    order = sorted(
+        by_name, key=lambda name: (-shares.get(name, 0.0), by_name[name].p_value, -by_name[name].gain)
+    )
+    shown = list(dict.fromkeys([*best.effects, *order]))[: max(_SHOWN, len(best.effects))]
+    ranked = []
+    for name in shown:
+        score = by_name[name] if name in by_name else _score_beside(search, best, name)
+        ranked.append(_ranked(search, best, score, min(1.0, shares.get(name, 0.0))))
+    own = set(best.effects)
+    return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.effect not in own, one.delta_bic))
+
+
+def _factor(search: Search, best: Trial) -> float:
+    """By how much differences of mBIC count less: 1 where the best set leaves noise alone."""
+    here = search.at(best) if best.candidates else search.before
+    return 1.0 if here.adequacy.agrees else variance_factor(best.fit)
+
+
+def _score_beside(search: Search, best: Trial, name: str) -> Score:
+    """The score of a member of the best set that the model as it is shows nothing of: beside the others."""
+    (member,) = (one for one in best.candidates if one.name == name)
+    projected = search.at(best).without(member)
+    columns = range(len(member.columns))
+    gain = search.explained(best, member)
+    places = {one.name: k for k, one in enumerate(search.before.linearisation.candidates)}
+    return Score(
+        effect=name,
+        candidate=places[name],
+        gain=gain,
+        z=math.sqrt(gain),
+        p_value=1.0,  # on the model as it is
+        sizes=best.sizes(member),
+        kappa=float(min(projected.kappa[column] for column in columns)),
+        hidden_in="",
+    )
+
+
+def _ranked(search: Search, best: Trial, score: Score, probability: float) -> Ranked:
+    name = score.effect
+    trial, without = _trial_of(search, best, name)
+    if trial is None or without is None:
+        lin = search.before.linearisation
+        candidate = lin.candidates[score.candidate]
+        if trial is None:
+            sizes = search.alone_sizes(name) or score.sizes.tolist()
+            parameters = _linear_parameters(candidate, sizes)
+        else:  # a member of the best set, the rest of which could not be fitted
+            (member,) = (one for one in trial.candidates if one.name == name)
+            parameters = found_parameters(trial, member)
+        difference = search.price(candidate) - search.promised(score)
+        drop, size = 0.0, math.sqrt(search.promised(score))
+    else:
+        (candidate,) = (one for one in trial.candidates if one.name == name)
+        parameters = found_parameters(trial, candidate)
+        difference = search.mbic(trial) - search.mbic(without)
+        before, after = _nrmse(without), _nrmse(trial)
+        drop = (before - after) / before if before else 0.0
+        size = math.sqrt(max(without.chi2 - trial.chi2, 0.0))
+    return Ranked(
+        effect=name,
+        probability=probability,
+        score_p_value=score.p_value,
+        delta_bic=difference,
+        kappa=score.kappa,
+        hidden_in=score.hidden_in,
+        heldout_before=math.nan,
+        heldout_after=math.nan,
+        error_drop=drop,
+        size=size,
+        parameters=parameters,
+    )
+
+
+def _trial_of(search: Search, best: Trial, name: str) -> tuple[Trial | None, Trial | None]:
+    """The set in which an effect is judged, and the same without it: the best one where it is a member."""
+    if name in best.effects:
+        rest = tuple(one for one in best.effects if one != name)
+        others = [t for t in search.trials.values() if tuple(sorted(t.effects)) == tuple(sorted(rest))]
+        return best, (min(others, key=search.mbic) if others else search.none if not rest else None)
+    for member in best.candidates if len(best.candidates) > 1 else ():
+        for rival, _, _ in search.rivals(best, member):
+            if name in rival.effects:
+                kept = tuple(one for one in best.candidates if one is not member)
+                return rival, search.known(kept)
+    single = [trial for trial in search.trials.values() if trial.effects == (name,)]
+    return (min(single, key=search.mbic), search.none) if single else (None, None)
+
+
+def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParameter]:
+    """An effect's parameters as fitted, in the units they are shown in."""
+    found = {}
+    fitted = {unknown.name for unknown in trial.fit.problem.shared}
+    refined = [name for name in _shapes(candidate) if name in fitted]
+    for column in (*candidate.columns, *refined):
+        declared = candidate.parameter(column)
+        value, std = trial.value(column)
+        unit = parse_unit(declared.unit)
+        offset = 0.0 if declared.difference else unit.offset
+        found[declared.name] = FoundParameter(
+            (value - offset) / unit.factor, declared.unit, std / unit.factor, declared.unusual(value)
+        )
+    return found
+
+
+def _shapes(candidate: Candidate) -> list[str]:
+    return [qualified(candidate.name, one.name) for one in candidate.effect.parameters if one.shape]
+
+
+def _linear_parameters(candidate: Candidate, sizes: Sequence[float]) -> dict[str, FoundParameter]:
+    found = {}
+    for column, size in zip(candidate.columns, sizes, strict=True):
+        declared = candidate.parameter(column)
+        factor = parse_unit(declared.unit).factor
+        found[declared.name] = FoundParameter((declared.at_null + size) / factor, declared.unit, math.nan)
+    return found
+
+
+def _nrmse(trial: Trial) -> float:
+    errors = trial.fit.errors.values()
+    count = sum(one.count for one in errors)
+    return math.sqrt(sum(one.nrmse**2 * one.count for one in errors) / count) if count else 0.0
+
+
+def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
+    """The leave-out check of one member of the best set, at its fit."""
+    here = search.at(best)
+    lin = here.linearisation
+    if len(lin.records) < 2:
+        return None
+    return held_out_gain(lin, candidate.columns, best.sizes(candidate), here.held(candidate))
+
+
+def _with_check(ranked: Ranked, check: HeldOut | None) -> Ranked:
+    return (
+        ranked if check is None else replace(ranked, heldout_before=check.before, heldout_after=check.after)
+    )
+
+
+def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
+    """Effects that show nothing here, and what would make them show."""
+    by_name = {one.name: one.effect for one in before.linearisation.candidates}
+    measured = set(before.fit.problem.measurements.outputs)
+    found = []
+    for name in before.screening.untestable:
+        effect = by_name[name]
+        sensors = [slot.removesuffix("_reading") for slot in effect.slots if slot.endswith("_reading")]
+        absent = [sensor for sensor in sensors if sensor not in measured]
+        needs = (
+            f"the channel {', '.join(absent)}" if absent else effect.needs or "other commands or conditions"
+        )
+        found.append((name, needs))
+    return found + _hidden_by_unrecorded(before)
+
+
+def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
+    """Effects that do not show at their size, because an input that nobody recorded does most of the same."""
+    fit, lin = before.fit, before.linearisation
+    inputs = sorted({name for record in fit.problem.records for name in record.unrecorded})
+    small = set(hidden_at_typical_size(before.projected)) if inputs else set()
+    suspects = [one for one in before.screening.scores if one.effect in small and one.hidden_in == RECORD]
+    if not suspects:
+        return []
+    inner = before.whole.only(fit.fitted)
+    chosen = [lin.candidates[one.candidate] for one in suspects]
+    slopes = slopes_at(inner, fit, (), chosen, [fit.local[k] for k in fit.fitted])
+    ends = np.cumsum([len(one.columns) for one in chosen])[:-1]
+    whole, taken = np.zeros(len(chosen)), np.zeros(len(chosen))
+    for k, whitener in enumerate(inner.whiteners):
+        own = [slopes.own[k][qualified(RECORD, name)] for name in inner.records[k].unrecorded]
+        white = whitener(slopes.signatures[k])
+        basis = np.linalg.qr(whitener(np.stack(own, axis=2)))[0] if own else np.empty((len(white), 0))
+        for place, columns in enumerate(np.split(white, ends, axis=1)):
+            whole[place] += float(np.square(columns).sum())
+            taken[place] += float(np.square(basis.T @ columns).sum())
+    names = " and ".join(inputs)
+    needs = f"a record of {names}: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do nearly the same"
+    return [
+        (one.effect, needs)
+        for one, share, all_of_it in zip(suspects, taken, whole, strict=True)
+        if all_of_it > 0.0 and share > _MOSTLY * all_of_it
+    ]
+
+
+def _drift(before: ModelComparison, best: Trial) -> list[Drift]:
+    if not best.candidates:
+        return []
+    family = before.fit.problem.model.family
+    after = dict(zip([u.name for u in best.fit.problem.shared], best.fit.values.tolist(), strict=True))
+    found = []
+    for unknown, value in zip(before.fit.problem.shared, before.fit.values.tolist(), strict=True):
+        if "." in unknown.name:
+            continue
+        declared = family.parameter(unknown.name)
+        unit = parse_unit(declared.unit)
+        ends = unit.from_si(value), unit.from_si(after[unknown.name])
+        stds = (one.std.get(unknown.name, math.nan) / unit.factor for one in (before.fit, best.fit))
+        found.append(Drift(unknown.name, *ends, declared.unit, *stds))
+    return found

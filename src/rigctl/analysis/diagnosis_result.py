@@ -1,0 +1,284 @@
+"""What a diagnosis returns, for people and for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.remainder import Remainder
+from rigctl.notebook import as_html, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """An effect that cannot be what is missing, alone.
+
+    Attributes
+    ----------
+    reached: the share of the missing change that it makes at its best: 0 for none, below 0 for the wrong way;
+        `at_most` the largest at any size that was looked at, up to the largest that is usual.
+    only: the conditions at which it makes at least half of it; empty where at none or at all.
+    worse: by so many standard deviations it fits less well than the best does.
+    """
+
+    effect: str
+    reached: float
+    only: tuple[str, ...]
+    worse: float
+    at_most: float
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "effect": self.effect,
+            "reached": self.reached,
+            "at_most": self.at_most,
+            "only": list(self.only),
+            "worse": self.worse,
+        }
+
+
+class Verdict(StrEnum):
+    """What the data say of the model."""
+
+    ADEQUATE = "adequate"  #: the data show nothing that the model lacks
+    MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does as well
+    AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot tell which
+    OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no set of effects explains well enough
+
+
+@dataclass(frozen=True)
+class FoundParameter:
+    """A parameter of an effect as it was fitted, in the unit it is shown in.
+
+    `std` is 0 where the fit ended at a bound of the parameter, and NaN where it is not known. `unusual` says
+    that the value lies beyond what is usual.
+    """
+
+    value: float
+    unit: str
+    std: float
+    unusual: bool = False
+
+    def __str__(self) -> str:
+        """As it is read, e.g. ``4e-15 ± 1e-16 m^3``; a spread that is not known is left out."""
+        spread = f" ± {float(f'{self.std:.1g}'):g}" if self.std and math.isfinite(self.std) else ""
+        where = "" if self.std else " at its bound"
+        return f"{self.value:.4g}{spread}{'' if self.unit == '1' else ' ' + self.unit}{where}"
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One effect of the ranking.
+
+    Attributes
+    ----------
+    probability: that it is among what is missing, given that one of the sets looked at is right.
+    score_p_value: family-wise, of the score test on the model as it is.
+    delta_bic: mBIC with it less without it; negative is better.
+    kappa: the share of its signature that the fitted parameters cannot imitate.
+    hidden_in: the fitted parameter that imitates most of it; ``record`` where what each record has of its own
+        does so.
+    heldout_before, heldout_after: noise-normalised RMSE on what was left out; NaN where not looked at.
+    error_drop: the fall of the noise-normalised RMSE, as a share of it.
+    size: λ, in sigmas of the data.
+    """
+
+    effect: str
+    probability: float
+    score_p_value: float
+    delta_bic: float
+    kappa: float
+    hidden_in: str
+    heldout_before: float
+    heldout_after: float
+    error_drop: float
+    size: float
+    parameters: Mapping[str, FoundParameter]
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "effect": self.effect,
+            "probability": self.probability,
+            "score_p_value": self.score_p_value,
+            "delta_bic": self.delta_bic,
+            "kappa": self.kappa,
+            "hidden_in": self.hidden_in,
+            "heldout_before": _finite(self.heldout_before),
+            "heldout_after": _finite(self.heldout_after),
+            "error_drop": self.error_drop,
+            "size": self.size,
+            "parameters": {
+                name: {
+                    "value": one.value,
+                    "unit": one.unit,
+                    "std": _finite(one.std),
+                    "unusual": one.unusual,
+                }
+                for name, one in self.parameters.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How a fitted parameter changed with the effects found; in the unit it is shown in.
+
+    Attributes
+    ----------
+    before_std, after_std: standard deviations of the two; 0 at a bound, NaN where not known.
+    """
+
+    parameter: str
+    before: float
+    after: float
+    unit: str
+    before_std: float = math.nan
+    after_std: float = math.nan
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and everything that speaks for and against it.
+
+    Attributes
+    ----------
+    verdict, effects: what is missing: the most probable set, empty when nothing is.
+    classes: groups of names that these data cannot tell apart; each holds one of `effects`.
+    indistinguishable: pairs of such names.
+    ranking: the most probable first.
+    untestable: effects that these data say nothing of, with what would make them testable.
+    drift: of the fitted parameters.
+    slot: the equation that wants a term most, "" when none does.
+    statement: in words; `evidence` a sentence each for and against.
+    before: the model as it is; after: with `effects`, the same when there are none.
+    best: the trial of `effects`.
+    trials: every set that was refitted.
+    remainder: what the best set leaves; None where the tests find nothing any more, or there is no set.
+    doubt: why these data cannot tell whether anything is missing, of `OUTSIDE_LIBRARY`, and of `ADEQUATE`
+        where a test rejects a model whose error is below the noise; "" where they can.
+    excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
+    next_steps: of a table, what to measure next.
+    """
+
+    runs: tuple[str, ...]
+    model: str
+    verdict: Verdict
+    effects: tuple[str, ...]
+    classes: tuple[tuple[str, ...], ...]
+    indistinguishable: tuple[tuple[str, str], ...]
+    ranking: tuple[Ranked, ...]
+    untestable: tuple[tuple[str, str], ...]
+    drift: tuple[Drift, ...]
+    slot: str
+    statement: str
+    evidence: tuple[str, ...]
+    held_out: tuple[str, ...]
+    notes: tuple[str, ...]
+    before: ModelComparison = field(repr=False)
+    best: Trial = field(repr=False)
+    trials: tuple[Trial, ...] = field(repr=False)
+    p_value_after: float = math.nan
+    excluded: tuple[Exclusion, ...] = ()
+    excluded_because: tuple[str, ...] = ()
+    next_steps: tuple[str, ...] = ()
+    remainder: Remainder | None = None
+    doubt: str = ""
+
+    @property
+    def title(self) -> str:
+        """The verdict in a few words."""
+        if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
+            return f"{len(self.effects)} effects are missing"
+        if self.doubt:
+            return "Not decided"
+        return {
+            Verdict.ADEQUATE: "Adequate",
+            Verdict.MISSING_EFFECT: "An effect is missing",
+            Verdict.AMBIGUOUS: "Ambiguous",
+            Verdict.OUTSIDE_LIBRARY: "Outside the library",
+        }[self.verdict]
+
+    @property
+    def remainder_text(self) -> str:
+        """What is left, in words, where the statement does not say it already; else ""."""
+        if self.remainder is None or self.verdict is not Verdict.OUTSIDE_LIBRARY:
+            return ""
+        return self.remainder.statement
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer."""
+        return {
+            "runs": list(self.runs),
+            "model": self.model,
+            "verdict": self.verdict.value,
+            "effects": list(self.effects),
+            "classes": [list(names) for names in self.classes],
+            "indistinguishable": [list(pair) for pair in self.indistinguishable],
+            "ranking": [one.document() for one in self.ranking],
+            "remainder": None if self.remainder is None else self.remainder.document(),
+            "doubt": self.doubt,
+            "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
+            "drift": [
+                {
+                    "parameter": d.parameter,
+                    "before": d.before,
+                    "after": d.after,
+                    "unit": d.unit,
+                    "before_std": _finite(d.before_std),
+                    "after_std": _finite(d.after_std),
+                }
+                for d in self.drift
+            ],
+            "where": {"slot": self.slot, "statement": self.before.statement},
+            "excluded": [one.document() for one in self.excluded],
+            "excluded_because": list(self.excluded_because),
+            "findings": list(self.before.findings),
+            "next_steps": list(self.next_steps),
+            "next_experiment": None,
+            "p_value": self.before.adequacy.p_value,
+            "p_value_after": _finite(self.p_value_after),
+            "held_out": list(self.held_out),
+            "evidence": list(self.evidence),
+            "notes": list(self.notes),
+            "statement": self.statement,
+        }
+
+    def summary(self) -> str:
+        """The verdict in a few lines."""
+        lines = [f"{self.verdict.value}: {self.statement}"]
+        lines += [
+            f"  {one.probability:6.1%}  {one.effect}  (score p {one.score_p_value:.2g}, "
+            f"ΔmBIC {one.delta_bic:+.1f})"
+            for one in self.ranking[:5]
+        ]
+        return "\n".join(lines)
+
+    def frame(self) -> pd.DataFrame:
+        """The ranking, one row for each effect."""
+        import pandas as pd
+
+        rows = [one.document() for one in self.ranking]
+        return pd.DataFrame([{k: v for k, v in row.items() if k != "parameters"} for row in rows])
+
+    def __repr__(self) -> str:
+        """The verdict on one line."""
+        effects = f" {' + '.join(self.effects)}" if self.effects else ""
+        return one_line(self, f"of {self.model}: {self.verdict.value}{effects}")
+
+    def _repr_html_(self) -> str:
+        """The summary and the ranking, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,328 @@
+"""What an unknown disturbance at each slot does to the readings of every record.
+
+It is declared like an effect whose amplitudes are at their null; the engine's derivatives are its columns.
+At a slot of the process or of a command it is ``w(t) = Σ_k a_k·Λ(t/h − k)``, tents Λ at K knots that are h
+apart. At a slot of which only the readings depend it is a level: no motion follows, so that one derivative
+says what any course of it does.
+
+An error of a sensor is a function of time, of what is read, and of how fast that changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, qualified
+from rigctl.engine.compile import CompiledSystem, Progress, compile_system
+from rigctl.engine.symbols import Scalar, positive_part
+from rigctl.engine.system import System
+from rigctl.model.build import build_system
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.physics.family import ModelFamily, Slot
+from rigctl.physics.scope import Scope
+
+#: what the hidden effect is called
+DISTURBANCE = "disturbance"
+#: its parameter that sets the time between two knots, s
+SPACING = qualified(DISTURBANCE, "spacing")
+#: how sharp a tent's corners are, in knots
+_CORNER = 1e-3
+#: amplitudes stay at their null, so that bounds do not matter
+_BOUND = 1e12
+
+
+def amplitude(slot: Slot, knot: int) -> str:
+    """The parameter of a slot's disturbance at a knot, as a system knows it."""
+    return qualified(DISTURBANCE, f"{slot.name}_{knot}")
+
+
+def level(slot: Slot) -> str:
+    """The parameter of a slot's disturbance that does not change."""
+    return qualified(DISTURBANCE, f"{slot.name}_level")
+
+
+def disturbed_system(problem: Problem, moving: Sequence[Slot], reading: Sequence[Slot], knots: int) -> System:
+    """The model of `problem` with tents at the slots `moving` and levels at the slots `reading`.
+
+    Raises
+    ------
+    RigctlError
+        a slot takes no term.
+    """
+    model, level_effect = problem.model, problem.level.effect
+    effect = _effect(model.family, moving, reading, knots)
+    effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
+    return build_system(
+        model.family,
+        {**effects, **problem.level.null, DISTURBANCE: effect.null},
+        problem.measurements.rig or model.rig,
+        parameters={name: value for name, value in model.values.items() if "." not in name},
+        oil=model.oil,
+        own=(*model.own, *((level_effect,) if level_effect is not None else ()), effect),
+    )
+
+
+def sort_slots(problem: Problem) -> tuple[tuple[Slot, ...], tuple[Slot, ...]]:
+    """The slots of which a state or a switch time depends, and those of which only measured readings do."""
+    slots = problem.model.family.slots
+    system = disturbed_system(problem, (), slots, 0)
+    measured = set(problem.measurements.outputs)
+    moved = [*system.rhs, *(delay.expr for delay in system.delays)]
+    read = [output.expr for output in system.outputs if output.name in measured]
+    moving, reading = [], []
+    for slot in slots:
+        variable = system.graph.variables.get(level(slot))
+        if variable is None:
+            continue
+        if any(expr.depends_on & variable.depends_on for expr in moved):
+            moving.append(slot)
+        elif any(expr.depends_on & variable.depends_on for expr in read):
+            reading.append(slot)
+    return tuple(moving), tuple(reading)
+
+
+def _effect(family: ModelFamily, moving: Sequence[Slot], reading: Sequence[Slot], knots: int) -> Effect:
+    tents = [(slot.name, partial(_tents, slot, knots)) for slot in moving]
+    levels = [(slot.name, partial(_level, slot)) for slot in reading]
+    names = [(f"{slot.name}_{k}", slot.unit) for slot in moving for k in range(knots)]
+    names += [(f"{slot.name}_level", slot.unit) for slot in reading]
+    return Effect(
+        name=DISTURBANCE,
+        family=family.name,
+        own_family=family,
+        summary="What a record says of an unknown term.",
+        equation="w(t) = sum of a_k * tent(t/h - k)",
+        source="Kristensen, Madsen & Jorgensen, Automatica 40 (2004) 225",
+        looks_like="Anything.",
+        terms=(*tents, *levels),
+        parameters=(
+            *(EffectParameter(name, unit, 0.0, 1.0, -_BOUND, _BOUND, "amplitude") for name, unit in names),
+            EffectParameter("spacing", "s", None, 1.0, 0.0, _BOUND, "h, from knot to knot"),
+        ),
+        states=(EffectState("clock", "s", 1.0, lambda m, p: 1.0, "time since the record began"),),
+    )
+
+
+def _tents(slot: Slot, knots: int, _: Scope, p: Own) -> Scalar:
+    total: Scalar = 0.0
+    for k, tent in enumerate(_shapes(p.clock / p.spacing, knots)):
+        total = total + p[f"{slot.name}_{k}"] * tent
+    return 1.0 + total if slot.combine == "product" else total
+
+
+@lru_cache(maxsize=1)
+def _shapes(place: Scalar, knots: int) -> tuple[Scalar, ...]:
+    """Tents at 0, 1, … of ``place``, each a second difference of ramps; every slot has the same."""
+    ramps = [positive_part(place - float(k), _CORNER) for k in range(-1, knots + 1)]
+    return tuple(ramps[k] - 2.0 * ramps[k + 1] + ramps[k + 2] for k in range(knots))
+
+
+def _level(slot: Slot, _: Scope, p: Own) -> Scalar:
+    value = p[f"{slot.name}_level"]
+    return 1.0 + value if slot.combine == "product" else value
+
+
+Floats = NDArray[np.float64]
+#: what a disturbance depends on; in a table, "time" is its inputs
+View: TypeAlias = Literal["time", "reading", "rate"]
+
+
+def reading_bases(
+    records: Sequence[MeasuredRecord], read: Sequence[Floats], knots: int, spacing: float
+) -> dict[View, list[Floats]]:
+    """(n, functions) of each record for every view of an error of one channel, of which `read` is said.
+
+    - "time": tents at the knots; of a table, whose `spacing` is 0, tents over each input that varies;
+    - "reading": an offset, a gain and a bend over the range that the channel covers;
+    - "rate": the time derivative, which a lag multiplies; a table has none.
+    """
+    low, high = min(float(x.min()) for x in read), max(float(x.max()) for x in read)
+    place = [(2.0 * x - low - high) / ((high - low) or 1.0) for x in read]
+    found: dict[View, list[Floats]] = {}
+    found["reading"] = [np.column_stack([np.ones_like(x), x, 1.5 * x**2 - 0.5]) for x in place]
+    if spacing > 0.0:
+        found["time"] = [tents(r.times - r.switch_times[0], knots, spacing) for r in records]
+        if min(x.size for x in read) > 1:
+            found["rate"] = [
+                np.gradient(x, record.times)[:, None] for x, record in zip(read, records, strict=True)
+            ]
+        return found
+    varying = _inputs(records)
+    if varying[0].shape[1]:
+        found["time"] = [
+            np.concatenate([tents(column, knots, 1.0 / (knots - 1)) for column in x.T], axis=1)
+            for x in varying
+        ]
+    return found
+
+
+def tents(x: Floats, knots: int, spacing: float) -> Floats:
+    """(n, knots): ``max(0, 1 − |x/spacing − k|)``."""
+    distance = np.abs(x[:, None] / spacing - np.arange(knots))
+    return np.maximum(1.0 - distance, 0.0)
+
+
+def _inputs(records: Sequence[MeasuredRecord]) -> list[Floats]:
+    """(n, varying inputs) of each record at its samples, from 0 to 1."""
+    values = [
+        record.inputs[np.searchsorted(record.switch_times, record.times, side="right") - 1]
+        for record in records
+    ]
+    low = np.min([x.min(axis=0) for x in values], axis=0)
+    high = np.max([x.max(axis=0) for x in values], axis=0)
+    moved = high > low
+    return [(x[:, moved] - low[moved]) / (high[moved] - low[moved]) for x in values]
+
+
+Places = NDArray[np.intp]
+#: samples of a record beyond which derivatives are worked out at some of them and interpolated
+_SAMPLES = 500
+#: samples from a switch on that are none of them left out: what a delay does is sharp
+_ABOUT = 12
+
+
+@dataclass(frozen=True)
+class Part:
+    """Columns that belong together: a slot, and what its disturbance depends on there.
+
+    `knots` is the number of neighbouring columns that are alike; 0 for columns without an order.
+    """
+
+    slot: Slot
+    view: View
+    columns: slice
+    knots: int = 0
+
+
+@dataclass(frozen=True)
+class DisturbanceColumns:
+    """Disturbances of unit amplitude and their consequences.
+
+    Attributes
+    ----------
+    parts: what the columns are.
+    readings: (n, channels, columns) of each record: the change of the readings.
+    courses: (n, columns) of each record: the disturbance itself.
+    """
+
+    parts: tuple[Part, ...]
+    readings: tuple[Floats, ...] = field(repr=False)
+    courses: tuple[Floats, ...] = field(repr=False)
+
+
+def disturbance_columns(
+    fit: FitResult, problem: Problem, knots: int, progress: Progress | None = None
+) -> DisturbanceColumns:
+    """The columns of the records of `problem`, the fitted ones of `fit`, in its slots' order.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    moving, reading = sort_slots(problem)
+    compiled = compile_system(disturbed_system(problem, moving, reading, knots), progress=progress)
+    spacing = max((_length(record) for record in problem.records), default=0.0) / (knots - 1) or 1.0
+    names = [
+        *(amplitude(slot, k) for slot in moving for k in range(knots)),
+        *(level(slot) for slot in reading),
+    ]
+    slopes = _slopes(fit, _with_system(problem, fit, compiled, spacing), names)
+    count = len(moving) * knots
+    parts = [Part(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)]
+    readings = [[array[:, :, :count]] for array in slopes]
+    courses = [
+        [np.tile(tents(record.times - record.switch_times[0], knots, spacing), (1, len(moving)))]
+        for record in problem.records
+    ]
+    for place, slot in enumerate(reading):
+        steps = [array[:, :, len(moving) * knots + place] for array in slopes]
+        grid = (knots, spacing) if moving else (knots, 0.0)
+        channel = _shown_on(problem, steps)
+        outputs = [fit.outputs[k][:, channel] for k in fit.fitted]
+        for view, bases in reading_bases(problem.records, outputs, *grid).items():
+            last = count + bases[0].shape[1]
+            parts.append(Part(slot, view, slice(count, last), knots if view == "time" else 0))
+            count = last
+            for k, basis in enumerate(bases):
+                readings[k].append(steps[k][:, :, None] * basis[:, None, :])
+                courses[k].append(basis)
+    return DisturbanceColumns(
+        tuple(parts),
+        tuple(np.concatenate(arrays, axis=2) for arrays in readings),
+        tuple(np.concatenate(arrays, axis=1) for arrays in courses),
+    )
+
+
+def _shown_on(problem: Problem, steps: Sequence[Floats]) -> int:
+    """The channel on which a reading's disturbance shows most, in units of the noise."""
+    shown = np.sum([np.abs(step).sum(axis=0) for step in steps], axis=0) / problem.noise.sigma
+    return int(np.argmax(shown))
+
+
+def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floats]:
+    """(n, channels, names) of each record: worked out at few samples, on straight lines between them."""
+    slopes: list[Floats] = []
+    for part in problem.parts(len(names)):
+        some = problem.only(part)
+        chosen = [_few(record) for record in some.records]
+        local = [fit.local[fit.fitted[k]] for k in part]
+        found = some.at_samples(chosen).simulate(np.empty(0), local, names).require()
+        slopes += [
+            _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
+            for array, places, record in zip(found.sensitivities, chosen, some.records, strict=True)
+        ]
+    return slopes
+
+
+def _length(record: MeasuredRecord) -> float:
+    return float(record.times[-1] - record.switch_times[0])
+
+
+def _with_system(problem: Problem, fit: FitResult, compiled: CompiledSystem, spacing: float) -> Problem:
+    """`problem` with other equations, at the fitted values."""
+    fitted = dict(zip(problem.compiled.system.parameter_names, problem.base.tolist(), strict=True))
+    fitted |= {u.name: float(value) for u, value in zip(fit.problem.shared, fit.values, strict=True)}
+    fitted[SPACING] = spacing
+    system, known = compiled.system, problem.compiled.system.state_names
+    starts = [dict(zip(known, start.tolist(), strict=True)) for start in problem.starts]
+    return replace(
+        problem,
+        compiled=compiled,
+        shared=(),
+        base=np.array([fitted.get(p.name, p.value) for p in system.parameters]),
+        starts=tuple(np.array([start.get(name, 0.0) for name in system.state_names]) for start in starts),
+    )
+
+
+def _few(record: MeasuredRecord) -> Places:
+    """Samples of a record that tell the others: every so many, and all about each switch."""
+    count = record.times.size
+    if count <= _SAMPLES:
+        return np.arange(count, dtype=np.intp)
+    switched = np.flatnonzero(np.diff(record.phase))
+    every = np.arange(0, count, -(-count // _SAMPLES))
+    about = (switched[:, None] + np.arange(_ABOUT)).ravel()
+    chosen = np.unique(np.concatenate([every, about, [count - 1]]))
+    return chosen[chosen < count].astype(np.intp)
+
+
+def _interpolated(array: Floats, places: Places, times: Floats) -> Floats:
+    """(samples, channels, columns) between the chosen samples, on straight lines."""
+    if places.size == times.size:
+        return array
+    right = np.clip(np.searchsorted(places, np.arange(times.size), side="left"), 1, places.size - 1)
+    left = right - 1
+    begin, end = times[places[left]], times[places[right]]
+    share = ((times - begin) / (end - begin))[:, None, None]
+    result: Floats = array[left] * (1.0 - share)
+    result += array[right] * share
+    return result

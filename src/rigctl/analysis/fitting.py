@@ -1,0 +1,146 @@
+"""From runs to a fitted model: what was measured, which records the fit does not see, and the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rigctl.analysis.comparison_result import Choice
+from rigctl.analysis.localisation import variable_units
+from rigctl.dataset.run import Run
+from rigctl.engine.least_squares import started
+from rigctl.engine.one_thread import one_thread
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import make_problem
+from rigctl.model.measured.hold_out import chosen, held_out
+from rigctl.model.measured.noise import DataNoise, noise_of, with_spikes_off_model
+from rigctl.model.measured.read import read_measurements
+from rigctl.model.measured.record import Measurements
+from rigctl.model.model import Model
+
+#: told what is being done
+Tell = Callable[[str], None]
+
+
+def tell_nobody(_: str) -> None:
+    """For work that nobody waits for."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a model is fitted to and judged by.
+
+    Attributes
+    ----------
+    measurements, noise: the records and how noisy they are.
+    held_out: the places of the records that no fit sees.
+    choice: what was asked for, and the records that are not among these.
+    """
+
+    measurements: Measurements
+    noise: DataNoise
+    held_out: tuple[int, ...]
+    choice: Choice = field(default_factory=Choice)
+
+
+def read_runs(
+    model: Model,
+    runs: Sequence[Run],
+    *,
+    hold_out: str | None = None,
+    only: str | None = None,
+    tell: Tell = tell_nobody,
+) -> Data:
+    """The usable records of `runs` as `model`, and every other of its family and rig, sees them.
+
+    Parameters
+    ----------
+    hold_out: a condition that chooses the records that no fit sees, e.g. ``oil == 60 degC``.
+    only: a condition that chooses the records to look at; the noise is learned from all.
+
+    Raises
+    ------
+    RigctlError
+        the runs are not of the model's bench, or a condition chooses none or all of the records.
+    """
+    tell("Reading the records")
+    measurements = read_measurements(model, runs)
+    noise = noise_of(measurements)
+    units = variable_units(measurements)
+    choice = Choice(hold_out or "", only or "")
+    if only:
+        places = chosen(measurements, only, units)
+        others = sorted(set(range(len(measurements.records))) - set(places))
+        rest = (measurements.only(others), noise.only(others)) if others else None
+        choice = replace(choice, rest=rest)
+        measurements, noise = measurements.only(places), noise.only(places)
+    return Data(measurements, noise, held_out(measurements, hold_out, units, only), choice)
+
+
+def fit_to_data(model: Model, data: Data, *, refit: bool = True, tell: Tell = tell_nobody) -> FitResult:
+    """Fit a model's free parameters; `refit` False takes them as they are.
+
+    Raises
+    ------
+    RigctlError
+        too few values for the parameters, or a model that cannot be simulated.
+    """
+    tell(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
+    return fit_model(model, data.measurements, data.noise, data.held_out, refit=refit, tell=tell)
+
+
+def fit_again(before: FitResult, model: Model, *, refit: bool = True, tell: Tell = tell_nobody) -> FitResult:
+    """Fit another model to the data of `before`, with the same noise and the same records held out."""
+    problem = before.problem
+    data = DataNoise(problem.noise, problem.ok)
+    return fit_model(model, problem.measurements, data, before.held_out, refit=refit, tell=tell)
+
+
+@one_thread()
+def fit_model(
+    model: Model,
+    measurements: Measurements,
+    noise: DataNoise,
+    held_out: Sequence[int] = (),
+    *,
+    refit: bool = True,
+    tell: Tell = tell_nobody,
+) -> FitResult:
+    """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`.
+
+    Without `refit` what is the logger's and not the model's, how late it writes switches, is fitted still.
+    """
+    problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
+    if not refit:
+        problem = problem.with_shared([one for one in problem.shared if one.name not in model.fitted])
+    found = fit(problem, held_out, refit=bool(problem.shared))
+    errors = [found.normalised_error(place) for place in range(len(measurements.records))]
+    cleaned = with_spikes_off_model(noise, measurements, errors)
+    if cleaned is None:
+        return found
+    begun = dict(zip((unknown.name for unknown in found.problem.shared), found.values, strict=True))
+    again = make_problem(model, measurements, cleaned.model, cleaned.ok, progress=tell)
+    shared = [one for one in again.shared if refit or one.name not in model.fitted]
+    again = again.with_shared(
+        started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))
+    )
+    return fit(again, held_out, refit=bool(again.shared), local=found.local)
+
+
+def require_free_parameters(model: Model) -> None:
+    """Require that the model has something to fit.
+
+    Raises
+    ------
+    RigctlError
+        it has not.
+    """
+    if not model.fitted:
+        raise RigctlError(
+            f"the model '{model.name}' has nothing to fit: any misfit of its numbers would look like "
+            "missing physics",
+            hint="Mark the parameters that are not known exactly with 'fit: true' in the model file",
+        )

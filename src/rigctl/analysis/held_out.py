@@ -1,0 +1,458 @@
+"""The model on the records that no fit saw: as good as on the others, or what it still misses there.
+
+The records are judged in groups of one condition: by their error, by how it runs over the time of a record,
+and by what would make up for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.comparison_result import Comparison, ModelComparison, in_unit
+from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.localisation import variable_units
+from rigctl.analysis.remedies import Remedy, remedies, still_missing
+from rigctl.analysis.search import Tell
+from rigctl.model.fit.errors import ChannelError, whitened_residual
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.conditions import condition_text
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+#: every phase is looked at in parts, finer after its beginning: what a switch starts fades out
+_PARTS = (0.0, 1 / 27, 1 / 9, 1 / 3, 1.0)
+#: a part counts when its mean is this many standard errors, and this share of the noise, away from 0
+_SURE, _NOTABLE = 6.0, 0.25
+#: a variable is named where the records' errors follow it at least so well
+_FOLLOWS = 0.8
+#: another one is named instead where they follow it better by this
+_BETTER = 0.05
+#: and only where the errors at its ends differ by this share of the largest
+_CHANGES = 0.3
+_MOST = 3
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of time in which the records' mean error keeps its sign; SI.
+
+    Attributes
+    ----------
+    channel: of which reading.
+    start, end: s from the records' beginning.
+    peak: the largest mean over the records of model less measured, of any part of it.
+    weight: for ranking, squares over the noise's; a long stretch counts by the root of its length.
+    by_record: (records) the mean of each in the part of the peak; NaN where a record has none.
+    """
+
+    channel: str
+    start: float
+    end: float
+    peak: float
+    weight: float
+    by_record: Floats
+
+
+def error_course(fit: FitResult, channel: str) -> tuple[Stretch, ...]:
+    """The stretches that matter most, in the order of time; none where there is only noise."""
+    column = fit.problem.measurements.outputs.index(channel)
+    found: list[Stretch] = []
+    gap = 1.5 * fit.problem.noise.spacing
+    for part in _parts(fit, column) if _timed(fit) else ():
+        last = found[-1] if found else None
+        if last is not None and part.start - last.end < gap and part.peak * last.peak > 0.0:
+            larger = part if abs(part.peak) > abs(last.peak) else last
+            found[-1] = Stretch(
+                channel, last.start, part.end, larger.peak, last.weight + part.weight, larger.by_record
+            )
+        else:
+            found.append(part)
+    kept = [one for one in found if one.peak != 0.0]
+    largest = max((one.weight for one in kept), default=0.0)
+    chosen = sorted(kept, key=lambda one: -one.weight)[:_MOST]
+    return tuple(sorted((one for one in chosen if one.weight > 0.05 * largest), key=lambda one: one.start))
+
+
+def course_text(fit: FitResult, stretches: Sequence[Stretch]) -> str:
+    """One channel in words: ``in position the model is too high by up to 0.4 mm from 0.2 to 1.2 s``."""
+    if not stretches:
+        return ""
+    measurements = fit.problem.measurements
+    channel = stretches[0].channel
+    unit = parse_unit(measurements.units[measurements.outputs.index(channel)])
+    shown = "K" if unit.offset else unit.text
+    end = max(float(fit.problem.records[k].times[-1]) for k in fit.fitted)
+    largest = max(stretches, key=lambda one: one.weight)
+    parts: list[str] = []
+    before = 0.0
+    for one in stretches:
+        side = "high" if one.peak > 0.0 else "low"
+        whole = one.start <= 0.0 and one.end >= 0.999 * end
+        when = "all the time" if whole else f"from {_seconds(one.start)} to {_seconds(one.end)} s"
+        again = parts and one.peak * before > 0.0
+        size = f"by up to {abs(one.peak) / unit.factor:.2g} {shown} {when}"
+        text, before = size if again else f"too {side} {size}", one.peak
+        parts.append(text + (_dependence(fit, one, unit.factor, shown) if one is largest else ""))
+    return f"in {channel} the model is {', then '.join(parts)}"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def _timed(fit: FitResult) -> bool:
+    """Samples over time, not the rows of a table."""
+    return not fit.problem.measurements.table
+
+
+def _parts(fit: FitResult, column: int) -> list[Stretch]:
+    """The parts of every phase in the order of time; the peak of one that does not count is 0."""
+    channel = fit.problem.measurements.outputs[column]
+    noise = fit.problem.noise.channels[column]
+    sigma = float(fit.problem.noise.sigma[column])
+    spread = math.sqrt((1.0 + noise.correlation) / (1.0 - noise.correlation))
+    first = fit.problem.records[fit.fitted[0]]
+    found = []
+    for phase in range(len(first.phases)):
+        for low, high in pairwise(_PARTS):
+            pieces = [_piece(fit, k, column, phase, (low, high)) for k in fit.fitted]
+            means = np.array([float(error.mean()) if error.size else math.nan for error, _, _ in pieces])
+            count = sum(error.size for error, _, _ in pieces)
+            if not count:
+                continue
+            mean = float(np.nanmean(means))
+            counts = abs(mean) > max(_NOTABLE * sigma, _SURE * sigma * spread / math.sqrt(count))
+            found.append(
+                Stretch(
+                    channel=channel,
+                    start=float(np.nanmedian([start for _, start, _ in pieces])),
+                    end=float(np.nanmedian([stop for _, _, stop in pieces])),
+                    peak=mean if counts else 0.0,
+                    weight=math.sqrt(count) * (mean / sigma) ** 2 if counts else 0.0,
+                    by_record=means,
+                )
+            )
+    return found
+
+
+def _piece(
+    fit: FitResult, k: int, column: int, phase: int, part: tuple[float, float]
+) -> tuple[Floats, float, float]:
+    """Errors of one record in a part of a phase, and when the part begins and ends."""
+    record = fit.problem.records[k]
+    inside = record.phase == phase
+    if not inside.any():
+        return np.empty(0), math.nan, math.nan
+    times = record.times[inside]
+    begin, length = float(times[0]), float(times[-1] - times[0])
+    start, end = begin + part[0] * length, begin + part[1] * length
+    rows = inside & fit.problem.ok[k][:, column] & (record.times >= start)
+    rows &= record.times <= end if part[1] == 1.0 else record.times < end
+    return fit.outputs[k][rows, column] - record.values[rows, column], start, end
+
+
+def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> str:
+    """The variable that the records' errors follow, with the error at its ends; empty where none is."""
+    measurements = fit.problem.measurements
+    units = variable_units(measurements)
+    best, told = _FOLLOWS, ""
+    own = sorted(measurements.variables, key=lambda name: stretch.channel not in name)
+    for name in own:
+        values = np.array([fit.problem.records[k].condition.get(name, math.nan) for k in fit.fitted])
+        good = np.isfinite(values) & np.isfinite(stretch.by_record)
+        if good.sum() < 3 or np.ptp(values[good]) == 0.0 or np.ptp(stretch.by_record[good]) == 0.0:
+            continue
+        follows = abs(float(np.corrcoef(values[good], stretch.by_record[good])[0, 1]))
+        if follows > best + _BETTER * bool(told):
+            best = follows
+            places = np.flatnonzero(good)
+            low, high = (places[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
+            if abs(stretch.by_record[high] - stretch.by_record[low]) < _CHANGES * abs(stretch.peak):
+                continue
+            ends = (
+                f"{stretch.by_record[at] / factor:+.2g} {shown} at {name} "
+                f"{show(float(values[at]), units[name], digits=3)}"
+                for at in (low, high)
+            )
+            told = f" ({', '.join(ends)})"
+    return told
+
+
+#: errors are as good as where they were fitted up to this factor
+_AS_GOOD = 1.1
+_MOST_VARIABLES = 2
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A model on one group of records that were left out of its fits and of every choice.
+
+    Attributes
+    ----------
+    why: held out, or not chosen by "only".
+    condition: the condition that held them out, or that they do not fulfil.
+    where: what tells them from the fitted records, e.g. ``heater_1 0 %``; "" when nothing does.
+    fit: the model there, these records being its fitted ones: its own parameters as they are, each record's
+        own unknowns fitted.
+    fitted: its errors where it was fitted.
+    course: how each channel's error runs over the time of a record; only where it is not as good.
+    remedies: what would make up for it, the best first.
+    slot: the equation that most wants a term there, "" when none does; `slot_meaning` in words.
+    sentences: how good the model is here; where it is worse, how, and what would make up for it.
+    """
+
+    why: Literal["hold_out", "only"]
+    condition: str
+    where: str
+    fit: FitResult = field(repr=False)
+    fitted: Mapping[str, ChannelError] = field(repr=False)
+    course: Mapping[str, tuple[Stretch, ...]] = field(default_factory=dict, repr=False)
+    remedies: tuple[Remedy, ...] = ()
+    slot: str = ""
+    slot_meaning: str = ""
+    sentences: tuple[str, ...] = ()
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """The records' labels."""
+        return tuple(self.fit.problem.records[k].label for k in self.fit.fitted)
+
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """The channels whose error is larger here than where the model was fitted."""
+        return _worse(self.fit.errors, self.fitted)
+
+    @property
+    def as_good(self) -> bool:
+        """True when no channel is worse."""
+        return not self.worse
+
+    @property
+    def statement(self) -> str:
+        """The sentences in one."""
+        return ". ".join(self.sentences)
+
+    def called(self, label: str) -> str:
+        """A record with the operating point that tells it from the others."""
+        measurements = self.fit.problem.measurements
+        record = {one.label: one for one in measurements.records}[label]
+        known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
+        text = condition_text(dict(list(known.items())[:_MOST_VARIABLES]), variable_units(measurements))
+        return f"{label} ({text})" if text else label
+
+    def excess(self) -> dict[str, float]:
+        """By record, its whitened squares beyond what noise makes."""
+        problem, found = self.fit.problem, {}
+        for k in self.fit.fitted:
+            squares = float(np.square(whitened_residual(problem, self.fit.outputs[k], k)).sum())
+            found[problem.records[k].label] = squares - problem.whiteners[k].size
+        return found
+
+    def channels(self) -> dict[str, dict[str, Any]]:
+        """By channel, in the channels' units; `bias` is of model less measured."""
+        measurements = self.fit.problem.measurements
+        shown = dict(zip(measurements.outputs, measurements.units, strict=True))
+        found = {}
+        for name, error in self.fit.errors.items():
+            there = self.fitted.get(name)
+            here = in_unit(error, shown[name])
+            found[name] = {
+                "rmse": here["rmse"],
+                "fitted_rmse": None if there is None else in_unit(there, shown[name])["rmse"],
+                "noise": here["noise"],
+                "bias": here["bias"],
+                "unit": here["unit"],
+            }
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "why": self.why,
+            "condition": self.condition,
+            "where": self.where,
+            "records": list(self.records),
+            "as_good": self.as_good,
+            "channels": self.channels(),
+            "remedies": [
+                {"kind": one.kind, "names": list(one.names), "share": one.share} for one in self.remedies
+            ],
+            "slot": self.slot,
+            "statement": self.statement,
+        }
+
+
+def _worse(here: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError]) -> tuple[str, ...]:
+    return tuple(
+        name
+        for name, error in here.items()
+        if name in fitted and error.rmse > _AS_GOOD * max(fitted[name].rmse, error.noise)
+    )
+
+
+#: one record is named where it holds so much of the misfit
+_MOST_OF_IT = 0.4
+
+
+def unseen_sentences(found: Unseen) -> tuple[str, ...]:
+    """How good the model is there; where it is worse, how its error runs, and what would make up for it."""
+    errors = ", ".join(
+        f"{name} {one['rmse']:.3g} {one['unit']} (fitted {one['fitted_rmse']:.3g}, noise {one['noise']:.3g})"
+        for name, one in found.channels().items()
+        if one["fitted_rmse"] is not None
+    )
+    if found.as_good:
+        return (f"{_which(found)} the model is as good as where it was fitted: {errors}",)
+    parts = [f"{_which(found)} the model misses something; its error there: {errors}"]
+    parts += [course_text(found.fit, found.course.get(name, ())) for name in found.worse]
+    parts.append(_one_record(found))
+    parts += [_remedy(found, one) for one in found.remedies[:1]]
+    parts += [_less(one) for one in found.remedies[1:]]
+    if found.slot and still_missing(found.remedies):
+        parts.append(f"the equation that most wants a term there: {found.slot} ({found.slot_meaning})")
+    return tuple(part for part in parts if part)
+
+
+def _which(found: Unseen) -> str:
+    count = len(found.records)
+    records = f"{count} record{'' if count == 1 else 's'}"
+    if found.why == "hold_out":
+        return f"on the {records} held out by '{found.condition}'"
+    where = f" with {found.where}" if found.where else ""
+    return f"on the {records}{where} that '{found.condition}' left out"
+
+
+def _one_record(found: Unseen) -> str:
+    """The record that holds most of the misfit, where one does."""
+    count = len(found.records)
+    excess = found.excess()
+    largest = max(excess, key=lambda label: excess[label])
+    share = max(excess[largest], 0.0) / (sum(max(one, 0.0) for one in excess.values()) or 1.0)
+    if count < 2 or share < max(_MOST_OF_IT, 2.0 / count):
+        return ""
+    return f"{100 * share:.0f} % of it is in one record, {found.called(largest)}"
+
+
+def _remedy(found: Unseen, one: Remedy) -> str:
+    share = f"{100 * one.share:.0f} % of it"
+    if one.kind == "starts":
+        names = " and ".join(one.names)
+        return (
+            f"{share} would go away ({_errors(found, one)}) if {names} did not begin at rest: these records "
+            "begin after something that they do not show, and what it left behind in the bench is not in the "
+            "model. Begin to record before the switch, or leave such records out"
+        )
+    if one.kind == "values":
+        moved = ", ".join(
+            f"{name} {before:.3g} to {after:.3g}{'' if unit == '1' else ' ' + unit}"
+            for name, before, after, unit in one.moved
+        )
+        return (
+            f"{share} would go away ({_errors(found, one)}) with other values of the same parameters "
+            f"({moved}): what they stand for is not the same there"
+        )
+    return f"of the library, {one.names[0]} alone would take {share} away"
+
+
+def _less(one: Remedy) -> str:
+    what = {
+        "starts": f"another start of {' and '.join(one.names)}",
+        "values": "other values of the parameters",
+    }
+    return f"{what.get(one.kind, one.names[0])} alone would take {100 * one.share:.0f} % of it away"
+
+
+def _errors(found: Unseen, one: Remedy) -> str:
+    measurements = found.fit.problem.measurements
+    units = dict(zip(measurements.outputs, measurements.units, strict=True))
+    told = []
+    for name in found.worse:
+        unit = parse_unit(units[name])
+        told.append(f"{name} to {one.rmse[name] / unit.factor:.3g} {'K' if unit.offset else units[name]}")
+    return ", ".join(told)
+
+
+_FEW = 4
+
+
+def unseen(compared: Comparison, model: ModelComparison, *, tell: Tell | None = None) -> tuple[Unseen, ...]:
+    """Judge `model` on the records that `compared` left out: held out, and not chosen.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    said = tell or (lambda _: None)
+    problem, choice = model.fit.problem, compared.choice
+    inside = [problem.records[k] for k in model.fit.fitted]
+    found = []
+    if model.fit.held_out:
+        said("Looking at the records that were held out")
+        there = replace(model.fit, fitted=model.fit.held_out, solution=None)
+        found.append(_group(model, inside, there, "hold_out", choice.hold_out))
+    if choice.rest is not None:
+        said("Looking at the records that were not chosen")
+        measurements, noise = choice.rest
+        there = fit_model(model.fit.model, measurements, noise, refit=False)
+        found.append(_group(model, inside, there, "only", choice.only))
+    return tuple(found)
+
+
+def _group(
+    model: ModelComparison,
+    inside: Sequence[MeasuredRecord],
+    there: FitResult,
+    why: Literal["hold_out", "only"],
+    condition: str,
+) -> Unseen:
+    units = variable_units(model.fit.problem.measurements) | variable_units(there.problem.measurements)
+    records = [there.problem.records[k] for k in there.fitted]
+    plain = Unseen(why, condition, _what(records, inside, units), there, model.fit.errors)
+    if plain.as_good:
+        return _told(plain)
+    judged = judge(there, model.name, excluded=model.excluded)
+    wanted = [slot for slot in judged.slots[:1] if slot.log_evidence > 0.0]
+    whole = replace(
+        plain,
+        course={name: error_course(there, name) for name in plain.worse},
+        remedies=remedies(there, judged),
+        slot=wanted[0].slot if wanted else "",
+        slot_meaning=wanted[0].meaning if wanted else "",
+    )
+    return _told(whole)
+
+
+def _told(found: Unseen) -> Unseen:
+    return replace(found, sentences=tuple(one[0].upper() + one[1:] for one in unseen_sentences(found)))
+
+
+def _what(group: Sequence[MeasuredRecord], inside: Sequence[MeasuredRecord], units: Mapping[str, str]) -> str:
+    """The variables whose values the fitted records do not have, with these values."""
+    told = []
+    for name in dict.fromkeys(name for record in group for name in record.condition):
+        own = {_rounded(record.condition[name]) for record in group if name in record.condition}
+        others = {_rounded(record.condition[name]) for record in inside if name in record.condition}
+        if own & others or not others:
+            continue
+        values = sorted(own)
+        if len(values) <= _FEW:
+            told.append(f"{name} {', '.join(show(value, units[name], digits=3) for value in values)}")
+        else:
+            ends = (show(value, units[name], digits=3) for value in (values[0], values[-1]))
+            told.append(f"{name} {' to '.join(ends)}")
+    return ", ".join(told[:_MOST_VARIABLES])
+
+
+def _rounded(value: float) -> float:
+    return float(np.format_float_scientific(value, precision=4))

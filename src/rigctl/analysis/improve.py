@@ -1,0 +1,319 @@
+"""Diagnose, add what is missing, and diagnose again, until the model is adequate or nothing helps."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
+from rigctl.analysis.diagnosis import diagnose_comparison, found_parameters
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.fitting import fit_again
+from rigctl.analysis.held_out import Unseen, unseen
+from rigctl.analysis.refit import Trial, refit
+from rigctl.analysis.search import Search, Tell
+from rigctl.analysis.text import effect_text
+from rigctl.model.fit.model_error import model_error
+from rigctl.model.history.change import Change, ModelError
+from rigctl.model.history.save import save_version
+from rigctl.model.history.version import Version
+from rigctl.model.load import load_model
+from rigctl.notebook import as_html, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Ended(StrEnum):
+    """Why no further effect was added."""
+
+    ADEQUATE = "adequate"  #: the data show nothing more that the model lacks
+    NOTHING_HELPS = "nothing_helps"  #: mBIC falls with no further effect
+    NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing: `Diagnosis.doubt`
+    MAX_EFFECTS = "max_effects"  #: as many as were asked for
+
+
+@dataclass(frozen=True)
+class Step:
+    """One addition.
+
+    Attributes
+    ----------
+    effects: what was added; more than one where only both together pay.
+    diagnosis: of the model before it.
+    reason: why these effects, in words; where these data cannot tell which, it says so.
+    delta_bic: mBIC with them less that without.
+    before, after: the error.
+    version: the model's version that was saved, in which they are.
+    comparison: of the model with them.
+    """
+
+    effects: tuple[str, ...]
+    diagnosis: Diagnosis = field(repr=False)
+    reason: str
+    delta_bic: float
+    before: ModelError
+    after: ModelError
+    version: Version
+    comparison: ModelComparison = field(repr=False)
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "effects": list(self.effects),
+            "verdict": self.diagnosis.verdict.value,
+            "reason": self.reason,
+            "delta_bic": self.delta_bic,
+            "version": self.version.number,
+            "before": self.before.document(),
+            "after": self.after.document(),
+            "p_value": self.comparison.adequacy.p_value,
+        }
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What the loop did.
+
+    Attributes
+    ----------
+    model: the file whose next versions were saved.
+    steps: the additions, in order.
+    last: the diagnosis of the model as it is now.
+    ended: why it went no further.
+    unseen: the model as it is now on the records that were held out, and on those that were not chosen.
+    """
+
+    model: Path
+    steps: tuple[Step, ...]
+    last: Diagnosis
+    ended: Ended
+    unseen: tuple[Unseen, ...] = ()
+
+    @property
+    def first(self) -> Diagnosis:
+        """The diagnosis of the model as it was."""
+        return self.steps[0].diagnosis if self.steps else self.last
+
+    @property
+    def statement(self) -> str:
+        """What was added and why it ended, in one sentence."""
+        names = [name for step in self.steps for name in step.effects]
+        added = f"added {', '.join(names)}" if names else "added nothing"
+        why = {
+            Ended.ADEQUATE: "the model now agrees with the measurements within their noise"
+            if names
+            else "the model agrees with the measurements within their noise",
+            Ended.NOTHING_HELPS: "no further effect of the library pays for itself, and the model still does "
+            "not agree with the measurements",
+            Ended.NOT_DECIDED: f"these data cannot tell whether anything {'more ' if names else ''}is "
+            f"missing: {self.last.doubt}",
+            Ended.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree with the "
+            "measurements",
+        }[self.ended]
+        return f"{added}: {why}"
+
+    def document(self) -> dict[str, Any]:
+        """The first diagnosis' answer, with what was added and the diagnosis of what came of it."""
+        return {
+            **self.first.document(),
+            "steps": [step.document() for step in self.steps],
+            "ended": self.ended.value,
+            "improvement": self.statement,
+            "after": self.last.document() if self.steps else None,
+            "unseen": [one.document() for one in self.unseen],
+        }
+
+    def __repr__(self) -> str:
+        """What was added, on one line."""
+        return one_line(self, f"of {self.model.name}: {self.statement}")
+
+    def frame(self) -> pd.DataFrame:
+        """The additions, one row for each: the version, its effects, and the error before and after."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "version": step.version.number,
+                    "effects": ", ".join(step.effects),
+                    "delta_bic": step.delta_bic,
+                    "chi2_reduced_before": step.before.chi2_reduced,
+                    "chi2_reduced_after": step.after.chi2_reduced,
+                }
+                for step in self.steps
+            ],
+            columns=["version", "effects", "delta_bic", "chi2_reduced_before", "chi2_reduced_after"],
+        )
+
+    def _repr_html_(self) -> str:
+        """The summary and the additions, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
+
+    def summary(self) -> str:
+        """A line for each step, and how it ended."""
+        lines = [f"version {step.version.number}: {step.reason}" for step in self.steps]
+        return "\n".join([*lines, self.statement, *(one.statement for one in self.unseen)])
+
+
+def improve(
+    compared: Comparison,
+    path: Path,
+    *,
+    most: int = 4,
+    excluded: Collection[str] = (),
+    tell: Tell | None = None,
+) -> Improvement:
+    """Add to a model what it lacks, one step after the other, each saved as the file's next version.
+
+    What is added is what the diagnosis says, effect by effect, and nothing where it says that these data
+    cannot tell whether anything is missing: of a set the member that gains most by itself
+    first, or the whole at once where its members pay only together. Then the model is diagnosed again.
+
+    Parameters
+    ----------
+    compared: the model with the data; its first model is improved.
+    path: its file, or ``m.yaml@3`` where it is version 3.
+    most: effects to add altogether.
+
+    Raises
+    ------
+    RigctlError
+        a version cannot be saved, or as `rigctl.analysis.comparison.judge`.
+    """
+    said = tell or (lambda _: None)
+    here, steps, source = compared.models[0], list[Step](), path
+    while True:
+        room = most - sum(len(step.effects) for step in steps)
+        found = diagnose_comparison(
+            here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), tell=tell
+        )
+        plan = _plan(found, room)
+        if not plan:
+            elsewhere = unseen(compared, here, tell=tell)
+            return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
+        for chosen in plan:
+            said(f"Adding {', '.join(chosen.effects)}")
+            after = _compared(here, chosen.trial, excluded, said)
+            step = _saved(found, chosen, here, after, source, compared.choice)
+            steps.append(step)
+            here, source = after, step.version.head
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """An addition: `effects` are those that are new in `trial`."""
+
+    trial: Trial
+    effects: tuple[str, ...]
+    delta_bic: float
+    reason: str
+
+
+def _plan(found: Diagnosis, room: int) -> list[_Choice]:
+    """The best set's effects in the order in which they are added.
+
+    None where nothing is missing, or that is not decided; nor where the set does not pay, or has no room.
+
+    First the one that gains most by itself, then the set; at once where its members pay only together.
+    """
+    if found.verdict is Verdict.ADEQUATE or found.doubt:
+        return []
+    search = Search(found.before, found.before.whole)
+    best, nothing = found.best, search.mbic(search.none)
+    if not best.candidates or len(best.candidates) > room or search.mbic(best) >= nothing:
+        return []
+    singles = [_single(found, member) for member in best.candidates] if len(best.candidates) > 1 else []
+    first = min((one for one in singles if one is not None), key=search.mbic, default=None)
+    if first is None or search.mbic(first) >= nothing:
+        difference = search.mbic(best) - nothing
+        return [_Choice(best, best.effects, difference, _reason(found, best, best.effects, difference))]
+    gained = search.mbic(first) - nothing
+    rest = tuple(name for name in best.effects if name not in first.effects)
+    more = search.mbic(best) - search.mbic(first)
+    return [
+        _Choice(first, first.effects, gained, _reason(found, first, first.effects, gained)),
+        _Choice(best, rest, more, _reason(found, best, rest, more)),
+    ]
+
+
+def _single(found: Diagnosis, member: Candidate) -> Trial | None:
+    """One member of the best set by itself, refitted unless it was already."""
+    known = [trial for trial in found.trials if trial.candidates == (member,)]
+    return known[0] if known else refit(found.before.fit, (member,))
+
+
+def _reason(found: Diagnosis, trial: Trial, effects: tuple[str, ...], difference: float) -> str:
+    """Why `effects` are added, which are new in `trial`."""
+    described = ". ".join(
+        effect_text(candidate.effect, found_parameters(trial, candidate))
+        for candidate in trial.candidates
+        if candidate.name in effects
+    )
+    together = " only together" if len(effects) > 1 else ""
+    text = f"{described}. mBIC falls by {-difference:.1f}{together}"
+    if len(found.best.effects) > len(trial.effects):
+        rest = ", ".join(name for name in found.best.effects if name not in trial.effects)
+        text += f", the most that one effect gains; {rest} follows"
+    unusual = [text for name, text in trial.unusual.items() if name in effects]
+    if unusual:
+        text += f". It has its {', and its '.join(unusual)}"
+    classes = [names for names in found.classes if len(names) > 1 and set(names) & set(effects)]
+    if classes:
+        text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
+    if found.verdict is Verdict.OUTSIDE_LIBRARY:
+        text += ". It is not all that is missing, has another shape, or is only the nearest in the library"
+    return text
+
+
+def _why(found: Diagnosis, room: int) -> Ended:
+    if found.doubt:
+        return Ended.NOT_DECIDED
+    if found.verdict is Verdict.ADEQUATE:
+        return Ended.ADEQUATE
+    return Ended.MAX_EFFECTS if len(found.best.candidates) > room else Ended.NOTHING_HELPS
+
+
+def _compared(here: ModelComparison, trial: Trial, excluded: Collection[str], tell: Tell) -> ModelComparison:
+    """The model with a trial's effects on the same data."""
+    fitted = fit_again(here.fit, trial.fit.model, tell=tell)
+    return judge(fitted, here.name, excluded=excluded, tell=tell)
+
+
+def _saved(
+    found: Diagnosis,
+    chosen: _Choice,
+    before: ModelComparison,
+    after: ModelComparison,
+    source: Path,
+    choice: Choice,
+) -> Step:
+    """Save the model with the effects as the next version, and say what it did to the error."""
+    before_error, after_error = model_error(before.fit), model_error(after.fit)
+    done = Change(
+        "add",
+        effect=", ".join(chosen.effects),
+        runs=tuple(found.runs),
+        hold_out=choice.hold_out,
+        only=choice.only,
+        before=before_error,
+        after=after_error,
+        note=chosen.reason,
+    )
+    made = replace(after.fit.model, text=load_model(source).text)
+    version = save_version(made, source, done)
+    return Step(
+        chosen.effects,
+        found,
+        chosen.reason,
+        chosen.delta_bic,
+        before_error,
+        after_error,
+        version,
+        after,
+    )

@@ -1,0 +1,426 @@
+"""One linearisation of a fitted model, which every test and verdict reads.
+
+    r = W(y − f(θ̂)),   J = W ∂f/∂θ,   S = W ∂f/∂φ at φ = null
+
+with the records' own unknowns already projected off, priors as further rows, and each record reduced to a
+triangle with the same inner products: what follows costs the same for long records as for short ones.
+
+With it goes where each residual lies (its phase and channel), and which shared unknowns can take up a misfit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.candidates import Candidate, candidates
+from rigctl.engine.least_squares import Unknown
+from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Phase × channel, over all records.
+
+    Attributes
+    ----------
+    labels: (phase, channel) of each column.
+    conditions: (records, variables) the records' operating points, each variable from -1 to 1.
+    variables: names of these variables.
+    groups: (records) number of each record's condition.
+    """
+
+    labels: tuple[tuple[str, str], ...]
+    conditions: Floats
+    variables: tuple[str, ...]
+    groups: tuple[int, ...]
+    _phase: tuple[NDArray[np.intp], ...] = field(repr=False)
+    _channels: int = 0
+
+    def of_record(self, k: int, rows: NDArray[np.intp]) -> Floats:
+        """(rows, columns): the unit vector of each region: ``EᵀW e`` is its residuals' sum over √n."""
+        region = self._phase[k][rows[:, 0]] * self._channels + rows[:, 1]
+        columns = (region[:, None] == np.arange(len(self.labels))[None, :]).astype(float)
+        lengths = np.sqrt(columns.sum(axis=0))
+        return np.asarray(columns / np.where(lengths > 0.0, lengths, 1.0))
+
+    def plane(self, k: int) -> Floats:
+        """(basis) 1, each variable, and the products of two, at a record's condition."""
+        point = self.conditions[k]
+        products = [point[i] * point[j] for i in range(point.size) for j in range(i + 1, point.size)]
+        return np.array([1.0, *point, *products])
+
+
+def make_regions(problem: Problem) -> Regions:
+    """The regions of a problem's records."""
+    records, outputs = problem.records, problem.measurements.outputs
+    phases = tuple(dict.fromkeys(name for record in records for name in record.phases))
+    if len(phases) > _MOST_PHASES:  # a table, each row its own stretch
+        phases = ("all",)
+    index = {name: k for k, name in enumerate(phases)}
+    place = tuple(
+        np.array([index.get(name, 0) for name in record.phases], dtype=np.intp)[record.phase]
+        for record in records
+    )
+    names, points = _conditions(problem)
+    return Regions(
+        labels=tuple((phase, channel) for phase in phases for channel in outputs),
+        conditions=points,
+        variables=names,
+        groups=tuple(record.group for record in records),
+        _phase=place,
+        _channels=len(outputs),
+    )
+
+
+_MOST_PHASES = 24
+_MOST_VARIABLES = 3
+
+
+def _conditions(problem: Problem) -> tuple[tuple[str, ...], Floats]:
+    records = problem.records
+    names = [
+        name for name in problem.measurements.variables if all(name in record.condition for record in records)
+    ][:_MOST_VARIABLES]
+    values = np.array([[record.condition[name] for name in names] for record in records])
+    values = values.reshape(len(records), len(names))
+    if not len(names):
+        return (), values
+    low, high = values.min(axis=0), values.max(axis=0)
+    half = np.where(high > low, 0.5 * (high - low), 1.0)
+    return tuple(names), (values - 0.5 * (high + low)) / half
+
+
+def quiet_columns(problem: Problem, k: int, outputs: Floats) -> Floats | None:
+    """(n, channels, columns) one for each phase in which a coarsely converted channel does not move.
+
+    There the converter's error does not average out: all readings share a part of it, with the standard
+    deviation `ChannelNoise.bias`.
+    """
+    record, found = problem.records[k], []
+    for c, channel in enumerate(problem.noise.channels):
+        if channel.bias <= 0.0 or channel.step <= 0.0:
+            continue
+        for phase in np.unique(record.phase):
+            inside = record.phase == phase
+            if inside.sum() > 2 and float(np.ptp(outputs[inside, c])) < channel.step:
+                column = np.zeros((record.times.size, outputs.shape[1]))
+                column[inside, c] = channel.bias
+                found.append(column)
+    return np.stack(found, axis=2) if found else None
+
+
+def free_unknowns(fit: FitResult) -> list[Unknown]:
+    """The shared unknowns that the fit could still move: not those that it left at a bound.
+
+    A model that was taken as it is moves nothing.
+    """
+    if fit.solution is None:
+        return []
+    return [unknown for unknown in fit.problem.shared if unknown.name not in fit.at_bound]
+
+
+@dataclass(frozen=True)
+class RecordTriangle:
+    """One record: rows that keep every inner product of (J, S, E, r) after projection.
+
+    `count` is the number of degrees of freedom that were left: readings and priors less own unknowns.
+    """
+
+    nuisance: Floats
+    signatures: Floats
+    regions: Floats
+    residual: Floats
+    count: int
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """A fitted model, linearised with all its candidates.
+
+    Attributes
+    ----------
+    fit: where.
+    candidates: the effects that were tried, each at each of its shapes.
+    starts: of each candidate, the place of its first column of S.
+    nuisances: names of J's columns: the shared unknowns that the fit could move.
+    regions: what E's columns are: phase and channel.
+    records: the triangles, of the fitted records in order.
+    sizes: (S columns) lengths of the whitened columns before anything is projected off.
+    prior: rows (J, r) of the shared unknowns' priors.
+    """
+
+    fit: FitResult = field(repr=False)
+    candidates: tuple[Candidate, ...] = field(repr=False)
+    starts: tuple[int, ...] = field(repr=False)
+    nuisances: tuple[str, ...]
+    regions: Regions = field(repr=False)
+    records: tuple[RecordTriangle, ...] = field(repr=False)
+    sizes: Floats = field(repr=False)
+    prior: tuple[Floats, Floats] = field(repr=False)
+
+    def columns_of(self, place: int) -> slice:
+        """The columns of S that belong to a candidate."""
+        return slice(self.starts[place], self.starts[place] + len(self.candidates[place].columns))
+
+    def rearranged(self, fitted: Sequence[int], kept: Sequence[int]) -> Linearisation:
+        """The same point, the candidates at `fitted` among the nuisances, and of the rest those at `kept`.
+
+        A parameter that the fit left at its bound is no nuisance.
+        """
+        moved = [
+            (self.starts[place] + k, name)
+            for place in fitted
+            for k, name in enumerate(self.candidates[place].columns)
+            if name not in self.fit.at_bound
+        ]
+        joined = [column for column, _ in moved]
+        columns = [
+            column for place in kept for column in range(*self.columns_of(place).indices(self.sizes.size))
+        ]
+        chosen = tuple(self.candidates[place] for place in kept)
+        starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
+        weight, residual = self.prior
+        more = len(joined)
+        return replace(
+            self,
+            candidates=chosen,
+            starts=tuple(int(start) for start in starts),
+            nuisances=(*self.nuisances, *(name for _, name in moved)),
+            records=tuple(
+                replace(
+                    one,
+                    nuisance=np.hstack([one.nuisance, one.signatures[:, joined]]),
+                    signatures=one.signatures[:, columns],
+                )
+                for one in self.records
+            ),
+            sizes=self.sizes[columns],
+            prior=(np.pad(weight, (0, more)), np.pad(residual, (0, more))),
+        )
+
+
+def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | None = None) -> Linearisation:
+    """Linearise `fit` on its fitted records; `problem` has the same data with the whole library at its null.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    chosen = tuple(candidates(fit.problem.model) if tried is None else tried)
+    free = free_unknowns(fit)
+    places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
+    inner = problem.only(fit.fitted)
+    local = [fit.local[k] for k in fit.fitted]
+    names = [unknown.name for unknown in free]
+    regions = make_regions(inner)
+    triangles, sizes = [], np.zeros(sum(len(one.columns) for one in chosen))
+    for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + sizes.size):
+        some, own = inner.only(part), [local[k] for k in part]
+        slopes = slopes_at(some, fit, names, chosen, own)
+        for place, k in enumerate(part):
+            columns = regions.of_record(k, inner.whiteners[k].rows)
+            block = _record(some, place, slopes, columns, own[place], fit.outputs[fit.fitted[k]])
+            sizes += block[1]
+            triangles.append(block[0])
+    residual, weight = prior_rows(free, fit.values[[places[unknown.name] for unknown in free]])
+    starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
+    return Linearisation(
+        fit=fit,
+        candidates=chosen,
+        starts=tuple(int(start) for start in starts),
+        nuisances=tuple(unknown.name for unknown in free),
+        regions=regions,
+        records=tuple(triangles),
+        sizes=np.sqrt(sizes),
+        prior=(np.diag(weight), -residual),
+    )
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """(n, channels, columns) of each record: nuisances, candidates' columns, and own unknowns by name."""
+
+    nuisance: list[Floats]
+    signatures: list[Floats]
+    own: list[Mapping[str, Floats]]
+
+
+def slopes_at(
+    problem: Problem,
+    fit: FitResult,
+    free: Sequence[str],
+    chosen: Sequence[Candidate],
+    local: Sequence[Floats],
+) -> Slopes:
+    """Derivatives of the records of `problem` at `fit`, by the unknowns `free`, the candidates and their own.
+
+    Simulates once with every column, and once more for each further choice of shapes and each size.
+    """
+    base = _base(problem, fit)
+    at = problem.with_shared((), base)
+    plain = [name for one in chosen if not (one.shapes or one.sizes) for name in one.columns]
+    columns = tuple(dict.fromkeys([*free, *problem.local_names, *plain]))
+    found = at.simulate(np.empty(0), local, columns, initial=True).require()
+    index = {name: k for k, name in enumerate(found.columns)}
+    every = [np.take(array, problem.channels, axis=1) for array in found.sensitivities]
+    parts: list[list[Floats]] = [[] for _ in every]
+    elsewhere = _shaped(at, base, chosen, local) | _sized(at, base, chosen, local, found.outputs)
+    for place, one in enumerate(chosen):
+        for k, array in enumerate(every):
+            if place in elsewhere:
+                parts[k].append(elsewhere[place][k])
+            else:
+                parts[k].append(array[:, :, [index[name] for name in one.columns]])
+    return Slopes(
+        nuisance=[array[:, :, [index[name] for name in free]] for array in every],
+        signatures=[
+            np.concatenate(own, axis=2) if own else np.empty((*array.shape[:2], 0))
+            for own, array in zip(parts, every, strict=True)
+        ],
+        own=[{name: array[:, :, k] for name, k in index.items()} for array in every],
+    )
+
+
+def _base(problem: Problem, fit: FitResult) -> Floats:
+    """The superset's parameters at the fitted point; what the fitted system does not have is at its null."""
+    places = {name: k for k, name in enumerate(problem.compiled.system.parameter_names)}
+    base = problem.base.copy()
+    for name, value in zip(fit.problem.compiled.system.parameter_names, fit.problem.base, strict=True):
+        if name in places:
+            base[places[name]] = value
+    for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
+        base[places[unknown.name]] = value
+    return base
+
+
+def _shaped(
+    problem: Problem, base: Floats, chosen: Sequence[Candidate], local: Sequence[Floats]
+) -> dict[int, list[Floats]]:
+    """Columns at other shapes; candidates whose shapes do not meet share a simulation."""
+    names = problem.compiled.system.parameter_names
+    rounds: list[dict[int, Candidate]] = []
+    for place, one in enumerate(chosen):
+        if not one.shapes:
+            continue
+        home = next((r for r in rounds if all(other.name != one.name for other in r.values())), None)
+        if home is None:
+            home = {}
+            rounds.append(home)
+        home[place] = one
+    result: dict[int, list[Floats]] = {}
+    for together in rounds:
+        moved = base.copy()
+        for one in together.values():
+            for name, value in one.shapes.items():
+                moved[names.index(name)] = value
+        columns = [name for one in together.values() for name in one.columns]
+        found = problem.with_shared((), moved).simulate(np.empty(0), local, columns).require()
+        for place, one in together.items():
+            at = [columns.index(name) for name in one.columns]
+            result[place] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in found.sensitivities]
+    return result
+
+
+def _sized(
+    problem: Problem,
+    base: Floats,
+    chosen: Sequence[Candidate],
+    local: Sequence[Floats],
+    here: Sequence[Floats],
+) -> dict[int, list[Floats]]:
+    """Of the candidates looked at at a size a: the secant ``(f(a) − f(φ))/(a − φ)`` in the slope's place.
+
+    `here` are the outputs f(φ) at the point itself, where the effect is off, or of its fitted size.
+    """
+    names = problem.compiled.system.parameter_names
+    result: dict[int, list[Floats]] = {}
+    for place, one in enumerate(chosen):
+        if not one.sizes:
+            continue
+        moved = base.copy()
+        for name, value in one.sizes.items():
+            moved[names.index(name)] = value
+        rest = [name for name in one.columns if name not in one.sizes]
+        found = problem.with_shared((), moved).simulate(np.empty(0), local, rest).require()
+        steps = {name: value - base[names.index(name)] for name, value in one.sizes.items()}
+        result[place] = []
+        for k, before in enumerate(here):
+            columns = {name: found.sensitivities[k][:, :, i] for i, name in enumerate(rest)}
+            for name, step in steps.items():
+                columns[name] = (found.outputs[k] - before) / step if step else np.zeros_like(before)
+            seen = [np.take(columns[name], problem.channels, axis=1) for name in one.columns]
+            result[place].append(np.stack(seen, axis=2))
+    return result
+
+
+def _record(
+    problem: Problem, k: int, slopes: Slopes, regions: Floats, local: Floats, outputs: Floats
+) -> tuple[RecordTriangle, Floats]:
+    """Whiten a record, project its own unknowns off, and reduce what is left to a triangle."""
+    whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
+    measured = np.where(ok, record.values, 0.0)
+    residual = whitener(np.where(ok, measured - outputs, 0.0))
+    white = whitener(np.concatenate([slopes.nuisance[k], slopes.signatures[k]], axis=2))
+    if not np.isfinite(white).all():
+        raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
+    p = slopes.nuisance[k].shape[2]
+    sizes = np.square(white[:, p:]).sum(axis=0)
+    left = np.column_stack([white, regions, residual])
+    own, weight, prior_residual = own_rows(problem, k, slopes, local, outputs)
+    count = whitener.size + int((weight > 0.0).sum())
+    if weight.size:
+        below = np.zeros((weight.size, left.shape[1]))
+        below[:, -1] = -prior_residual
+        left = np.vstack([left, below])
+        left = left - own @ (own.T @ left)
+        count -= own.shape[1]
+    triangle: Floats = np.asarray(np.linalg.qr(left, mode="r")) if left.shape[0] > left.shape[1] else left
+    e = p + slopes.signatures[k].shape[2]
+    return (
+        RecordTriangle(triangle[:, :p], triangle[:, p:e], triangle[:, e:-1], triangle[:, -1], count),
+        sizes,
+    )
+
+
+def own_rows(
+    problem: Problem, k: int, slopes: Slopes, local: Floats, outputs: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """What a record's own unknowns can do to its whitened rows, below which their priors' rows stand.
+
+    Returns
+    -------
+    (rows + unknowns, directions) orthonormal; (unknowns) weights of the priors, 0 where there is none; and
+    the priors' residuals.
+    """
+    whitener = problem.whiteners[k]
+    own = [slopes.own[k][one.name] for one in problem.local[k]]
+    basis = [whitener(np.stack(own, axis=2))] if own else []
+    residual, weight = prior_rows([one.unknown for one in problem.local[k]], local)
+    quiet = quiet_columns(problem, k, outputs)
+    if quiet is not None:
+        basis.append(whitener(quiet))
+        weight = np.concatenate([weight, np.ones(quiet.shape[2])])
+        residual = np.concatenate([residual, np.zeros(quiet.shape[2])])
+    if not weight.size:
+        return np.empty((whitener.size, 0)), weight, residual
+    return _range(np.vstack([np.concatenate(basis, axis=1), np.diag(weight)])), weight, residual
+
+
+def _range(matrix: Floats) -> Floats:
+    """Orthonormal columns that span the columns of `matrix`, each scaled to length one first."""
+    lengths = np.linalg.norm(matrix, axis=0)
+    scaled = matrix[:, lengths > 0.0] / lengths[lengths > 0.0]
+    if not scaled.shape[1]:
+        return np.empty((matrix.shape[0], 0))
+    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(left[:, values > 1e-10 * values[0]])

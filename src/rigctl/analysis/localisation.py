@@ -1,0 +1,352 @@
+"""Where does the model fail? By condition, phase, channel and state, with the chance of it.
+
+The z-map has the residual of every record × phase × channel in standard deviations of chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.adequacy import chi2_tail
+from rigctl.analysis.linearisation import Linearisation, quiet_columns
+from rigctl.analysis.nuisance_projection import Projected
+from rigctl.model.fit.errors import whitened_residual
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.conditions import START, condition_text
+from rigctl.model.measured.record import Measurements
+from rigctl.units import show
+
+Floats = NDArray[np.float64]
+
+_DRAWS = 4000
+#: with more cells than this the largest is judged by Bonferroni's bound instead of by drawing
+_MOST_DRAWN = 1500
+#: a cell of which less than this share of the variance is left says nothing
+_LEAST_VARIANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class CellMap:
+    """Every cell, and the distribution of the largest of any of them.
+
+    Attributes
+    ----------
+    z: (records, regions) sums of the whitened residuals over a region, in standard deviations; NaN where the
+        record has no reading there, or the fit leaves none.
+    draws: (draws, cells) what chance makes of the cells that are not NaN, in order; empty when there are too
+        many of them.
+    noise_degrees: degrees of freedom behind the noise of a table, which the draws know of; 0 where it counts
+        as known.
+    """
+
+    z: Floats
+    draws: Floats = field(repr=False)
+    noise_degrees: int = 0
+
+    @property
+    def here(self) -> NDArray[np.bool_]:
+        """(records, regions) where there is a value."""
+        return np.isfinite(self.z)
+
+    @cached_property
+    def _largest(self) -> Floats:
+        """(draws) the largest of all the cells."""
+        return np.asarray(np.abs(self.draws).max(axis=1))
+
+    def p_value(self, chosen: NDArray[np.bool_]) -> float:
+        """How often chance alone makes any cell as large as the largest of the chosen ones is.
+
+        Of any cell, not of the chosen ones alone: these are looked at because they are the largest of many.
+        Parametric bootstrap.
+        """
+        used = chosen & self.here
+        if not used.any():
+            return 1.0
+        count = int(self.here.sum())
+        largest = float(np.abs(self.z[used]).max())
+        single = _two_sided(largest)
+        bound = 1.0 - (1.0 - single) ** count if single > 1e-12 else count * single
+        if not self.draws.size:
+            return float(bound)
+        drawn = self._largest
+        reached = float((drawn >= largest).mean())
+        if self.noise_degrees:
+            return max(reached, 1.0 / len(drawn))
+        return reached if reached * len(drawn) >= 20 else min(float(bound), max(reached, 20.0 / len(drawn)))
+
+    def share(self, chosen: NDArray[np.bool_]) -> float:
+        """The chosen cells' share of what is systematic: ``Σ max(z² − 1, 0)`` over that of all."""
+        excess = np.where(self.here, np.maximum(np.nan_to_num(self.z) ** 2 - 1.0, 0.0), 0.0)
+        total = float(excess.sum())
+        return float(excess[chosen].sum()) / total if total > 0.0 else 0.0
+
+
+def cell_map(projected: Projected, seed: int = 0) -> CellMap:
+    """The cells of a projected linearisation.
+
+    With E_k the regions' unit columns of record k, ``z = E_kᵀr̃ / √diag G`` and their covariance is
+    ``G_kl = δ_kl·E_kᵀE_k − (Q_kᵀE_k)ᵀ(Q_lᵀE_l)``, Q the orthonormal basis of the shared unknowns.
+    """
+    lin = projected.linearisation
+    sums, couplings, squares = [], [], []
+    row = 0
+    for k in projected.places:
+        regions = lin.records[k].regions
+        rows = slice(row, row + regions.shape[0])
+        row = rows.stop
+        sums.append(regions.T @ projected.residual[rows])
+        couplings.append(projected.basis[rows].T @ regions)
+        squares.append(regions.T @ regions)
+    variance = np.array(
+        [np.diag(square) - np.square(c).sum(axis=0) for square, c in zip(squares, couplings, strict=True)]
+    )
+    here = variance > _LEAST_VARIANCE
+    root = np.sqrt(np.where(here, variance, 1.0))
+    z = np.where(here, np.array(sums) / root, np.nan)
+    draws, degrees = _draws(squares, couplings, here, root, seed), projected.noise_degrees
+    if degrees and draws.size:
+        generator = np.random.Generator(np.random.PCG64([seed, degrees]))
+        draws = draws * np.sqrt(degrees / generator.chisquare(degrees, (draws.shape[0], 1)))
+    return CellMap(z, draws, degrees)
+
+
+def _draws(
+    squares: Sequence[Floats], couplings: Sequence[Floats], here: NDArray[np.bool_], root: Floats, seed: int
+) -> Floats:
+    count = int(here.sum())
+    if not 0 < count <= _MOST_DRAWN:
+        return np.empty((0, count))
+    ends = np.cumsum([0, *here.sum(axis=1)])
+    covariance = np.zeros((count, count))
+    for k, square in enumerate(squares):
+        own = slice(ends[k], ends[k + 1])
+        covariance[own, own] = square[np.ix_(here[k], here[k])]
+    coupling = np.concatenate([c[:, keep] for c, keep in zip(couplings, here, strict=True)], axis=1)
+    covariance -= coupling.T @ coupling
+    scale = root[here]
+    values, vectors = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
+    normal = np.random.Generator(np.random.PCG64(seed)).standard_normal((_DRAWS, count))
+    return np.asarray(normal @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
+
+
+def _two_sided(z: float) -> float:
+    from math import erfc, sqrt
+
+    return erfc(z / sqrt(2.0))
+
+
+@dataclass(frozen=True)
+class Place:
+    """One place and what is wrong there.
+
+    Attributes
+    ----------
+    by: what kind of place.
+    label: which.
+    share_of_error: its share of the systematic error.
+    rmse: of the normalised residuals there; 1 is the noise.
+    p_value: how often chance alone makes as much at any such place: it holds for the worst of them too.
+    """
+
+    by: Literal["condition", "phase", "channel", "state", "cell", "stretch"]
+    label: str
+    share_of_error: float
+    rmse: float
+    p_value: float
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "by": self.by,
+            "label": self.label,
+            "share_of_error": self.share_of_error,
+            "rmse": self.rmse,
+            "p_value": self.p_value,
+        }
+
+
+def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
+    """All places, those of each kind in the order of their share of the error."""
+    fit = linearisation.fit
+    if fit.problem.measurements.table:  # no phases, and each row is its own stretch
+        found = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
+        return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
+    found = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
+    found += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + ranges(fit)
+    return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
+
+
+_ORDER = {"channel": 0, "phase": 1, "cell": 2, "condition": 3, "state": 4, "stretch": 5}
+
+
+def variable_units(measurements: Measurements) -> dict[str, str]:
+    """The unit that each operating variable is shown in."""
+    rig = measurements.rig
+    units = {}
+    for name in {name for record in measurements.records for name in record.condition}:
+        channel = name.removeprefix(START)
+        if rig is not None and channel in rig.channels:
+            units[name] = rig.channels[channel].unit
+        elif rig is not None and name in rig.actuators:
+            units[name] = rig.actuators[name].display_unit
+        elif name in measurements.columns:
+            units[name] = measurements.columns[name]
+        else:
+            units[name] = _GUESSED.get(name, "1")
+    return units
+
+
+_GUESSED = {
+    "oil": "degC",
+    "supply": "bar",
+    "oil_temperature": "degC",
+    "pressure_setpoint": "bar",
+    "pressure": "bar",
+    "ambient_temperature": "degC",
+}
+
+
+def _rms(values: Floats) -> float:
+    present = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(present**2))) if present.size else 0.0
+
+
+def _conditions(lin: Linearisation, cells: CellMap) -> list[Place]:
+    fit, groups = lin.fit, np.array(lin.regions.groups)
+    normalised = list(map(fit.normalised_error, fit.fitted))
+    units = variable_units(fit.problem.measurements)
+    found = []
+    for group in dict.fromkeys(groups.tolist()):
+        chosen = np.zeros(cells.z.shape, dtype=bool)
+        chosen[groups == group] = True
+        members = [k for k in range(len(groups)) if groups[k] == group]
+        record = fit.problem.records[fit.fitted[members[0]]]
+        label = condition_text(record.condition, units) or record.label
+        values = np.concatenate([normalised[k].ravel() for k in members])
+        found.append(Place("condition", label, cells.share(chosen), _rms(values), cells.p_value(chosen)))
+    return found
+
+
+def _regions(lin: Linearisation, cells: CellMap, part: int) -> list[Place]:
+    """By phase (part 0) or by channel (part 1)."""
+    kind: Literal["phase", "channel"] = "channel" if part else "phase"
+    names = dict.fromkeys(label[part] for label in lin.regions.labels)
+    found = []
+    for name in names:
+        columns = np.array([label[part] == name for label in lin.regions.labels])
+        chosen = np.zeros(cells.z.shape, dtype=bool)
+        chosen[:, columns] = True
+        rmse = _rms(_of_region(lin, name if part == 0 else None, name if part else None))
+        found.append(Place(kind, name, cells.share(chosen), rmse, cells.p_value(chosen)))
+    return found
+
+
+def _of_region(lin: Linearisation, phase: str | None, channel: str | None) -> Floats:
+    fit = lin.fit
+    outputs = fit.problem.measurements.outputs
+    columns = [k for k, name in enumerate(outputs) if channel in (None, name)]
+    pieces = []
+    for k in fit.fitted:
+        values = fit.normalised_error(k)
+        record = fit.problem.records[k]
+        names = np.array(record.phases, dtype=object)[record.phase]
+        rows = np.ones(record.times.size, bool) if phase in (None, "all") else names == phase
+        pieces.append(values[rows][:, columns].ravel())
+    return np.concatenate(pieces) if pieces else np.empty(0)
+
+
+def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
+    """Phase × channel."""
+    found = []
+    for column, (phase, channel) in enumerate(lin.regions.labels):
+        chosen = np.zeros(cells.z.shape, dtype=bool)
+        chosen[:, column] = True
+        if (chosen & cells.here).any():
+            rmse = _rms(_of_region(lin, phase, channel))
+            label = f"{channel} in {phase}"
+            found.append(Place("cell", label, cells.share(chosen), rmse, cells.p_value(chosen)))
+    return found
+
+
+def ranges(fit: FitResult) -> list[Place]:
+    """Each channel's error over the channel's own range, in thirds."""
+    found = []
+    normalised = list(map(fit.normalised_error, fit.fitted))
+    measured = [fit.problem.records[k].values for k in fit.fitted]
+    white = [whitened_errors(fit, k) for k in fit.fitted]
+    whole = sum(float(np.nansum(values**2)) for values in normalised) or 1.0
+    for column, name in enumerate(fit.problem.measurements.outputs):
+        error, value, whitened = (
+            np.concatenate([values[:, column] for values in part]) for part in (normalised, measured, white)
+        )
+        good = np.isfinite(error) & np.isfinite(value)
+        error, value, whitened = error[good], value[good], whitened[good]
+        if value.size < 3 or np.ptp(value) == 0.0:
+            continue
+        edges = np.linspace(value.min(), value.max(), 4)
+        unit = fit.problem.measurements.units[column]
+        for low, high in pairwise(edges.tolist()):
+            inside = (value >= low) & (value <= high)
+            if inside.any():
+                share = float(np.sum(error[inside] ** 2)) / whole
+                label = f"{name} {show(float(low), unit, digits=3)} to {show(float(high), unit, digits=3)}"
+                chance = _chance(fit, column, whitened[inside])
+                found.append(Place("state", label, share, _rms(error[inside]), chance))
+    return _worst_of(found)
+
+
+def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
+    """The record stretches (a phase of one channel) with the largest normalised error; none of a table."""
+    if fit.problem.measurements.table:
+        return ()
+    found = []
+    total = sum(float(np.nansum(values**2)) for values in map(fit.normalised_error, fit.fitted)) or 1.0
+    for k in fit.fitted:
+        values = fit.normalised_error(k)
+        record, white = fit.problem.records[k], whitened_errors(fit, k)
+        for p, phase in enumerate(record.phases):
+            for c, channel in enumerate(fit.problem.measurements.outputs):
+                inside = (record.phase == p) & np.isfinite(values[:, c])
+                if inside.any():
+                    part = values[inside, c]
+                    label = f"{channel} in {phase} of {record.label}"
+                    chance = _chance(fit, c, white[inside, c])
+                    share = float(np.sum(part**2)) / total
+                    found.append(Place("stretch", label, share, _rms(part), chance))
+    return tuple(sorted(_worst_of(found), key=lambda place: -place.rmse)[:count])
+
+
+def whitened_errors(fit: FitResult, k: int) -> Floats:
+    """(n, channels) of a record, residuals of which noise makes unit normal ones; NaN where none counts.
+
+    What a quiet stretch of a coarsely converted channel has in common, columns Q of unit size, is noise too:
+    ``(I + QQᵀ)^(−1/2)·W(f − y)``.
+    """
+    problem, outputs = fit.problem, fit.outputs[k]
+    whitener = problem.whiteners[k]
+    rows = whitened_residual(problem, outputs, k)
+    quiet = quiet_columns(problem, k, outputs)
+    if quiet is not None:
+        left, values, _ = np.linalg.svd(whitener(quiet), full_matrices=False)
+        rows = rows - left @ ((1.0 - 1.0 / np.sqrt(1.0 + values**2)) * (left.T @ rows))
+    found = np.full(problem.ok[k].shape, np.nan)
+    found[whitener.rows[:, 0], whitener.rows[:, 1]] = rows
+    return found
+
+
+def _chance(fit: FitResult, column: int, white: Floats) -> float:
+    """How often noise makes so large whitened residuals of one channel."""
+    known = fit.problem.noise.channels[column].degrees
+    return chi2_tail(float(np.sum(white**2)), white.size, known)
+
+
+def _worst_of(places: list[Place]) -> list[Place]:
+    """With Bonferroni's bound for the number of places that were looked at."""
+    return [replace(place, p_value=min(1.0, len(places) * place.p_value)) for place in places]

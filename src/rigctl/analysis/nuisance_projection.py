@@ -1,0 +1,141 @@
+"""A linearisation with the shared unknowns projected off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.linearisation import Linearisation, RecordTriangle
+from rigctl.model.fit.fit import FitResult
+from rigctl.noise import Source
+
+Floats = NDArray[np.float64]
+
+#: a signature of which less than this share is left has no direction of its own
+HIDDEN = 1e-3
+_RANK = 1e-8
+#: degrees of freedom that a guess of the noise is worth, by where it comes from: a rig file's number is good
+#: to a quarter, a share of the readings to a half
+_WORTH: dict[Source, int] = {"rig": 8, "quiet": 4, "differences": 4, "replicates": 4, "assumed": 2}
+#: at the end of a table's fit, squares that the unknowns could still take away: by steps so large that the
+#: linear problem does not hold for them, or past their bounds
+_STUCK = 9.0
+
+
+@dataclass(frozen=True)
+class Projected:
+    """``(I − P_J)`` applied to everything, over some of the records.
+
+    Attributes
+    ----------
+    residual: (rows) r̃.
+    signatures: (rows, columns) S̃.
+    lengths: (columns) ‖s̃‖.
+    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over; `after_own` the
+        same after the records' own unknowns alone.
+    coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
+    moves: (nuisances) ``J⁺r``: what the unknowns would still move by themselves.
+    rank: how many of the unknowns' directions the data tell apart.
+    freedom: degrees of freedom of r̃.
+    """
+
+    linearisation: Linearisation = field(repr=False)
+    places: tuple[int, ...]
+    residual: Floats
+    signatures: Floats
+    lengths: Floats
+    kappa: Floats
+    after_own: Floats
+    coefficients: Floats
+    moves: Floats
+    basis: Floats = field(repr=False)
+    rank: int
+    freedom: int
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(columns) True where enough of a signature is left to be seen."""
+        return self.kappa > HIDDEN
+
+    @property
+    def noise_degrees(self) -> int:
+        """Degrees of freedom behind the noise; 0 where it counts as known.
+
+        The samples of records tell their noise well enough; a handful of rows does not, and a guess is worth
+        few degrees of freedom (`_WORTH`). That of some channels of records counts where these hold most of
+        the misfit.
+        """
+        problem = self.linearisation.fit.problem
+        if not problem.measurements.table:
+            return _guessed_degrees(self.linearisation.fit)
+        known = [channel.degrees for channel in problem.noise.channels if channel.degrees]
+        return min(known) if known else 0
+
+    def project(self, columns: Floats) -> Floats:
+        """``(I − P_J)`` of columns that stand in the records' rows; the priors' rows are added."""
+        padded = np.vstack([columns, np.zeros((self.residual.size - columns.shape[0], columns.shape[1]))])
+        return np.asarray(padded - self.basis @ (self.basis.T @ padded))
+
+
+def _guessed_degrees(fit: FitResult) -> int:
+    """What the guessed noise of records is worth, where such channels hold most of what is beyond noise."""
+    guessed = {one.name: _WORTH[one.source] for one in fit.problem.noise.channels if one.guessed}
+    if not guessed:
+        return 0
+    beyond = {name: max(0.0, one.count * (one.nrmse**2 - 1.0)) for name, one in fit.errors.items()}
+    counted = {name: degrees for name, degrees in guessed.items() if beyond.get(name, 0.0) > 0.0}
+    if 2.0 * sum(beyond[name] for name in counted) <= sum(beyond.values()) or not counted:
+        return 0
+    return min(counted.values())
+
+
+def project(linearisation: Linearisation, places: Sequence[int] | None = None) -> Projected:
+    """Project the shared unknowns off, over all fitted records or those at `places` among them."""
+    chosen = tuple(range(len(linearisation.records))) if places is None else tuple(places)
+    records = [linearisation.records[k] for k in chosen]
+    weight, prior = linearisation.prior
+    nuisance = np.vstack([*(one.nuisance for one in records), weight])
+    signatures = _stack(records, "signatures", weight.shape[0])
+    residual = np.concatenate([*(one.residual for one in records), prior])
+    basis, inverse = _span(nuisance)
+    left_over = signatures - basis @ (basis.T @ signatures)
+    sizes = linearisation.sizes
+    norms, own = np.linalg.norm(left_over, axis=0), np.linalg.norm(signatures, axis=0)
+    moved = basis @ (basis.T @ residual)
+    if linearisation.fit.problem.measurements.table and float(moved @ moved) > _STUCK:
+        moved = np.zeros_like(moved)
+    return Projected(
+        linearisation=linearisation,
+        places=chosen,
+        residual=residual - moved,
+        signatures=left_over,
+        lengths=norms,
+        kappa=np.where(sizes > 0.0, norms / np.where(sizes > 0.0, sizes, 1.0), 0.0),
+        after_own=np.where(sizes > 0.0, own / np.where(sizes > 0.0, sizes, 1.0), 0.0),
+        coefficients=inverse @ signatures,
+        moves=inverse @ residual,
+        basis=basis,
+        rank=basis.shape[1],
+        freedom=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - basis.shape[1],
+    )
+
+
+def _span(columns: Floats) -> tuple[Floats, Floats]:
+    """(rows, rank) orthonormal basis of columns, each scaled to length one first; and the pseudo-inverse."""
+    lengths = np.linalg.norm(columns, axis=0)
+    scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
+    if not scaled.shape[1]:
+        return np.empty((columns.shape[0], 0)), np.zeros((0, columns.shape[0]))
+    left, values, right = np.linalg.svd(scaled, full_matrices=False)
+    good = values > _RANK * max(values[0], 1e-300)
+    basis = left[:, good]
+    inverse = (right[good].T / values[good]) @ basis.T
+    return basis, inverse / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+
+
+def _stack(records: Sequence[RecordTriangle], name: str, more: int) -> Floats:
+    parts = [getattr(one, name) for one in records]
+    return np.vstack([*parts, np.zeros((more, parts[0].shape[1]))])

@@ -1,0 +1,35 @@
+"""What data could have shown: the smallest size of each effect that would have stood out of the noise."""
+
+from __future__ import annotations
+
+from rigctl.analysis.nuisance_projection import Projected
+
+#: sigmas at which an effect is all but sure to be found at the family's level
+_SEEN = 4.5
+
+
+def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
+    """The effects that would stay below the noise at their typical size: ``‖s̃‖·|φ_typical| < 4.5``."""
+    lin = projected.linearisation
+    seen: dict[str, bool] = {}
+    for place, candidate in enumerate(lin.candidates):
+        for column, name in enumerate(candidate.columns):
+            parameter = candidate.parameter(name)
+            typical = abs(parameter.start - parameter.at_null)
+            size = float(projected.lengths[lin.starts[place] + column]) * typical
+            seen[candidate.name] = seen.get(candidate.name, False) or size >= _SEEN
+    return tuple(name for name, found in seen.items() if not found)
+
+
+def power_text(projected: Projected) -> list[str]:
+    """What an adequate model says little about, in sentences."""
+    names = hidden_at_typical_size(projected)
+    whole = len({candidate.name for candidate in projected.linearisation.candidates})
+    if not names:
+        return []
+    if len(names) > whole / 2:
+        return [
+            f"these data are too weak for a verdict: {len(names)} of {whole} effects of the library would "
+            "not show in them at their typical size; record at more temperatures, pressures and with repeats"
+        ]
+    return [f"would not show in these data at their typical size: {', '.join(names)}"]

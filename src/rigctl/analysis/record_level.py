@@ -1,0 +1,389 @@
+"""What each record has of its own, and whether it is more than that: a model's misfit in disguise.
+
+A room, a setting, a zero or a switch's time belongs to one record and has a prior. With û the estimates of
+one such quantity over the records, G its prior covariance and C the covariance of û − u, the other unknowns
+being free,
+
+    Var(û) = G − C        when the model is right,
+
+so that ``û'ᵀ(G − C)⁺û'`` is χ², and ``lᵀû'/√(lᵀ(G − C)l)`` normal for every contrast l over the records,
+û' = û less the prior's mean. The first is a test of whether the records use more than the prior allows; the
+second, with l an operating variable less its mean, of whether they follow what was commanded. Neither is
+what a room does by itself: either the prior is too narrow, or the model lacks something that they make up
+for.
+
+Source: Henderson, Biometrics 31 (1975) 423, on the variance of best linear unbiased predictions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.adequacy import LEVEL, chance_text, chi2_tail
+from rigctl.analysis.linearisation import free_unknowns
+from rigctl.engine.least_squares import Refused
+from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.unknowns import LocalUnknown
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+#: an estimate of which the data tell less than this share of the prior's variance is no evidence
+_TOLD = 0.02
+#: fewer records show no trend
+_FEWEST = 4
+#: so many estimates of one quantity are tested at the most
+_MOST = 400
+#: what the switches of a record are called together
+SWITCHES = "switches"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A quantity of one record, SI; `std` is NaN where the fit did not see the record.
+
+    `prior_mean` and `prior_std` are NaN where nothing is known of it beforehand.
+    """
+
+    name: str
+    record: str
+    value: float
+    std: float
+    prior_mean: float
+    prior_std: float
+
+
+@dataclass(frozen=True)
+class RecordQuantity:
+    """One quantity over the records.
+
+    Attributes
+    ----------
+    name, meaning: for programs, and for people.
+    unit: that it is shown in; `difference`: a temperature that is an interval.
+    estimates: of each record that has it.
+    p_value: the chance that right records use so much of their prior; NaN where that is not asked.
+    over, over_p_value: the operating variable that it follows most, and the chance of that among all of them.
+    count: how many such tests were made, over all quantities.
+    span: between what it may be where that is all that is known of it, SI.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    difference: bool
+    estimates: tuple[Estimate, ...]
+    p_value: float = math.nan
+    over: str = ""
+    over_p_value: float = math.nan
+    count: int = 1
+    span: tuple[float, float] | None = None
+
+    @property
+    def exceeds(self) -> bool:
+        """The records use more than the prior allows."""
+        return self.p_value * self.count < LEVEL
+
+    @property
+    def follows(self) -> bool:
+        """It follows an operating variable."""
+        return self.over_p_value * self.count < LEVEL
+
+    @property
+    def values(self) -> Floats:
+        """(records) SI."""
+        return np.array([one.value for one in self.estimates])
+
+    def shown(self, value: float, digits: int = 3) -> str:
+        """An SI value with its unit."""
+        return show(value, self.unit, difference=self.difference, digits=digits)
+
+    @property
+    def prior(self) -> str:
+        """What is known of it beforehand, in words."""
+        if self.span is not None:
+            return " to ".join(show(end, self.unit, difference=self.difference) for end in self.span)
+        first = self.estimates[0]
+        if math.isnan(first.prior_std):
+            return "free"
+        if len({(one.prior_mean, one.prior_std) for one in self.estimates}) > 1:
+            return "of each record"
+        width = show(first.prior_std, self.unit, difference=True, digits=2)
+        return f"{self.shown(first.prior_mean)} ± {width}"
+
+    @property
+    def statement(self) -> str:
+        """What it is evidence of; "" where it is what records have of their own."""
+        low, high = self.shown(float(self.values.min())), self.shown(float(self.values.max()))
+        span = f"{self.meaning} comes out from {low} to {high} over the records"
+        found = []
+        if self.exceeds:
+            found.append(f"more than its prior allows ({chance_text(min(1.0, self.p_value * self.count))})")
+        if self.follows:
+            chance = chance_text(min(1.0, self.over_p_value * self.count))
+            found.append(
+                f"and it follows {self.over} ({chance})" if found else f"following {self.over} ({chance})"
+            )
+        if not found:
+            return ""
+        return (
+            f"{span}, {', '.join(found)}: it may be making up for something that the model lacks, or its "
+            f"prior is too narrow ({self.prior})"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Its summary in the machine-readable answer."""
+        values = [
+            self._in_unit(value) for value in (self.values.min(), self.values.mean(), self.values.max())
+        ]
+        return {
+            "name": self.name,
+            "meaning": self.meaning,
+            "unit": self.unit,
+            "records": len(self.estimates),
+            "lowest": values[0],
+            "mean": values[1],
+            "highest": values[2],
+            "p_value": _finite(self.p_value),
+            "over": self.over or None,
+            "over_p_value": _finite(self.over_p_value),
+            "evidence": self.exceeds or self.follows,
+            "statement": self.statement,
+        }
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each record in the machine-readable answer, in `unit`."""
+        factor = parse_unit(self.unit).factor
+        return [
+            {
+                "name": one.name,
+                "unit": self.unit,
+                "record": one.record,
+                "value": self._in_unit(one.value),
+                "std": _finite(one.std / factor),
+                "prior_mean": _finite(self._in_unit(one.prior_mean)),
+                "prior_std": _finite(one.prior_std / factor),
+            }
+            for one in self.estimates
+        ]
+
+    def _in_unit(self, value: float) -> float:
+        unit = parse_unit(self.unit)
+        return float((value - (0.0 if self.difference else unit.offset)) / unit.factor)
+
+
+def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
+    """What each record has of its own, by quantity; those that are evidence of something first."""
+    places = _places(fit)
+    if not places:
+        return ()
+    inverse = _Inverse.of(fit)
+    found = [_quantity(fit, key, own, inverse) for key, own in places.items()]
+    tests = sum(
+        (0 if math.isnan(one.p_value) else 1) + (0 if math.isnan(one.over_p_value) else 1) for one in found
+    )
+    counted = [replace(one, count=max(tests, 1)) for one in found]
+    return tuple(sorted(counted, key=lambda one: not one.statement))
+
+
+def _places(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
+    """(record, place among its own unknowns) of each quantity; the switches of all records are one."""
+    found: dict[str, list[tuple[int, int]]] = {}
+    for record, own in enumerate(fit.problem.local):
+        for place, one in enumerate(own):
+            found.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, place))
+    return found
+
+
+def _quantity(fit: FitResult, key: str, own: Sequence[tuple[int, int]], inverse: _Inverse) -> RecordQuantity:
+    problem = fit.problem
+    local = [problem.local[record][place] for record, place in own]
+    estimates = tuple(
+        _estimate(fit, one, record, place, inverse.std(record, place))
+        for one, (record, place) in zip(local, own, strict=True)
+    )
+    meaning, unit, difference = _named(fit, key, local[0])
+    made = RecordQuantity(key.removeprefix("record."), meaning, unit, difference, estimates)
+    span = fit.problem.records[own[0][0]].unrecorded.get(made.name)
+    if local[0].unknown.prior is None or span is not None:
+        return replace(made, span=span)  # an input that nobody recorded may be anything
+    p_value, over, over_p = _tests(fit, own, estimates, inverse, trends=key != SWITCHES)
+    return replace(made, p_value=p_value, over=over, over_p_value=over_p)
+
+
+def _estimate(fit: FitResult, one: LocalUnknown, record: int, place: int, std: float) -> Estimate:
+    prior = one.unknown.prior
+    return Estimate(
+        one.name.removeprefix("record."),
+        fit.problem.records[record].label,
+        float(fit.local[record][place]),
+        std,
+        math.nan if prior is None else prior.mean,
+        math.nan if prior is None else prior.std,
+    )
+
+
+def _named(fit: FitResult, key: str, one: LocalUnknown) -> tuple[str, str, bool]:
+    """(meaning, unit, difference) for people."""
+    problem = fit.problem
+    if key == SWITCHES:
+        return "the time of a switch beside its sample", "s", True
+    if one.kind == "start":
+        shown = dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True))
+        state = next((s for s in problem.model.family.states if s.name == one.name), None)
+        si = state.unit if state is not None else one.unknown.unit
+        difference = state is not None and state.difference
+        return f"{one.name} at the start", shown.get(one.name) or _usual(fit, si, difference), difference
+    level, name = problem.level, one.name.removeprefix("record.")
+    parameter = level.effect.parameter(name) if level.effect is not None else None
+    meanings = {quantity.parameter: quantity.meaning for quantity in level.quantities}
+    if parameter is None:
+        return name, one.unknown.unit, False
+    meaning = meanings.get(name, parameter.meaning)
+    return meaning, parameter.unit, parameter.difference
+
+
+def _usual(fit: FitResult, si: str, difference: bool) -> str:
+    """The unit that this bench shows such a quantity in."""
+    if si == "K":
+        return si if difference else "degC"
+    dimension = parse_unit(si).dimension
+    units = fit.problem.measurements.units
+    return next((unit for unit in units if parse_unit(unit).dimension == dimension), si)
+
+
+@dataclass(frozen=True)
+class _Inverse:
+    """The covariance of the records' own unknowns, the shared ones being free.
+
+    Of records i and j it is ``δ_ij·A_i⁻¹ + B_i·S·B_jᵀ``: A_i the record's own normal matrix, B_i what a
+    change of the shared unknowns does to its own ones, S the shared ones' covariance.
+    """
+
+    own: Mapping[int, Floats]
+    passed: Mapping[int, Floats]
+    shared: Floats
+
+    @classmethod
+    def of(cls, fit: FitResult) -> _Inverse:
+        problem = fit.problem.only(fit.fitted)
+        blocks = problem.evaluate(fit.values, [fit.local[k] for k in fit.fitted], derivatives=True)
+        if isinstance(blocks, Refused):
+            return cls({}, {}, np.zeros((0, 0)))
+        free = free_unknowns(fit)
+        columns = [k for k, unknown in enumerate(fit.problem.shared) if unknown in free]
+        _, weight = prior_rows(free, fit.values[columns])
+        matrix = np.diag(weight**2)
+        own: dict[int, Floats] = {}
+        passed: dict[int, Floats] = {}
+        for record, block in zip(fit.fitted, blocks, strict=True):
+            unknowns = [one.unknown for one in fit.problem.local[record]]
+            shared = np.zeros((block.residual.size, 0)) if block.shared is None else block.shared[:, columns]
+            local = np.zeros((block.residual.size, 0)) if block.local is None else block.local
+            _, prior = prior_rows(unknowns, fit.local[record])
+            normal = np.asarray(np.linalg.pinv(local.T @ local + np.diag(prior**2), hermitian=True))
+            cross = local.T @ shared
+            matrix += shared.T @ shared - cross.T @ normal @ cross
+            own[record], passed[record] = normal, normal @ cross
+        return cls(own, passed, np.asarray(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)))
+
+    def covariance(self, places: Sequence[tuple[int, int]]) -> Floats:
+        """(places, places) of the unknowns at these places of these records."""
+        rows = np.array([self.passed[record][place] for record, place in places])
+        found = rows @ self.shared @ rows.T
+        together: dict[int, tuple[list[int], list[int]]] = {}
+        for row, (record, place) in enumerate(places):
+            rows_of, places_of = together.setdefault(record, ([], []))
+            rows_of.append(row)
+            places_of.append(place)
+        for record, (rows_of, places_of) in together.items():
+            found[np.ix_(rows_of, rows_of)] += self.own[record][np.ix_(places_of, places_of)]
+        return np.asarray(found)
+
+    def std(self, record: int, place: int) -> float:
+        """Of one unknown; NaN where the fit did not see the record."""
+        if record not in self.own:
+            return math.nan
+        return float(np.sqrt(max(0.0, self.covariance([(record, place)])[0, 0])))
+
+
+def _tests(
+    fit: FitResult,
+    own: Sequence[tuple[int, int]],
+    estimates: Sequence[Estimate],
+    inverse: _Inverse,
+    *,
+    trends: bool,
+) -> tuple[float, str, float]:
+    """(p of the spread, the variable that it follows most, p of that); NaN where there is nothing to ask."""
+    seen = [k for k, (record, _) in enumerate(own) if record in inverse.own]
+    if not seen:
+        return math.nan, "", math.nan
+    if len(seen) > _MOST:  # as many tell it, and the work grows with their cube
+        seen = [seen[k] for k in np.linspace(0, len(seen) - 1, _MOST).astype(int).tolist()]
+    places = [own[k] for k in seen]
+    prior = np.array([estimates[k].prior_std for k in seen])
+    off = np.array([estimates[k].value - estimates[k].prior_mean for k in seen])
+    # in units of the prior: what the records may differ by, as far as the data tell it
+    variance = np.eye(len(seen)) - inverse.covariance(places) / np.outer(prior, prior)
+    values, vectors = np.linalg.eigh(0.5 * (variance + variance.T))
+    told = values > _TOLD
+    if not told.any():
+        return math.nan, "", math.nan
+    along = vectors[:, told].T @ (off / prior)
+    p_value = chi2_tail(float(np.sum(along**2 / values[told])), int(told.sum()))
+    if not trends:
+        return p_value, "", math.nan
+    best, tried = ("", math.nan), 0
+    for name, x in _operating(fit, [record for record, _ in places]):
+        contrast = (x - x.mean()) * prior
+        turned = vectors[:, told].T @ contrast
+        size = float(np.sqrt(np.square(turned) @ values[told]))
+        if size <= math.sqrt(_TOLD) * float(np.linalg.norm(contrast)):
+            continue
+        z = float(turned @ along) / size
+        tried += 1
+        p = math.erfc(abs(z) / math.sqrt(2.0))
+        if math.isnan(best[1]) or p < best[1]:
+            best = (name, p)
+    return p_value, best[0], min(1.0, best[1] * tried) if tried else math.nan
+
+
+def _operating(fit: FitResult, records: Sequence[int]) -> Iterator[tuple[str, Floats]]:
+    """The operating variables: conditions, and the mean of each input over a record."""
+    if len(set(records)) < _FEWEST:
+        return
+    all_records, seen = fit.problem.records, set[str]()
+    for name in fit.problem.measurements.variables:
+        x = np.array([all_records[k].condition.get(name, math.nan) for k in records])
+        if np.isfinite(x).all() and np.ptp(x) > 0.0:
+            seen.add(name)
+            yield name, x
+    for place, name in enumerate(fit.problem.measurements.inputs):
+        x = np.array([_mean_input(fit, k, place) for k in records])
+        if name not in seen and np.ptp(x) > 1e-9 * float(np.abs(x).max(initial=0.0)):
+            yield f"the mean of {name}", x
+
+
+def _mean_input(fit: FitResult, k: int, place: int) -> float:
+    record = fit.problem.records[k]
+    if place in record.along:
+        line = record.lines[:, record.along.index(place)]
+        width = float(record.knots[-1] - record.knots[0])
+        return float(np.trapezoid(line, record.knots)) / width if width else float(line.mean())
+    ends = np.append(record.switch_times[1:], max(record.times[-1], record.switch_times[-1]))
+    lengths = np.maximum(ends - record.switch_times, 0.0)
+    total = float(lengths.sum())
+    values = record.inputs[:, place]
+    return float(values @ lengths) / total if total else float(values[0])
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,446 @@
+"""A model with some candidates added: refitted, and judged by its misfit against its number of parameters.
+
+A fit stops at bounds of two kinds: what physics forbids holds, and what is only unusual never decides. Where
+it stopped at a bound that says what is usual it is made again beyond it; where it broke an order of two
+parameters (no seal sticks with less than it drags) it is made again within.
+
+`alone` fits one effect at a time in the equations that hold the whole library already.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.effects.declaration import EffectParameter, qualified
+from rigctl.engine.least_squares import Unknown
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.unknowns import effect_unknown
+from rigctl.units import show
+
+#: so near a bound, as a share of the distance of the two, a fit counts as held there
+_AT = 1e-9
+#: the least distance of two bounds, as a share of their sizes
+_APART = 1e-9
+
+
+def beyond_usual(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | None:
+    """The shared unknowns of a fit with the bounds that held it moved outwards, where these are only usual.
+
+    None where none is: the fit stands.
+    """
+    wider = {}
+    for candidate in chosen:
+        for column in candidate.columns:
+            declared = candidate.parameter(column)
+            low, high = declared.widest
+            unknown = _unknown(fitted, column)
+            if unknown is None or column not in fitted.at_bound:
+                continue
+            value, room = value_of(fitted, column), _AT * (declared.high - declared.low)
+            if low < unknown.lower and value <= unknown.lower + room:
+                wider[column] = replace(unknown, lower=low, scale=max(unknown.size, abs(value)))
+            elif high > unknown.upper and value >= unknown.upper - room:
+                wider[column] = replace(unknown, upper=high, scale=max(unknown.size, abs(value)))
+    return _begun_there(fitted, wider) if wider else None
+
+
+def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | None:
+    """The shared unknowns of a fit, bounded so that no parameter is below the one it is never below.
+
+    Both are parted where the quadratic through the minimum is least with the two equal:
+    ``m = 1ᵀH·x̂/(1ᵀH·1)``, H the inverse of their covariance. None where the order holds already.
+    """
+    parted = {}
+    for candidate in chosen:
+        for column in candidate.columns:
+            other = candidate.parameter(column).at_least
+            lower = None if other is None else qualified(candidate.name, other)
+            pair = (None, None) if lower is None else (_unknown(fitted, lower), _unknown(fitted, column))
+            if lower is None or pair[0] is None or pair[1] is None:
+                continue
+            if value_of(fitted, column) < value_of(fitted, lower):
+                middle = _meeting(fitted, lower, column)
+                room = _APART * max(abs(middle), pair[0].size)
+                parted[lower] = replace(pair[0], upper=max(middle, pair[0].lower + room), start=middle)
+                parted[column] = replace(pair[1], lower=min(middle, pair[1].upper - room), start=middle)
+    return _begun_there(fitted, parted) if parted else None
+
+
+def value_of(fitted: FitResult, column: str) -> float:
+    """A parameter of an effect as fitted, SI; its value where the fit left it out, as it acts on nothing."""
+    names = [unknown.name for unknown in fitted.problem.shared]
+    if column in names:
+        return float(fitted.values[names.index(column)])
+    return float(fitted.problem.base[fitted.problem.compiled.system.parameter_names.index(column)])
+
+
+def unusual_text(fitted: FitResult, candidate: Candidate) -> str:
+    """Which of its parameters lie beyond what is usual; "" where none does.
+
+    As ``coefficient beyond its usual range (0 m to 20000 m)``.
+    """
+    found = []
+    for column in candidate.columns:
+        declared = candidate.parameter(column)
+        if declared.unusual(value_of(fitted, column)):
+            low, high = (
+                show(end, declared.unit, difference=declared.difference)
+                for end in (declared.low, declared.high)
+            )
+            found.append(f"{declared.name} beyond its usual range ({low} to {high})")
+    return ", ".join(found)
+
+
+def _unknown(fitted: FitResult, column: str) -> Unknown | None:
+    return {one.name: one for one in fitted.problem.shared}.get(column)
+
+
+def _begun_there(fitted: FitResult, changed: dict[str, Unknown]) -> list[Unknown]:
+    """The shared unknowns, each beginning where the fit ended."""
+    found = []
+    for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True):
+        one = changed.get(unknown.name, unknown)
+        found.append(replace(one, start=min(max(float(value), one.lower), one.upper)))
+    return found
+
+
+def _meeting(fitted: FitResult, lower: str, upper: str) -> float:
+    assert fitted.solution is not None  # noqa: S101 - an effect's parameters are free in a trial
+    names = [unknown.name for unknown in fitted.problem.shared]
+    places = [names.index(lower), names.index(upper)]
+    values = fitted.values[places]
+    covariance = fitted.solution.covariance[np.ix_(places, places)]
+    if not np.isfinite(covariance).all() or not np.all(np.diag(covariance) > 0.0):
+        return float(values.mean())
+    weights = np.linalg.pinv(covariance, hermitian=True).sum(axis=0)
+    total = float(weights.sum())
+    middle = float(weights @ values) / total if total > 0.0 else math.nan
+    return middle if values.min() <= middle <= values.max() else float(values.mean())
+
+
+Floats = NDArray[np.float64]
+
+#: a trial of noisy data is fitted until the next step would lower its cost by less than this share
+_COST = 1e-5
+#: a parameter may double in one step: an effect begins at its null, far below its size
+_STEP = 1.0
+#: so far inside its bounds an effect's parameter begins, as a share of their distance
+_ROOM = 1e-6
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A set of effects on top of the model, refitted together with the model's own parameters.
+
+    Attributes
+    ----------
+    candidates: the effects with their shapes; none for the model as it is.
+    fit: of the model with the effects, their parameters among its shared unknowns.
+    chi2: whitened squares with the priors' share.
+    parameters: of the effects: one that ends at its bound was free to end elsewhere, and is paid for.
+    """
+
+    candidates: tuple[Candidate, ...]
+    fit: FitResult = field(repr=False)
+    chi2: float
+    parameters: int
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(candidate.name for candidate in self.candidates)
+
+    def mbic(self, samples: float, library: int) -> float:
+        """``χ² + parameters·ln N_eff + 2·effects·ln K``: Schwarz's criterion, modified for a search.
+
+        The last term pays for having chosen among K effects.
+
+        Source: M. Bogdan, J. K. Ghosh, R. W. Doerge, Genetics 167 (2004) 989.
+        """
+        count = len(self.candidates)
+        return self.chi2 + self.parameters * math.log(samples) + 2.0 * count * math.log(max(library, 2))
+
+    @property
+    def unusual(self) -> dict[str, str]:
+        """By effect, in words, its parameters beyond their usual range; empty where there are none."""
+        said = {one.name: unusual_text(self.fit, one) for one in self.candidates}
+        return {name: text for name, text in said.items() if text}
+
+    def value(self, column: str) -> tuple[float, float]:
+        """A parameter of an effect, and its standard deviation, SI; none where it acts on no reading."""
+        return value_of(self.fit, column), self.fit.std.get(column, math.nan)
+
+    def sizes(self, candidate: Candidate) -> Floats:
+        """(columns) the parameters of one of its effects less their null, SI."""
+        return np.array(
+            [self.value(name)[0] - candidate.parameter(name).at_null for name in candidate.columns]
+        )
+
+
+def plain(fitted: FitResult) -> Trial:
+    """The model itself, as it was fitted."""
+    solution = fitted.solution
+    return Trial((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
+
+
+def refit(
+    fitted: FitResult,
+    chosen: Sequence[Candidate],
+    begin: FitResult | None = None,
+    *,
+    cost: float = _COST,
+    usual: bool = False,
+) -> Trial | None:
+    """Fit the model's parameters and those of `chosen`; None when that cannot be done.
+
+    Effects that `begin` does not have begin at their null, where the misfit is what it was: begun at the
+    size that the linear problem gives, an effect that the fitted parameters nearly imitate would start far
+    off, and the fit would end in the valley between them. A fit that ends at a bound which only says what is
+    usual goes on beyond it; one that breaks an order of an effect's parameters is made again within it.
+
+    Parameters
+    ----------
+    fitted: of the model with none of the effects.
+    begin: where the unknowns begin: the fit of another set; `fitted` when left out.
+    cost: fitted until the next step would lower the cost by less than this share.
+    usual: keep to the bounds that say what is usual.
+    """
+    try:
+        model = fitted.model
+        for candidate in chosen:
+            model = model.with_effect(candidate.effect, _values(candidate))
+        problem = fitted.problem.rebuilt(model)
+        known = fitted if begin is None else begin
+        problem = problem.with_shared(_started(problem, known))
+        found = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP)
+        found, more = _refined(found, chosen, cost)
+    except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
+        return None
+    if not usual:
+        found = _again(found, beyond_usual(found, chosen), cost)
+    found = _again(found, in_order(found, chosen), cost, forced=True)
+    assert found.solution is not None  # noqa: S101 - there is something to fit
+    columns = more + sum(len(candidate.columns) for candidate in chosen)
+    return Trial(tuple(chosen), found, 2.0 * found.solution.cost, columns)
+
+
+def _refined(found: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:
+    """The fit with those of the effects' shapes free that may be refined, and how many; where that pays.
+
+    Only once the effect is in: at its null a shape does nothing.
+    """
+    names = {
+        (one.name, parameter.name)
+        for one in chosen
+        for parameter in one.effect.parameters
+        if parameter.refined and parameter.shape
+    }
+    if not names:
+        return found, 0
+    model = found.model
+    free = {
+        effect: {
+            name: replace(value, fit=value.fit or (effect, name) in names) for name, value in values.items()
+        }
+        for effect, values in model.effects.items()
+    }
+    problem = found.problem.rebuilt(replace(model, effects=free))
+    problem = problem.with_shared(_started(problem, found))
+    try:
+        better = fit(problem, found.held_out, local=found.local, cost=cost, largest_step=_STEP)
+    except RigctlError:
+        return found, 0
+    samples = sum(int(problem.ok[k].sum()) for k in found.fitted)
+    pays = _cost(found) - _cost(better) > len(names) * math.log(max(samples, 2))
+    return (better, len(names)) if pays else (found, 0)
+
+
+def _cost(found: FitResult) -> float:
+    assert found.solution is not None  # noqa: S101 - there is something to fit
+    return 2.0 * found.solution.cost
+
+
+def _again(found: FitResult, shared: list[Unknown] | None, cost: float, *, forced: bool = False) -> FitResult:
+    """The fit made again with other bounds, or the one that was found where that is no better.
+
+    With `forced` the other bounds hold, however good the fit is.
+    """
+    if shared is None:
+        return found
+    try:
+        problem = found.problem.with_shared(shared)
+        again = fit(problem, found.held_out, local=found.local, cost=cost, largest_step=_STEP)
+    except RigctlError:  # the model has no value there
+        return found
+    assert again.solution is not None and found.solution is not None  # noqa: S101 - both have parameters
+    return again if forced or again.solution.cost < found.solution.cost else found
+
+
+def _values(candidate: Candidate) -> dict[str, float]:
+    """The effect's parameters to begin with: at their null, or the size at which they were seen, but never at
+    a bound, from which a fit must find in first."""
+    values = {}
+    for column in candidate.columns:
+        declared = candidate.parameter(column)
+        room = _ROOM * (declared.high - declared.low)
+        values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
+    chosen = {**candidate.sizes, **candidate.shapes}
+    return values | {name.partition(".")[2]: value for name, value in chosen.items()}
+
+
+def _started(problem: Problem, fitted: FitResult) -> list[Unknown]:
+    """The unknowns of a longer model, those of the shorter one beginning where its fit ended."""
+    known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
+    return [replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared]
+
+
+def _chi2(fitted: FitResult) -> float:
+    return fitted.chi2_reduced * sum(fitted.problem.whiteners[k].size for k in fitted.fitted)
+
+
+#: a fit ends when the next step would lower its cost by less than this share: what is asked is coarse, and
+#: coarser still with the effect held at a size
+_COARSE, _COARSE_HELD = 1e-3, 5e-3
+#: in χ²: a proper fit brings a coarse one no nearer than that
+_NEAR = 40.0
+#: sizes beyond the typical one, up to the bound, at which an effect is looked at, in each of its directions
+_SIZES = 3
+#: a fit that leaves less than this share of a misfit has found what the effect can do
+_EXPLAINED = 0.5
+#: a fit is begun again at a size at which less than this share is left of what it left
+_BETTER = 0.9
+
+
+@dataclass(frozen=True)
+class Alone:
+    """A model with one effect, fitted; `chi2` is what that leaves.
+
+    `at_sizes` are the fits of the model's own parameters with the effect held at one size after the other,
+    where these were made (see the function).
+    """
+
+    candidate: Candidate
+    fit: FitResult = field(repr=False)
+    chi2: float
+    at_sizes: tuple[FitResult, ...] = field(default=(), repr=False)
+
+
+def alone(before: ModelComparison, candidate: Candidate, *, from_null: bool) -> Alone | None:
+    """Fit a model with one effect more, begun at its null or at its typical size.
+
+    What an effect does may be no straight line in its size, and a fit stays in the minimum that it begins in:
+    one that explains little is begun again where the effect explains more, held at sizes up to its bound.
+    Nothing is compiled for it. None when the model has no value there.
+    """
+    share = 0.0 if from_null else 1.0
+    begin = {
+        column: declared.at_null + share * (declared.start - declared.at_null)
+        for column, declared in _declared(candidate).items()
+    }
+    found = _fitted(before, candidate, begin, before.fit)
+    if found is not None and _left(found) < _EXPLAINED * _left(before.fit):
+        return Alone(candidate, found, _left(found))
+    held = _held_at_sizes(before, candidate)
+    if held:
+        sizes, nearest = min(held, key=lambda one: _left(one[1]))
+        if found is None or _left(nearest) < _BETTER * _left(found):
+            found = _fitted(before, candidate, sizes, nearest)
+    return None if found is None else Alone(candidate, found, _left(found), tuple(one for _, one in held))
+
+
+def at_sizes(before: ModelComparison, found: Alone) -> tuple[FitResult, ...]:
+    """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
+    largest that is usual."""
+    return found.at_sizes or tuple(one for _, one in _held_at_sizes(before, found.candidate))
+
+
+def near_best(found: Mapping[str, Alone | None]) -> list[str]:
+    """The effects whose fits come near the best one's, the best first."""
+    fitted = [one for one in found.values() if one is not None]
+    fitted.sort(key=lambda one: one.chi2)
+    return [one.candidate.name for one in fitted if one.chi2 < fitted[0].chi2 + _NEAR]
+
+
+def _declared(candidate: Candidate) -> dict[str, EffectParameter]:
+    return {name: candidate.parameter(name) for name in candidate.columns}
+
+
+def _sizes(candidate: Candidate) -> list[dict[str, float]]:
+    """Sizes of an effect's parameters, together, in equal ratios from the typical ones to the bounds."""
+    found = []
+    for side in (1.0, -1.0):
+        for k in range(1, _SIZES + 1):
+            sizes = {}
+            for column, declared in _declared(candidate).items():
+                typical = side * (declared.start - declared.at_null)
+                limit = (declared.high if typical > 0.0 else declared.low) - declared.at_null
+                if typical and limit / typical > 0.0:
+                    sizes[column] = declared.at_null + typical * (limit / typical) ** (k / _SIZES)
+            if len(sizes) == len(candidate.columns):
+                found.append(sizes)
+    return found
+
+
+def _held_at_sizes(before: ModelComparison, candidate: Candidate) -> list[tuple[dict[str, float], FitResult]]:
+    """Sizes of an effect, and the model's own parameters fitted with it; not where the model has no value."""
+    found = []
+    for sizes in _sizes(candidate):
+        held = {name: _inside(candidate, name, size) for name, size in sizes.items()}
+        one = _fit(before, candidate, held, (), before.fit)
+        if one is not None:
+            found.append((sizes, one))
+    return found
+
+
+def _fitted(
+    before: ModelComparison, candidate: Candidate, sizes: Mapping[str, float], begin: FitResult
+) -> FitResult | None:
+    """The model's own parameters and an effect's, which begin at `sizes`, inside their bounds."""
+    free = [
+        effect_unknown(candidate.effect, name.partition(".")[2], _inside(candidate, name, size))
+        for name, size in sizes.items()
+    ]
+    return _fit(before, candidate, {}, free, begin)
+
+
+def _inside(candidate: Candidate, column: str, size: float) -> float:
+    declared = _declared(candidate)[column]
+    room = _ROOM * (declared.high - declared.low)
+    return float(np.clip(size, declared.low + room, declared.high - room))
+
+
+def _fit(
+    before: ModelComparison,
+    candidate: Candidate,
+    held: Mapping[str, float],
+    free: Sequence[Unknown],
+    begin: FitResult,
+) -> FitResult | None:
+    whole = before.whole
+    names = whole.compiled.system.parameter_names
+    base = whole.base.copy()
+    for name, value in {**candidate.shapes, **held}.items():
+        base[names.index(name)] = value
+    at = {u.name: float(value) for u, value in zip(begin.problem.shared, begin.values, strict=True)}
+    own = before.fit.problem.shared
+    shared = [replace(u, start=min(max(at[u.name], u.lower), u.upper)) for u in own]
+    problem = whole.with_shared([*shared, *free], base)
+    try:
+        cost = _COARSE_HELD if held else _COARSE
+        return fit(problem, before.fit.held_out, local=begin.local, cost=cost)
+    except RigctlError:
+        return None
+
+
+def _left(found: FitResult) -> float:
+    assert found.solution is not None  # noqa: S101 - a diagnosis asks for parameters to fit
+    return 2.0 * found.solution.cost

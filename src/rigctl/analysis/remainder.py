@@ -1,0 +1,118 @@
+"""What the effects that were found leave: how much, where, and what would take most of it up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.search import Search
+from rigctl.analysis.slot_evidence import slot_evidence
+from rigctl.analysis.trends import Trend, trends
+
+#: an effect that takes up less than this share of what is left does not say where that is
+_MOST = 0.5
+#: a change of what is left over an operating variable that is no chance, in standard deviations
+_GROWS = 5.0
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the effects of a diagnosis leave of the systematic misfit.
+
+    Attributes
+    ----------
+    share: of the squared misfit, 0 … 1.
+    size: in sigmas of the data: the root of what is left in χ².
+    p_value: that of the tests on what is left; it is below their level.
+    slot: the equation that it is in, "" where none stands out.
+    over: the operating variable over which it changes most, "" where over none.
+    effect: the one that takes most of it up beside the others, "" where none does.
+    statement: in words.
+    below_noise: the error with the set is below the noise: the tests that see it rest on a wrong noise.
+    """
+
+    share: float
+    size: float
+    p_value: float
+    slot: str
+    over: str
+    effect: str
+    statement: str
+    below_noise: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "share": self.share,
+            "size": self.size,
+            "p_value": self.p_value,
+            "slot": self.slot,
+            "over": self.over,
+            "effect": self.effect,
+            "statement": self.statement,
+            "below_noise": self.below_noise,
+        }
+
+
+def remainder(search: Search, best: Trial) -> Remainder | None:
+    """What the best set leaves; None where there is no set, or the tests find nothing any more."""
+    if not best.candidates:
+        return None
+    excess = search.excess(best)
+    here = search.at(best)
+    if here.adequacy.agrees:
+        return None
+    name, slot, taken = _next(search, best, excess)
+    if taken < _MOST:
+        evidence = slot_evidence(best.fit)
+        slot = evidence[0].slot if evidence else ""
+    trend = _steepest(trends(best.fit))
+    p = here.adequacy.p_value
+    said = f"{share_text(search.left(best))} of the misfit is left, {_size_text(excess)} ({chance_text(p)})"
+    if slot:
+        said += f", most of it at {slot}"
+    if trend is not None:
+        said += f", and it changes over {trend.variable}"
+    if name:
+        said += (
+            f". Beside {' and '.join(best.effects)}, {name} takes up {share_text(taken)} of that: it may be "
+            f"a second effect, or the shape of {'those' if len(best.effects) > 1 else 'that one'}"
+        )
+    return Remainder(
+        share=search.left(best),
+        size=math.sqrt(excess),
+        p_value=p,
+        slot=slot,
+        over="" if trend is None else trend.variable,
+        effect=name,
+        statement=said,
+        below_noise=here.adequacy.below_noise,
+    )
+
+
+def share_text(share: float) -> str:
+    """``2 %``, ``0.03 %``: a share of a misfit as it is read."""
+    per_cent = 100.0 * share
+    return f"{per_cent:.0f} %" if per_cent >= 1.0 else f"{per_cent:.1g} %"
+
+
+def _size_text(excess: float) -> str:
+    return f"{math.sqrt(excess):.0f} sigma" if excess >= 1.0 else "less than a sigma"
+
+
+def _next(search: Search, best: Trial, excess: float) -> tuple[str, str, float]:
+    """(name, slot, share) of the effect that takes most of what is left up; "" where none pays."""
+    found = search.beside(best)
+    if not found or excess <= 0.0:
+        return "", "", 0.0
+    added = [one for one in found[0].candidates if one.name not in best.effects]
+    taken = min(1.0, (best.chi2 - found[0].chi2) / excess)
+    return added[0].name, (added[0].effect.slots or ("",))[0], taken
+
+
+def _steepest(found: tuple[Trend, ...]) -> Trend | None:
+    grown = [trend for trend in found if abs(trend.z) > _GROWS]
+    return max(grown, key=lambda trend: abs(trend.z), default=None)

@@ -1,0 +1,188 @@
+"""What would make up for a misfit on records that no fit saw: another start, other values, another effect.
+
+Each is tried on those records alone, and judged by the share of the misfit that it takes away. The model
+stays as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.effects.declaration import EffectState, qualified
+from rigctl.engine.least_squares import Unknown
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.unknowns import LocalUnknown, shared_unknowns
+from rigctl.units import parse_unit
+
+#: less of the misfit than this is not worth a word
+_LEAST = 0.2
+#: one effect's states are enough when they do this much of what all do
+_ENOUGH = 0.95
+#: a value has moved by more than this many standard deviations, and this share of it
+_SURE, _NOTABLE = 3.0, 0.05
+_MOST_VALUES = 3
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """Something that would take a part of the misfit away.
+
+    Attributes
+    ----------
+    kind: "starts": the effects' own states left free at the beginning of each record; "values": the model's
+        parameters fitted to these records alone; "effect": one more effect of the library, at first order.
+    names: the effects, or the parameters that moved.
+    share: of the misfit beyond noise that goes away, 0 to 1.
+    rmse: by channel with it, SI; empty at first order.
+    moved: (parameter, before, after, unit) in the unit it is shown in.
+    """
+
+    kind: Literal["starts", "values", "effect"]
+    names: tuple[str, ...]
+    share: float
+    rmse: dict[str, float]
+    moved: tuple[tuple[str, float, float, str], ...] = ()
+
+
+def remedies(fitted: FitResult, judged: ModelComparison) -> tuple[Remedy, ...]:
+    """What would help on the records of `fitted`, the best first; `judged` is the same with its tests."""
+    found = [_starts(fitted), _values(fitted), _effect(fitted, judged)]
+    kept = [one for one in found if one is not None and one.share >= _LEAST]
+    return tuple(sorted(kept, key=lambda one: -one.share))
+
+
+def misfit(fitted: FitResult) -> float:
+    """The squares of the errors over the noise's, beyond what noise makes: ``Σ n·(nrmse² − 1)``."""
+    return sum(one.count * (one.nrmse**2 - 1.0) for one in fitted.errors.values())
+
+
+def _share(before: FitResult, after: FitResult, parameters: int) -> float:
+    """Of the misfit that goes away, parameters paid for by ``ln N`` each."""
+    count = sum(one.count for one in before.errors.values())
+    fall = misfit(before) - misfit(after) - parameters * math.log(max(count, 2))
+    return _of(fall, misfit(before))
+
+
+def _of(fall: float, whole: float) -> float:
+    return min(max(fall / whole, 0.0), 1.0) if whole > 0.0 else 0.0
+
+
+def _starts(fitted: FitResult) -> Remedy | None:
+    """With what the effects store free at the beginning of each record."""
+    model = fitted.problem.model
+    states = {name: model.effect(name).states for name in model.effects}
+    stores = {name: own for name, own in states.items() if own}
+    everything = _with_free(fitted, stores)
+    if everything is None:
+        return None
+    for name, own in stores.items() if len(stores) > 1 else ():
+        alone = _with_free(fitted, {name: own})
+        if alone is not None and alone.share >= _ENOUGH * everything.share:
+            return alone
+    return everything
+
+
+def _with_free(fitted: FitResult, stores: dict[str, tuple[EffectState, ...]]) -> Remedy | None:
+    problem = _alone(fitted)
+    names = problem.compiled.system.state_names
+    extra = {
+        qualified(effect, state.name): state.scale
+        for effect, own in stores.items()
+        for state in own
+        if qualified(effect, state.name) in names
+    }
+    if not extra:
+        return None
+    local = tuple(
+        (*own, *(_free(name, float(start[names.index(name)]), scale) for name, scale in extra.items()))
+        for own, start in zip(problem.local, problem.starts, strict=True)
+    )
+    try:
+        found = fit(replace(problem, local=local), refit=False)
+    except RigctlError:  # the model has no value there: that is no remedy
+        return None
+    share = _share(fitted, found, len(extra) * len(problem.records))
+    return Remedy("starts", tuple(stores), share, _rmse(found))
+
+
+def _alone(fitted: FitResult) -> Problem:
+    """These records alone, what all have in common being where it was fitted."""
+    known = _known(fitted)
+    problem = fitted.problem.only(fitted.fitted)
+    return problem.with_shared(
+        [replace(u, start=min(max(known[u.name], u.lower), u.upper)) for u in problem.shared]
+    )
+
+
+def _known(fitted: FitResult) -> dict[str, float]:
+    """The values of the model's parameters and of what the records have in common."""
+    names = [unknown.name for unknown in fitted.problem.shared]
+    return {**fitted.problem.model.values, **dict(zip(names, fitted.values.tolist(), strict=True))}
+
+
+def _free(name: str, start: float, scale: float) -> LocalUnknown:
+    return LocalUnknown(name, Unknown(name, start, scale=scale), "start")
+
+
+def _values(fitted: FitResult) -> Remedy | None:
+    """With the model's parameters fitted to these records alone."""
+    problem, known = _alone(fitted), _known(fitted)
+    own = [
+        replace(one, start=min(max(known[one.name], one.lower), one.upper))
+        for one in shared_unknowns(problem.model)
+    ]
+    others = [one for one in problem.shared if one.name not in problem.model.fitted]
+    if not own:
+        return None
+    try:
+        found = fit(problem.with_shared([*own, *others]), local=[fitted.local[k] for k in fitted.fitted])
+    except RigctlError:  # too few values for the parameters, or no value of the model
+        return None
+    moved = _moved(fitted, found)
+    share = _share(fitted, found, len(found.problem.shared))
+    return Remedy("values", tuple(one[0] for one in moved), share, _rmse(found), moved) if moved else None
+
+
+def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float, str], ...]:
+    """The parameters that moved most for what is known of them."""
+    model, found = before.problem.model, []
+    known = _known(before)
+    values = zip([u.name for u in after.problem.shared], after.values.tolist(), strict=True)
+    for name, value in values:
+        if name not in model.fitted:
+            continue
+        effect, dot, own = name.partition(".")
+        declared = model.effect(effect).parameter(own) if dot else model.family.parameter(name)
+        unit = parse_unit(declared.unit)
+        change = value - known[name]
+        std = after.std.get(name, math.inf)
+        if abs(change) > max(_SURE * std, _NOTABLE * abs(known[name])):
+            shown = (unit.from_si(known[name]), unit.from_si(value))
+            found.append((abs(change) / max(std, 1e-300), (name, *shown, declared.unit)))
+    found.sort(key=lambda one: -one[0])
+    return tuple(one for _, one in found[:_MOST_VALUES])
+
+
+def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
+    """One more effect of the library, by its score."""
+    seen = [one for one in judged.screening.scores if one.effect not in judged.screening.untestable]
+    best = max(seen, key=lambda score: score.gain, default=None)
+    if best is None or fitted.problem.measurements.table:  # a few values have room for every effect
+        return None
+    whitened = sum(one.count * (one.chi2_reduced - 1.0) for one in fitted.errors.values())
+    return Remedy("effect", (best.effect,), _of(best.gain, whitened), {})
+
+
+def _rmse(found: FitResult) -> dict[str, float]:
+    return {name: one.rmse for name, one in found.errors.items()}
+
+
+def still_missing(found: Sequence[Remedy]) -> bool:
+    """True when none of them takes most of the misfit away."""
+    return not found or found[0].share < 0.5

@@ -1,0 +1,290 @@
+"""What could be taken for an effect that was found, and where the two differ most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from rigctl.analysis.localisation import variable_units
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.search import Search
+from rigctl.analysis.separability import (
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    TOLERANCE,
+    consistent_gain,
+    cosine,
+)
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.conditions import condition_text
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.units import parse_unit
+
+#: a phase in which an effect does less than this share of all that it does has no likeness
+_SHOWS = 0.01
+_MOST_VARIABLES = 2
+#: twice the standard deviation of a separation that is read from refits
+_CHANCE = 1.0
+#: standard deviations within which a parameter is not told from the value that makes its effect another one
+_LIMIT = 2.0
+
+
+@dataclass(frozen=True)
+class Differs:
+    """Where the readings that two fits predict differ most, in units of the noise.
+
+    Attributes
+    ----------
+    channel, phase: of which reading, and when; no phase where it is of a table.
+    condition: of the record that shows it most, in words; "" where nothing tells records apart.
+    largest: the largest difference there, in `unit`.
+    alike: by phase, the cosine between what the two change in that channel, the most alike first.
+    """
+
+    channel: str
+    phase: str
+    condition: str
+    largest: float
+    unit: str
+    alike: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect in the place of one that was found.
+
+    Attributes
+    ----------
+    member, name: the one that was found, and the other.
+    trial: the set with the other one, fitted.
+    cos: of their signatures, after the fitted parameters have done what they can.
+    separation: d; the right one of the two wins with probability Φ(d).
+    difference: mBIC of the rival set less that of the best.
+    differs: where the two differ most; None where they predict the same.
+    share: the difference of their χ² as a share of what the one that was found explains.
+    unusual: which of the other's parameters lie beyond what is usual, in words; "" where none does.
+    nested: the parameter of the one that was found, and its value, where it is the other one and from where
+        its fit is not told; "" where there is none.
+    """
+
+    member: str
+    name: str
+    trial: Trial = field(repr=False)
+    cos: float
+    separation: float
+    difference: float
+    differs: Differs | None
+    share: float = 1.0
+    unusual: str = ""
+    nested: str = ""
+
+    @property
+    def told(self) -> bool:
+        """True when these data tell the two apart, and by more than two shapes of one effect may differ."""
+        return (
+            self.separation >= LEAST_SEPARATION
+            and self.difference >= LEAST_DIFFERENCE
+            and not self.within_tolerance
+            and not self.nested
+        )
+
+    @property
+    def within_tolerance(self) -> bool:
+        """True when the two differ by less than a tenth of an effect's size: its shape may do as much."""
+        return self.share < TOLERANCE**2
+
+
+def find_rivals(search: Search, best: Trial) -> list[Rival]:
+    """Of every member of the best set, the effects that look like it."""
+    found = []
+    for member in best.candidates:
+        search.tell(f"What could be taken for {member.name}")
+        tried = search.rivals(best, member)
+        explained = search.explained(best, member)
+        for trial, cos, d in tried:
+            # the refits also know sizes that physics does not allow, and tell it up to chance
+            told = max(d, _by_refit(trial, best) - _CHANCE)
+            if not search.at(best).adequacy.agrees:
+                # neither is right, and the noise no longer tells the chance of a difference
+                told = min(told, consistent_gain(best.fit, trial.fit, len(tried)))
+            found += [
+                Rival(
+                    member.name,
+                    other,
+                    trial,
+                    cos,
+                    told,
+                    search.mbic(trial) - search.mbic(best),
+                    where_they_differ(search.none.fit, best.fit, trial.fit),
+                    share=(trial.chi2 - best.chi2) / max(explained, 1e-12),
+                    unusual=trial.unusual.get(other, ""),
+                    nested=_nested(best.fit, member.effect, other),
+                )
+                for other in trial.effects
+                if other not in best.effects
+            ]
+    found += _aside(search, best, {rival.name for rival in found})
+    if len(best.candidates) == 1:
+        found += _known(search, best, {rival.name for rival in found})
+    return found
+
+
+def _nested(fit: FitResult, effect: Effect, other: str) -> str:
+    """The parameter whose limit makes `effect` the other one, if its fit lies within chance of that limit."""
+    known = {
+        unknown.name: float(value) for unknown, value in zip(fit.problem.shared, fit.values, strict=True)
+    }
+    for name, limit, law in effect.becomes:
+        own = qualified(effect.name, name)
+        if law == other and own in known and abs(known[own] - limit) <= _LIMIT * fit.std.get(own, 0.0):
+            return f"{name} {limit:g}"
+    return ""
+
+
+def _aside(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
+    """The better set that was put aside for a size beyond what is usual: a rival, however alike they are."""
+    trial = search.aside
+    if trial is None:
+        return []
+    members = [name for name in best.effects if name not in trial.effects] or [*best.effects]
+    return [
+        Rival(
+            members[0],
+            other,
+            trial,
+            cos=1.0,
+            separation=0.0,
+            difference=search.mbic(trial) - search.mbic(best),
+            differs=where_they_differ(search.none.fit, best.fit, trial.fit),
+            share=0.0,
+            unusual=trial.unusual.get(other, ""),
+        )
+        for other in trial.effects
+        if other not in best.effects and other not in seen
+    ]
+
+
+def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
+    """The best of the other effects that were refitted by themselves: told apart, and worth a word."""
+    others = [
+        trial
+        for trial in search.trials.values()
+        if len(trial.candidates) == 1 and trial.effects[0] not in (*best.effects, *seen)
+    ]
+    if not others:
+        return []
+    trial = min(others, key=search.mbic)
+    lin = search.before.linearisation
+    member, other = best.candidates[0], trial.candidates[0]
+    if member not in lin.candidates or other not in lin.candidates:
+        return []
+    cos = cosine(search.before.projected, lin.candidates.index(member), lin.candidates.index(other))
+    difference = search.mbic(trial) - search.mbic(best)
+    told = _by_refit(trial, best)
+    differs = where_they_differ(search.none.fit, best.fit, trial.fit)
+    share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
+    unusual = trial.unusual.get(other.name, "")
+    rival = Rival(member.name, other.name, trial, cos, told, difference, differs, share, unusual)
+    return [rival] if rival.told else []
+
+
+def _by_refit(trial: Trial, best: Trial) -> float:
+    """The separation as the refits have it: ``sqrt(Δχ²)/2``, with a standard deviation of ½.
+
+    Δχ² is about 4d², and scatters by 4d.
+    """
+    return 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
+
+
+def classes_of(best: Trial, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:
+    """Each member with the rivals that are not told from it."""
+    return tuple(
+        (
+            name,
+            *dict.fromkeys(rival.name for rival in rivals if rival.member == name and not rival.told),
+        )
+        for name in best.effects
+    )
+
+
+def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Differs | None:
+    """The channel and phase with the largest squared difference over the noise, and the record in it.
+
+    None where the two predict the same; `none` is the model without either.
+    """
+    problem = one.problem
+    changes = [_changes(none, one, other, k) for k in one.fitted]
+    squares = {key: sum(own.get(key, _NOTHING)[2] for own in changes) for key in _keys(changes)}
+    if not any(squares.values()):
+        return None
+    best = max(squares, key=lambda key: squares[key])
+    place = max(range(len(changes)), key=lambda place: changes[place].get(best, _NOTHING)[2])
+    k = one.fitted[place]
+    measurements = problem.measurements
+    unit = parse_unit(measurements.units[best[0]])
+    return Differs(
+        channel=measurements.titles.get(measurements.outputs[best[0]], measurements.outputs[best[0]]),
+        phase="" if measurements.table else best[1],
+        condition=_point(problem.records[k], measurements),
+        largest=_largest(one, other, k, best) / unit.factor,
+        unit="K" if unit.offset else unit.text,
+        alike=_alike(changes, best[0]),
+    )
+
+
+def _point(record: MeasuredRecord, measurements: Measurements) -> str:
+    """The operating point by the first of the variables that tell records apart."""
+    known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
+    return condition_text(dict(list(known.items())[:_MOST_VARIABLES]), variable_units(measurements))
+
+
+#: by (channel, phase): the squares of what one changes, of what the other does, and of their difference
+Changes: TypeAlias = dict[tuple[int, str], tuple[float, float, float]]
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Changes:
+    """Of one record, in units of the noise."""
+    problem, record = one.problem, one.problem.records[k]
+    ok, sigma = problem.ok[k], problem.sigma[k]
+    first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
+    second = np.where(ok, other.outputs[k] - none.outputs[k], 0.0) / sigma
+    found = {}
+    for place, phase in enumerate(record.phases):
+        inside = record.phase == place
+        for c in range(first.shape[1]):
+            a, b = first[inside, c], second[inside, c]
+            found[c, phase] = (float(a @ a), float(b @ b), float((a - b) @ (a - b)))
+    return found
+
+
+def _keys(changes: Sequence[Changes]) -> list[tuple[int, str]]:
+    return list(dict.fromkeys(key for own in changes for key in own))
+
+
+def _alike(changes: Sequence[Changes], channel: int) -> tuple[tuple[str, float], ...]:
+    """``cos = (|a|² + |b|² − |a − b|²)/(2·|a|·|b|)`` by phase, where the effect shows."""
+    sums = {
+        phase: np.sum([own.get((c, phase), _NOTHING) for own in changes], axis=0)
+        for c, phase in _keys(changes)
+        if c == channel
+    }
+    whole = sum(float(a) for a, _, _ in sums.values())
+    found = [
+        (phase, float((a + b - d) / (2.0 * math.sqrt(a * b))))
+        for phase, (a, b, d) in sums.items()
+        if a > _SHOWS * whole and b > 0.0
+    ]
+    return tuple(sorted(found, key=lambda one: -one[1]))
+
+
+def _largest(one: FitResult, other: FitResult, k: int, key: tuple[int, str]) -> float:
+    record = one.problem.records[k]
+    inside = (record.phase == record.phases.index(key[1])) & one.problem.ok[k][:, key[0]]
+    change = (other.outputs[k] - one.outputs[k])[inside, key[0]]
+    return float(change[np.argmax(np.abs(change))])

@@ -1,0 +1,225 @@
+"""Is there room for an effect? Score tests of every candidate, at the level of the whole family of them.
+
+    z = S̃ᵀr̃ / ‖s̃‖  ~  N(0, C),   C_ij = cos(s̃_i, s̃_j)   when nothing is missing
+
+Rao's score (Lagrange multiplier) test. An effect that physics allows in one direction only is tested in that
+direction; one with several parameters by the best of its cone; one with shapes by the best of its grid, whose
+own distribution is drawn with it (R. B. Davies, Biometrika 64 (1977) 247).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.candidates import by_effect
+from rigctl.analysis.nuisance_projection import Projected
+from rigctl.effects.record_level import RECORD
+
+Floats = NDArray[np.float64]
+
+_DRAWS = 20000
+
+
+@dataclass(frozen=True)
+class Score:
+    """One effect's test.
+
+    Attributes
+    ----------
+    effect: its name.
+    candidate: the place of its best shape among the linearisation's candidates.
+    gain: the fall of χ² that the linear problem expects, over the cone of its signs.
+    z: its root: the size of the effect in the data, in sigmas, by the linear problem.
+    p_value: family-wise: how often the best of all candidates is at least as good by chance.
+    sizes: the parameters at the linear problem's minimum, SI, less their null.
+    kappa: the share of the signature that the fitted unknowns cannot take over.
+    hidden_in: the fitted unknown that takes over most of it; `record` where what each record has of its own,
+        its pressure setting or its zero, does so.
+    """
+
+    effect: str
+    candidate: int
+    gain: float
+    z: float
+    p_value: float
+    sizes: Floats
+    kappa: float
+    hidden_in: str
+
+
+@dataclass(frozen=True)
+class Screening:
+    """All candidates' scores, the best first, and those that the data say nothing of."""
+
+    scores: tuple[Score, ...]
+    untestable: tuple[str, ...]
+    p_value: float
+    statistic: float
+
+
+def screen(projected: Projected, seed: int = 0) -> Screening:
+    """Score every candidate of a linearisation."""
+    lin = projected.linearisation
+    usable = projected.usable
+    tests = [
+        (place, np.flatnonzero(usable[lin.columns_of(place)]) + lin.starts[place])
+        for place in range(len(lin.candidates))
+    ]
+    tests = [(place, columns) for place, columns in tests if columns.size]
+    testable = {lin.candidates[place].name for place, _ in tests}
+    untestable = tuple(name for name in by_effect(lin.candidates) if name not in testable)
+    if not tests:
+        return Screening((), untestable, 1.0, 0.0)
+    unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
+    signatures = projected.signatures * unit
+    cosines = signatures.T @ signatures
+    z = signatures.T @ projected.residual
+    draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
+    found = []
+    least = np.ones(len(draws))
+    for place, columns in tests:
+        signs = _signs(projected, place, columns)
+        square = cosines[np.ix_(columns, columns)]
+        gain, sizes = cone(z[columns][None, :], square, signs)
+        chance = tail(cone(draws[:, columns], square, signs)[0], signs)
+        np.minimum(least, chance, out=least)
+        found.append((place, columns, float(gain[0]), float(tail(gain, signs)[0]), sizes[0]))
+    least.sort()
+    scores = [
+        _score(
+            projected,
+            place,
+            columns,
+            gain,
+            _family(p, least, len(found), drawn=projected.noise_degrees > 0),
+            sizes * unit[columns],
+        )
+        for place, columns, gain, p, sizes in found
+    ]
+    best = _best_of_each(scores)
+    top = max(best, key=lambda score: (-score.p_value, score.gain))
+    return Screening(tuple(best), untestable, top.p_value, top.z)
+
+
+def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floats]:
+    """Largest gain ``2θᵀz − θᵀCθ`` over θ with the given signs, and that θ; for each row of z (draws, k).
+
+    The maximum is the free one of some subset of the parameters, the others being 0: all are tried.
+    """
+    count, k = z.shape
+    best, sizes = np.zeros(count), np.zeros((count, k))
+    wanted = np.array(signs)
+    for number in range(1, k + 1):
+        for subset in combinations(range(k), number):
+            chosen = list(subset)
+            inverse = np.linalg.pinv(cosines[np.ix_(chosen, chosen)], rcond=1e-10, hermitian=True)
+            theta = z[:, chosen] @ inverse
+            gain = np.einsum("dk,dk->d", z[:, chosen], theta)
+            feasible = np.all((wanted[chosen] == 0) | (theta * wanted[chosen] > 0.0), axis=1)
+            better = feasible & (gain > best)
+            best = np.where(better, gain, best)
+            moved = np.zeros((count, k))
+            moved[:, chosen] = theta
+            sizes = np.where(better[:, None], moved, sizes)
+    return best, sizes
+
+
+def tail(gain: Floats, signs: Sequence[int]) -> Floats:
+    """Chance of so large a gain for one effect: χ² of its parameters, halved for a single one-sided one.
+
+    For several parameters it is an upper bound; the family's level is drawn, so that it need not be exact.
+    """
+    from scipy.special import erfc, gammaincc
+
+    half = 0.5 * np.maximum(gain, 0.0)
+    chance = erfc(np.sqrt(half)) if len(signs) == 1 else gammaincc(0.5 * len(signs), half)
+    if len(signs) == 1 and signs[0]:
+        chance = 0.5 * chance
+    return np.where(gain > 0.0, chance, 1.0)
+
+
+def _signs(projected: Projected, place: int, columns: NDArray[np.intp]) -> list[int]:
+    lin = projected.linearisation
+    return [lin.candidates[place].signs[int(column) - lin.starts[place]] for column in columns]
+
+
+def _draws(cosines: Floats, seed: int) -> Floats:
+    values, vectors = np.linalg.eigh(cosines)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(_normal(cosines.shape[0], seed) @ root.T)
+
+
+@lru_cache(maxsize=4)
+def _normal(count: int, seed: int) -> Floats:
+    return np.random.Generator(np.random.PCG64(seed)).standard_normal((_DRAWS, count))
+
+
+def _noise_draws(degrees: int, seed: int) -> Floats:
+    """(draws, 1) what makes normal scores those of Student, where noise is known from `degrees` only."""
+    if not degrees:
+        return np.ones((1, 1))
+    generator = np.random.Generator(np.random.PCG64([seed, degrees]))
+    return np.asarray(np.sqrt(degrees / generator.chisquare(degrees, (_DRAWS, 1))))
+
+
+def _family(p: float, least: Floats, tests: int, *, drawn: bool = False) -> float:
+    """Share of draws whose best is as good; beyond what the draws can tell, Bonferroni's bound.
+
+    `drawn` leaves that bound out, which holds for noise that is known.
+    """
+    reached = float(np.searchsorted(least, p, side="right")) / least.size
+    if drawn:
+        return max(reached, 1.0 / least.size)
+    return reached if reached * least.size >= 20.0 else min(max(reached, 1.0 / least.size), tests * p)
+
+
+def _score(
+    projected: Projected, place: int, columns: NDArray[np.intp], gain: float, p: float, sizes: Floats
+) -> Score:
+    lin = projected.linearisation
+    every = np.zeros(len(lin.candidates[place].columns))
+    every[columns - lin.starts[place]] = sizes
+    return Score(
+        effect=lin.candidates[place].name,
+        candidate=place,
+        gain=gain,
+        z=float(np.sqrt(max(gain, 0.0))),
+        p_value=p,
+        sizes=every,
+        kappa=float(projected.kappa[columns].min()),
+        hidden_in=_hidden_in(projected, columns, sizes),
+    )
+
+
+def _hidden_in(projected: Projected, columns: NDArray[np.intp], sizes: Floats) -> str:
+    """What takes over most of a signature.
+
+    Of its square the records' own unknowns take ``1 − κ₁²`` first, the shared ones then ``κ₁² − κ²``.
+    """
+    least = columns[int(np.argmin(projected.kappa[columns]))]
+    left, after_own = projected.kappa[least] ** 2, projected.after_own[least] ** 2
+    if 1.0 - after_own > after_own - left:
+        return RECORD
+    lin = projected.linearisation
+    if not lin.nuisances:
+        return ""
+    moves = projected.coefficients[:, columns] @ (sizes if np.any(sizes) else np.ones(columns.size))
+    size_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
+    scale = np.array([size_of[name] for name in lin.nuisances])
+    return lin.nuisances[int(np.argmax(np.abs(moves) / scale))]
+
+
+def _best_of_each(scores: Sequence[Score]) -> list[Score]:
+    """One score for each effect, that of its best shape; the smallest p-value first."""
+    best: dict[str, Score] = {}
+    for score in scores:
+        held = best.get(score.effect)
+        if held is None or score.gain > held.gain:
+            best[score.effect] = score
+    return sorted(best.values(), key=lambda score: (score.p_value, -score.gain))

@@ -1,0 +1,607 @@
+"""Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again.
+
+Two questions are kept apart. Whether a set is all of it is asked of the noise: the search goes on as long as
+the tests reject what is left, however small its share. Whether an effect is the right one is asked of the
+share that it leaves, as none of a library has a bench's exact shape: a set that leaves more than hardly
+anything (`SHAPE`) may be it in another shape, a part of it, or a stand-in, and is not named. A second effect
+that is little beside the first (`_SLIGHT`) may be the first one's shape, unless it explains what that left
+nearly to the noise (`_WHOLE`).
+
+Every question about a refitted set is answered from its linearisation (`Point`). All pairs of effects are
+looked at on the linearised problem, as two may only pay together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.adequacy import Adequacy, adequacy
+from rigctl.analysis.candidates import Candidate, candidates, data_ranges
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.nuisance_projection import Projected, project
+from rigctl.analysis.refit import Alone, Trial, alone, near_best, plain, refit
+from rigctl.analysis.score_test import Score, Screening, cone, screen
+from rigctl.analysis.separability import (
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    TOLERANCE,
+    cosine,
+    separation,
+)
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """A trial's fit, linearised once with its own effects among the candidates.
+
+    Attributes
+    ----------
+    whole: the data with the whole library at its null.
+    excluded: effects that are not to be looked at.
+    """
+
+    trial: Trial
+    whole: Problem = field(repr=False)
+    excluded: Collection[str] = ()
+
+    @cached_property
+    def linearisation(self) -> Linearisation:
+        """The trial's effects among the nuisances, every effect that could join them among the candidates."""
+        contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
+        return self._everything.rearranged(
+            self._members, [place for place in self._others if self._name(place) not in contradicted]
+        )
+
+    @cached_property
+    def projected(self) -> Projected:
+        """The linearisation without what the fitted unknowns can do."""
+        return project(self.linearisation)
+
+    @cached_property
+    def screening(self) -> Screening:
+        """Scores of the effects that could join."""
+        return screen(self.projected)
+
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Whether anything is left to explain."""
+        return adequacy(self.projected, self.screening)
+
+    def without(self, member: Candidate) -> Projected:
+        """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
+        own = self._place(member)
+        rest = [place for place in self._members if place != own]
+        return project(self._everything.rearranged(rest, [own, *self._others]))
+
+    def held(self, member: Candidate) -> list[Floats]:
+        """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
+        place = self._place(member)
+        start, at_bound = self._everything.starts[place], self.trial.fit.at_bound
+        moved = np.where([name in at_bound for name in member.columns], self.trial.sizes(member), 0.0)
+        return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
+
+    def _place(self, member: Candidate) -> int:
+        """Where one of the trial's own effects stands among the candidates."""
+        return self.trial.effects.index(member.name)
+
+    def _name(self, place: int) -> str:
+        return self._everything.candidates[place].name
+
+    @property
+    def _members(self) -> range:
+        return range(len(self.trial.candidates))
+
+    @property
+    def _others(self) -> range:
+        return range(len(self.trial.candidates), len(self._everything.candidates))
+
+    @cached_property
+    def _everything(self) -> Linearisation:
+        """The model's own unknowns are the nuisances, every effect is a candidate: the trial's come first."""
+        trial = self.trial
+        problem, present = trial.fit.problem, set(trial.effects)
+        effects = {column for one in trial.candidates for column in one.columns}
+        keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in effects]
+        base = problem.base.copy()
+        names = problem.compiled.system.parameter_names
+        for unknown, value in zip(problem.shared, trial.fit.values, strict=True):
+            base[names.index(unknown.name)] = value
+        fixed = replace(
+            trial.fit,
+            problem=problem.with_shared([problem.shared[k] for k in keep], base),
+            values=trial.fit.values[keep],
+        )
+        ranges = data_ranges(self.whole.model.family, self.whole.measurements)
+        members = [_from_here_to_null(one) for one in trial.candidates]
+        others = [
+            one for one in candidates(self.whole.model, self.excluded, ranges) if one.name not in present
+        ]
+        return replace(linearise(fixed, self.whole, [*members, *others]), fit=trial.fit)
+
+
+def _from_here_to_null(member: Candidate) -> Candidate:
+    """Its shapes are the fit's; what a threshold keeps from its slope, the way to its null tells."""
+    null = {name: member.parameter(name).at_null for name in member.sizes}
+    return replace(member, shapes={}, sizes=null)
+
+
+#: columns of the two that are as alike as this are one direction
+_SAME = 0.9999
+
+
+@dataclass(frozen=True)
+class PairGain:
+    """Two candidates and the fall of χ² that the linear problem expects of them together."""
+
+    places: tuple[int, int]
+    gain: float
+    parameters: int
+    sizes: dict[str, float]
+
+
+def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
+    """All pairs that can stand together, the largest gain first; of a pair's shapes the best one."""
+    lin = projected.linearisation
+    usable = projected.usable
+    unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
+    signatures = projected.signatures * unit
+    cosines = signatures.T @ signatures
+    z = signatures.T @ projected.residual
+    columns = {
+        place: np.flatnonzero(usable[lin.columns_of(place)]) + lin.starts[place]
+        for place in range(len(lin.candidates))
+    }
+    found = []
+    for one, other in combinations([place for place, own in columns.items() if own.size], 2):
+        if lin.candidates[one].name == lin.candidates[other].name or _contradict(projected, one, other):
+            continue
+        both = np.concatenate([columns[one], columns[other]])
+        square = cosines[np.ix_(both, both)]
+        if np.abs(square - np.eye(both.size)).max() > _SAME:
+            continue
+        signs = [_sign(projected, place, int(c)) for place in (one, other) for c in columns[place]]
+        gain, sizes = cone(z[both][None, :], square, signs)
+        used = int(np.count_nonzero(sizes[0]))
+        named = {
+            _name(projected, int(c)): float(size * unit[c]) for c, size in zip(both, sizes[0], strict=True)
+        }
+        found.append(PairGain((one, other), float(gain[0]), used, named))
+    best: dict[frozenset[str], PairGain] = {}
+    for pair in sorted(found, key=lambda pair: -pair.gain):
+        best.setdefault(frozenset(lin.candidates[place].name for place in pair.places), pair)
+    return tuple(best.values())
+
+
+def _contradict(projected: Projected, one: int, other: int) -> bool:
+    first, second = (projected.linearisation.candidates[place].effect for place in (one, other))
+    return second.name in first.instead_of or first.name in second.instead_of
+
+
+def _sign(projected: Projected, place: int, column: int) -> int:
+    lin = projected.linearisation
+    return lin.candidates[place].signs[column - lin.starts[place]]
+
+
+def _name(projected: Projected, column: int) -> str:
+    lin = projected.linearisation
+    place = max(k for k, start in enumerate(lin.starts) if start <= column)
+    return lin.candidates[place].columns[column - lin.starts[place]]
+
+
+#: told what is being done
+Tell = Callable[[str], None]
+
+#: the share of a squared misfit that an effect of the right cause may leave by not having the bench's exact
+#: shape: a sixth of its size
+SHAPE = 0.03
+#: a member of a pair that explains less than this share of what both explain may be the shape of the other
+_SLIGHT = 0.15
+#: but not one beside which less than this share stays of what it explains, with what the tests do not see
+_WHOLE = 0.1
+#: what the tests do not see, in χ²: 4.5 sigmas of the best score
+_UNSEEN = 20.0
+_BEST = 3
+#: rivals more alike than this are refitted
+_ALIKE = 0.5
+#: but not those that the signatures separate by more than this: no refit brings them back
+_FAR = 3.0 * LEAST_SEPARATION
+#: nor, of a large effect, by more than this share of its size: slopes say no more than that of it
+_FAR_SHARE = 0.2
+#: never more refits of rivals than these
+_MOST_RIVALS = 7
+_PAIRS = 2
+_SWAPS = 3
+#: never more effects in a set than these: three that are not missing explain almost anything together, and
+#: where three are, the loop finds them one after the other
+_TOGETHER = 2
+#: a set of another size must be better by this to be looked at, in χ²
+_WORTH = 6.0
+
+
+@dataclass
+class Search:
+    """The sets that were tried on one comparison, and the best of them.
+
+    Attributes
+    ----------
+    before: the model as it is.
+    whole: its data with the whole library at its null.
+    most: effects in a set.
+    alone: of a table, every effect fitted by itself.
+    aside: a better set than the best one, with a size beyond what is usual.
+    """
+
+    before: ModelComparison
+    whole: Problem
+    most: int = _TOGETHER
+    tell: Tell = field(default=lambda _: None)
+    trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    alone: dict[str, Alone | None] = field(default_factory=dict)
+    aside: Trial | None = None
+    _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
+    _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
+
+    @cached_property
+    def none(self) -> Trial:
+        """The model as it is."""
+        return plain(self.before.fit)
+
+    @cached_property
+    def library(self) -> int:
+        """How many effects were looked at."""
+        return len({candidate.name for candidate in self.before.linearisation.candidates})
+
+    @cached_property
+    def samples(self) -> float:
+        """Effective sample size: n/(1 + 2·Σρ_k) of each channel, ρ_k at lag k; records at least once each.
+
+        What acts between records only is paid for as dearly as what acts within them: by too much, never by
+        too little.
+        """
+        problem = self.before.fit.problem
+        total = 0.0
+        for c, channel in enumerate(problem.noise.channels):
+            count = sum(int(problem.ok[k][:, c].sum()) for k in self.before.fit.fitted)
+            together = (1.0 - channel.white) * channel.correlation / (1.0 - channel.correlation)
+            total += count / (1.0 + 2.0 * together)
+        return max(total, float(len(self.before.fit.fitted)), 2.0)
+
+    def price(self, candidate: Candidate) -> float:
+        """What mBIC asks of one effect more."""
+        return len(candidate.columns) * math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
+
+    def mbic(self, trial: Trial) -> float:
+        """The criterion of a trial."""
+        return trial.mbic(self.samples, self.library)
+
+    def best(self) -> Trial:
+        """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
+        if not self.before.screening.scores:
+            return self.none
+        self._singles()
+        best = self._swapped(self._least([self.none, *self.trials.values()]))
+        found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
+        return self._usual_first(found)
+
+    def left(self, trial: Trial) -> float:
+        """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""
+        if not trial.candidates:
+            return 0.0 if self.before.adequacy.agrees else 1.0
+        excess = self.excess(trial)
+        return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
+
+    def excess(self, trial: Trial) -> float:
+        """What stays with a set, in χ²; 0 when the tests find nothing any more.
+
+        Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
+        largest fall of χ² that any further effect promises beyond what mBIC asks of it.
+        """
+        here = self.at(trial)
+        if here.adequacy.agrees:
+            return 0.0
+        there = here.linearisation.candidates
+        promised = max(
+            (score.gain - self.price(there[score.candidate]) for score in here.screening.scores),
+            default=0.0,
+        )
+        return max(promised, *(test.excess for test in here.adequacy.tests.values()))
+
+    def _below_noise(self, trial: Trial) -> bool:
+        """Whether to look for no more beside a set: what it leaves is smaller than the noise.
+
+        The tests then say nothing of what it leaves, neither that something is missing nor that nothing is.
+        """
+        return bool(trial.candidates) and self.at(trial).adequacy.below_noise
+
+    def explained(self, trial: Trial, member: Candidate) -> float:
+        """The rise of χ² without one of a set's effects; 0 where the rest cannot be fitted."""
+        rest = tuple(one for one in trial.candidates if one is not member)
+        without = self._try(rest, trial) if rest else self.none
+        return 0.0 if without is None else max(without.chi2 - trial.chi2, 0.0)
+
+    def known(self, chosen: Sequence[Candidate]) -> Trial | None:
+        """The set as it was fitted; None where it was not."""
+        return self.trials.get(_key(chosen))
+
+    def sure(self, trial: Trial) -> bool:
+        """Whether the effects of a set are the right ones, by what they leave: hardly anything."""
+        return bool(trial.candidates) and self.left(trial) <= SHAPE
+
+    def beside(self, trial: Trial) -> list[Trial]:
+        """The sets that were tried and hold one effect more, the best first."""
+        own = set(trial.effects)
+        more = [one for one in self.trials.values() if own < set(one.effects)]
+        paying = [one for one in more if self.mbic(one) < self.mbic(trial)]
+        return sorted((one for one in paying if len(one.effects) == len(own) + 1), key=self.mbic)
+
+    def at(self, trial: Trial) -> Point:
+        """The linearisation and the tests at a trial's fit."""
+        key = _key(trial.candidates)
+        if key not in self._points:
+            self._points[key] = Point(trial, self.whole, self.before.excluded)
+        return self._points[key]
+
+    def rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
+        """(rival set, cosine, separation d) of the sets that have another effect in `member`'s place.
+
+        Those that are alike or close are refitted; the others are told apart already.
+        """
+        key = (_key(trial.candidates), member.name)
+        if key not in self._rivals:
+            self._rivals[key] = self._find_rivals(trial, member)
+        return self._rivals[key]
+
+    def _find_rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
+        rest = tuple(one for one in trial.candidates if one is not member)
+        without = self.none if not rest else self._try(rest, trial)
+        if without is None:
+            return []
+        size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
+        projected = self.at(trial).without(member)
+        close: dict[str, tuple[float, Candidate, float]] = {}
+        silent = set(self.before.screening.untestable)
+        look = projected.linearisation
+        for place, candidate in enumerate(look.candidates):
+            if candidate.name == member.name or not projected.usable[look.columns_of(place)].any():
+                continue
+            if candidate.name in silent:  # these data do not show it on the model as it is
+                continue
+            cos = cosine(projected, 0, place)
+            d = separation(size, cos)
+            held = close.get(candidate.name)
+            if held is None or cos > held[0]:
+                close[candidate.name] = (cos, candidate, d)
+        near = [
+            one
+            for one in close.values()
+            if (one[0] > _ALIKE or one[2] < LEAST_SEPARATION) and one[2] < max(_FAR, _FAR_SHARE * size)
+        ]
+        near.sort(key=lambda one: -one[0])
+        found = []
+        if self.alone and not rest:  # what is far off alone need not be fitted again
+            kept = near_best(self.alone)
+            near = [one for one in near if one[1].name in kept]
+        for cos, candidate, d in near[: None if self._few else _MOST_RIVALS]:
+            rival = self._try((*rest, candidate), without)
+            if rival is not None and not (self._few and self._far(rival, trial)):
+                found.append((rival, cos, d))
+        return found
+
+    @property
+    def _few(self) -> bool:
+        """A table: its few rows are quickly refitted, and tell many effects apart by refits alone."""
+        return self.before.fit.problem.measurements.table
+
+    def _far(self, rival: Trial, best: Trial) -> bool:
+        """Of a table, both fitted to it: the other is a hundred times as probable."""
+        return self.mbic(rival) - self.mbic(best) >= LEAST_DIFFERENCE
+
+    def _singles(self) -> None:
+        scores = self.before.screening.scores
+        lin, projected = self.before.linearisation, self.before.projected
+        by_gain = sorted(scores, key=lambda score: -score.gain)
+        leader = by_gain[0]
+        alike = [
+            score
+            for score in by_gain
+            if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
+        ]
+        chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
+        if self._few:
+            chosen = self._near_alone([score.effect for score in by_gain])
+        by_name = {score.effect: score for score in scores}
+        for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:
+            score = by_name[effect]
+            if score.gain > 0.0 or self._few:
+                self.tell(f"Refitting with {effect}")
+                self._try((lin.candidates[score.candidate],), self.none)
+
+    def promised(self, score: Score) -> float:
+        """The fall of χ² that an effect makes: fitted alone where it was, else by the linear problem."""
+        found = self.alone.get(score.effect)
+        return score.gain if found is None else max(self.none.chi2 - found.chi2, 0.0)
+
+    def alone_sizes(self, effect: str) -> list[float]:
+        """An effect's parameters less their null as fitted alone, SI; empty where it was not."""
+        found = self.alone.get(effect)
+        if found is None:
+            return []
+        at = {u.name: float(v) for u, v in zip(found.fit.problem.shared, found.fit.values, strict=True)}
+        own = {name: found.candidate.parameter(name) for name in found.candidate.columns}
+        return [at.get(name, declared.at_null) - declared.at_null for name, declared in own.items()]
+
+    def _near_alone(self, effects: Sequence[str]) -> list[str]:
+        """Those that come near the best when each is fitted in the equations of the whole library."""
+        scores = {score.effect: score for score in self.before.screening.scores}
+        for effect in effects:
+            self.tell(f"Asking what {effect} could do alone")
+            candidate = self.before.linearisation.candidates[scores[effect].candidate]
+            self.alone[effect] = alone(self.before, candidate, from_null=scores[effect].gain > 0.0)
+        return near_best(self.alone)
+
+    @staticmethod
+    def _near(cos: float, size: float) -> bool:
+        """Whether two signatures are so alike that a refit must tell which is right."""
+        return cos > _ALIKE and separation(size, cos) < max(_FAR, _FAR_SHARE * size)
+
+    def _pairs(self, best: Trial) -> Trial:
+        """The best pairs of the linear problem, with what the best single effect asks for and without it.
+
+        Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
+        """
+        left = self.left(best)
+        if self.most < 2 or not left or self._below_noise(best):
+            return best
+        if best.candidates and left <= SHAPE:
+            self._forward(best)
+            return self._least([best, *self.trials.values()])
+        lin = self.before.linearisation
+        promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
+        pairs = [
+            (pair.gain, [lin.candidates[k] for k in pair.places])
+            for pair in pair_gains(self.before.projected)
+        ]
+        better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + _WORTH]
+        own = set(best.effects)
+        without = [chosen for gain, chosen in pairs if gain > _WORTH and not {c.name for c in chosen} & own]
+        for chosen in better + [one for one in without[: _PAIRS if own else 0] if one not in better]:
+            self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+            self._try(chosen, self.none)
+        if best.candidates:
+            self._forward(best)
+        return self._least([best, *self.trials.values()])
+
+    def _exchanged(self, best: Trial) -> Trial:
+        """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
+        for _ in range(_SWAPS):
+            if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2 or self._below_noise(best):
+                break
+            found = self._least([best, *self._exchanges(best)])
+            if found is best:
+                break
+            best = self._swapped(self._backward(found))
+        return best
+
+    def _exchanges(self, best: Trial) -> list[Trial]:
+        here = self.at(best)
+        found = []
+        for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
+            candidate = here.linearisation.candidates[score.candidate]
+            for member in best.candidates if score.gain > _WORTH else ():
+                self.tell(f"Refitting with {candidate.name} for {member.name}")
+                rest = tuple(one for one in best.candidates if one is not member)
+                found.append(self._try((*rest, candidate), best))
+        return [trial for trial in found if trial is not None]
+
+    def _forward(self, best: Trial) -> Trial | None:
+        """`best` and one effect more: the ones that its own linearisation promises most of."""
+        here = self.at(best)
+        tried = []
+        for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
+            if score.gain > _WORTH:
+                candidate = here.linearisation.candidates[score.candidate]
+                self.tell(f"Refitting with {', '.join([*best.effects, candidate.name])}")
+                tried.append(self._try((*best.candidates, candidate), best))
+        return self._least([one for one in tried if one is not None]) if any(tried) else None
+
+    def _backward(self, best: Trial) -> Trial:
+        """Without the members that do not pay for themselves, or explain no more than a shape may."""
+        while len(best.candidates) > 1:
+            tried = [
+                self._try(tuple(one for one in best.candidates if one is not member), best)
+                for member in best.candidates
+            ]
+            shorter = [one for one in tried if one is not None]
+            found = self._least([best, *shorter])
+            if found is best:
+                reached = self.none.chi2 - best.chi2
+                slight = [
+                    one
+                    for one in shorter
+                    if one.chi2 - best.chi2 < _SLIGHT * reached and not self._whole(best, one)
+                ]
+                if not slight:
+                    break
+                found = min(slight, key=lambda one: one.chi2)
+            best = found
+        return best
+
+    def _usual_first(self, best: Trial) -> Trial:
+        """A set with a size beyond what is usual leads only where no set without one is sure.
+
+        Which of the two it is, is for the verdict to leave open: the other one is its rival.
+        """
+        if not best.unusual:
+            return best
+        usual = [
+            trial
+            for trial in self.trials.values()
+            if len(trial.effects) <= len(best.effects) and not trial.unusual
+        ]
+        for trial in sorted(usual, key=self.mbic):
+            if self.mbic(trial) >= self.mbic(self.none):
+                break
+            if self.left(trial) <= SHAPE:
+                self.aside = best
+                return trial
+        return best
+
+    def _whole(self, best: Trial, without: Trial) -> bool:
+        """Whether the effect that `without` lacks explains nearly all of what that left, and is no shape.
+
+        The shape of another effect is followed by a second one only roughly, and the rest of it is seen.
+        """
+        explained = without.chi2 - best.chi2
+        return self.excess(best) + _UNSEEN < _WHOLE * explained
+
+    def _simplest(self, best: Trial) -> Trial:
+        """Of sets that differ by less than shapes may, the one with the fewest parameters."""
+        for member in best.candidates:
+            limit = TOLERANCE**2 * self.explained(best, member)
+            alike = [
+                rival
+                for rival, _, _ in self.rivals(best, member)
+                if rival.parameters < best.parameters and rival.chi2 - best.chi2 < limit
+            ]
+            if alike:
+                return min(alike, key=lambda one: (one.parameters, one.chi2))
+        return best
+
+    def _swapped(self, best: Trial) -> Trial:
+        """With a member replaced by a rival where that explains more: what came first need not be right."""
+        for _ in range(_SWAPS):
+            sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
+            found = self._least([best, *sets])
+            if found is best:
+                break
+            best = self._backward(found)
+        return best
+
+    def _try(self, chosen: Sequence[Candidate], begin: Trial) -> Trial | None:
+        """The set fitted, beginning at another one's fit; each set once."""
+        key = _key(chosen)
+        if key not in self.trials:
+            # at ten times its size nearly every effect explains the few values of a table
+            found = refit(self.before.fit, chosen, begin.fit, usual=self._few)
+            if found is None:
+                return None
+            self.trials[key] = found
+        return self.trials[key]
+
+    def _least(self, trials: Iterable[Trial]) -> Trial:
+        return min(trials, key=self.mbic)
+
+
+def _key(chosen: Sequence[Candidate]) -> tuple[str, ...]:
+    return tuple(sorted(f"{one.name} {sorted(one.shapes.items())}" for one in chosen))

@@ -1,0 +1,94 @@
+"""Which effects the data cannot tell apart: angles between what they would do to the readings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.nuisance_projection import Projected
+from rigctl.model.fit.errors import whitened_residual
+from rigctl.model.fit.fit import FitResult
+
+Floats = NDArray[np.float64]
+
+#: least separation at which the right one of two wins 99 times in 100
+LEAST_SEPARATION = 2.33
+#: least difference of mBIC at which one of two is a hundred times as probable
+LEAST_DIFFERENCE = 9.2
+#: no model has a bench's exact shape: two that differ by less than this share of an effect's size are alike,
+#: however small the noise is
+TOLERANCE = 0.1
+
+
+def cosine(projected: Projected, one: int, other: int) -> float:
+    """Cosine between two candidates' signatures: signed where both have one sign, else its size.
+
+    With several parameters it is that of the smallest principal angle.
+    """
+    first, second = (_directions(projected, place) for place in (one, other))
+    if not first.shape[1] or not second.shape[1]:
+        return 0.0
+    lin = projected.linearisation
+    if first.shape[1] == second.shape[1] == 1:
+        value = float((first.T @ second)[0, 0])
+        signs = [lin.candidates[place].signs[0] for place in (one, other)]
+        return value * signs[0] * signs[1] if all(signs) else abs(value)
+    left, right = (np.linalg.qr(each)[0] for each in (first, second))
+    return float(np.linalg.svd(left.T @ right, compute_uv=False)[0])
+
+
+def separation(size: float, cos: float) -> float:
+    """``d = λ·sqrt((1 − cos)/2)``: the right one of two wins with probability Φ(d)."""
+    return size * math.sqrt(max(0.0, 0.5 * (1.0 - cos)))
+
+
+def softened(reached: float) -> float:
+    """The factor by which differences of χ² count less: ``max(1, TOLERANCE²·reached/LEAST_DIFFERENCE)``.
+
+    `reached` is the fall of χ² that the effects make. A difference of the tolerance's share of it is then
+    just one that tells two apart.
+    """
+    return max(1.0, TOLERANCE**2 * reached / LEAST_DIFFERENCE)
+
+
+def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float:
+    """How consistently one fit beats another over the conditions, in standard deviations.
+
+    ``t = Σ Δ_g/(√G·sd(Δ_g))`` with Δ_g the difference of their χ² in all records of one condition, and the
+    normal deviate that is exceeded as seldom as Student's t of G − 1 degrees of freedom exceeds that, times
+    `rivals`, as the nearest of so many is looked at. Where neither model is right, a difference of χ² may
+    come from a few conditions, and the noise's own distribution no longer tells its chance; the spread
+    between conditions does. Of one condition its records count; infinite for a single record.
+
+    Source: Q. H. Vuong, Likelihood ratio tests for model selection and non-nested hypotheses,
+    Econometrica 57 (1989) 307; clustered as in A. C. Cameron and D. L. Miller, J. Human Resources 50 (2015)
+    317.
+    """
+    from scipy.special import ndtri, stdtr
+
+    groups = [best.problem.records[k].group for k in best.fitted]
+    if len(set(groups)) < 2:
+        groups = list(range(len(best.fitted)))
+    sums: dict[int, float] = {}
+    for group, k in zip(groups, best.fitted, strict=True):
+        left = whitened_residual(rival.problem, rival.outputs[k], k)
+        own = whitened_residual(best.problem, best.outputs[k], k)
+        sums[group] = sums.get(group, 0.0) + float(left @ left) - float(own @ own)
+    differences = np.array(list(sums.values()))
+    if differences.size < 2:
+        return math.inf
+    spread = float(np.std(differences, ddof=1)) * math.sqrt(differences.size)
+    if spread == 0.0:
+        return math.inf
+    t = float(differences.sum()) / spread
+    chance = min(1.0, max(rivals, 1) * float(stdtr(differences.size - 1, -t)))
+    return float(-ndtri(chance)) if chance > 0.0 else math.inf
+
+
+def _directions(projected: Projected, place: int) -> Floats:
+    columns = projected.linearisation.columns_of(place)
+    usable = projected.usable[columns]
+    matrix = projected.signatures[:, columns][:, usable]
+    return np.asarray(matrix / projected.lengths[columns][usable])

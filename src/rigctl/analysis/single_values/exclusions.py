@@ -1,0 +1,136 @@
+"""What a table excludes: effects that by themselves cannot make the model follow what was measured.
+
+Judged by the direction of the misfit: how a quantity changes over an operating variable. An effect, fitted
+together with the model's own parameters, is asked what it makes of that change without the help of what
+differs from row to row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.diagnosis_result import Exclusion
+from rigctl.analysis.refit import Alone, at_sizes
+from rigctl.analysis.separability import LEAST_DIFFERENCE
+from rigctl.analysis.single_values.rows import TableRow, table_rows
+from rigctl.analysis.trends import Trend, trends
+from rigctl.model.fit.fit import FitResult
+
+#: an effect that reaches less than this share of the change that is missing does not turn it
+_TURNS = 0.25
+#: at one setting alone, it is there when it reaches this share
+_THERE = 0.5
+
+
+def main_trend(before: ModelComparison) -> Trend | None:
+    """The change that a model gets most wrong; None where it gets none wrong that matters."""
+    wrong = [trend for trend in before.trends if trend.matters and abs(trend.z) > 3.0]
+    return wrong[0] if wrong else None
+
+
+def _missed(trend: Trend) -> bool:
+    """Whether the model makes less than half of a change, or far too much of it, or the wrong way."""
+    return not 0.5 < trend.predicted / trend.measured < 1.5 if trend.measured else True
+
+
+def exclusions(
+    before: ModelComparison, kept: Collection[str], chi2: float, alone: Mapping[str, Alone | None]
+) -> tuple[Exclusion, ...]:
+    """The effects of the library that cannot turn the main misfit of a table, or do so much less well.
+
+    None for an adequate model, for measurements with a course in time, and where no direction is wrong.
+
+    Parameters
+    ----------
+    kept: the effects that can, of which nothing is asked.
+    chi2: what the best of them leaves.
+    alone: every effect of the library, fitted by itself.
+    """
+    trend = main_trend(before)
+    if not before.rows or before.adequate or trend is None or not _missed(trend):
+        return ()
+    found = []
+    for name, tried in alone.items():
+        if name in kept or tried is None:
+            continue
+        reached = _reached(trend, tried.fit)
+        only = _only(before, trend, tried.fit)
+        if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
+            worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
+            held = () if only or reached >= _TURNS else at_sizes(before, tried)
+            at_most = max([reached, *(_reached(trend, one) for one in held)])
+            found.append(Exclusion(name, reached, only, worse, at_most))
+    return tuple(sorted(found, key=lambda one: (bool(one.only), one.effect)))
+
+
+def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
+    """Which effects change nothing or the wrong way, which do so in places, and which fit less well."""
+    never = [one.effect for one in found if not one.only and one.at_most < _TURNS]
+    unfit = [one.effect for one in found if not one.only and one.reached < _TURNS <= one.at_most]
+    want = "rise" if trend.measured > 0.0 else "fall"
+    ends = trend.text.partition(", the model")[0].partition(" from ")[2]
+    change = f"make the {trend.quantity} {want} from {ends} as it does"
+    sentences = []
+    if never:
+        sentences.append(
+            f"excluded, because alone and at any usual size they cannot {change}: {', '.join(never)}"
+        )
+    if unfit:
+        sentences.append(
+            f"excluded, because alone and at the size that fits best they do not {change}: {', '.join(unfit)}"
+        )
+    sentences += [
+        f"excluded, because alone it explains {' and '.join(one.only)} only: {one.effect}"
+        for one in found
+        if one.only
+    ]
+    less = [one for one in found if not one.only and one.reached >= _TURNS]
+    if less:
+        named = ", ".join(f"{one.effect} (by {one.worse:.1f} sigma)" for one in less)
+        sentences.append(f"excluded, because alone they fit less well than the best: {named}")
+    return sentences
+
+
+def _reached(trend: Trend, fit: FitResult) -> float:
+    """The share of the missing change that a fit makes."""
+    found = {(one.quantity, one.variable): one for one in trends(fit)}
+    own = found.get((trend.quantity, trend.variable))
+    if own is None:  # with the effect there is no such change to speak of
+        return 0.0
+    return (own.predicted - trend.predicted) / (trend.measured - trend.predicted)
+
+
+def _only(before: ModelComparison, trend: Trend, fit: FitResult) -> tuple[str, ...]:
+    """The conditions at which a fit makes half of the change, where these are some and not all."""
+    had, has = _changes(before, trend, before.rows), _changes(before, trend, table_rows(fit))
+    there = [
+        label
+        for label, (measured, predicted) in has.items()
+        if measured != had[label][1] and (predicted - had[label][1]) / (measured - had[label][1]) > _THERE
+    ]
+    return tuple(there) if 0 < len(there) <= len(has) // 2 else ()
+
+
+def _changes(
+    before: ModelComparison, trend: Trend, rows: Sequence[TableRow]
+) -> dict[str, tuple[float, float]]:
+    """(measured, predicted) change from the low to the high end of the variable, for each other condition."""
+    records = before.fit.problem.records
+    groups: dict[str, list[tuple[float, TableRow]]] = {}
+    for row in rows:
+        condition = records[row.place].condition
+        at = condition.get(trend.variable)
+        if at is None or row.quantity != trend.quantity:
+            continue
+        others = [value for name, value in condition.items() if name != trend.variable]
+        shown = row.condition.split(", ")
+        place = list(condition).index(trend.variable)
+        label = ", ".join(text for k, text in enumerate(shown) if k != place) if others else ""
+        groups.setdefault(label, []).append((at, row))
+    found = {}
+    for label, own in groups.items():
+        low, high = min(own, key=lambda one: one[0])[1], max(own, key=lambda one: one[0])[1]
+        found[label] = (high.measured - low.measured, high.predicted - low.predicted)
+    return found

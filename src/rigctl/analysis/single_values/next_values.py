@@ -1,0 +1,313 @@
+"""What to measure next beside a table, in words: other channels, points beyond its ends or between, repeats.
+
+The effects that explain a table equally well are asked what else they would change, in readings that were
+not taken. Differences that the fitted parameters could still make up for are not subtracted: what is named
+here separates them at best.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.adequacy import LEVEL
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.localisation import variable_units
+from rigctl.analysis.refit import alone
+from rigctl.analysis.score_test import Score
+from rigctl.analysis.single_values.rows import short_condition
+from rigctl.analysis.single_values.statements import near_chance
+from rigctl.analysis.trends import Trend
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.units import show
+
+Floats = NDArray[np.float64]
+
+#: readings this many times their noise apart are told by eye
+_PLAIN = 10.0
+#: samples of a record that is tried
+_SAMPLES = 150
+#: noise of a channel that neither the rig nor another channel of its unit tells, as a share of its change
+_UNKNOWN = 0.01
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One channel: how the effects fall into groups by what it would read, and by how much these differ."""
+
+    channel: str
+    groups: tuple[tuple[str, ...], ...]
+    apart: float
+    unit: str
+
+
+def next_channels(
+    before: ModelComparison, trend: Trend | None, members: Mapping[str, FitResult]
+) -> list[str]:
+    """Sentences on channels that would part effects which a table does not tell apart.
+
+    Parameters
+    ----------
+    trend: the change that all of them explain.
+    members: each one's fit.
+    """
+    problem = before.fit.problem
+    if len(members) < 2 or trend is None or problem.model.family.standard_record is None:
+        return []
+    parts = _parts(before, trend, members)
+    found = [
+        _part_text(part, part.channel in problem.measurements.outputs)
+        for part in parts
+        if len(part.groups) > 1
+    ]
+    return found + _never_parted(parts, list(members), trend.quantity)
+
+
+def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[_Part]:
+    """Of every channel that the bench could have, by the change over the trend's variable."""
+    channels = _channels(before.fit.problem)
+    changes = {name: _changes(fit, trend, channels) for name, fit in members.items()}
+    found = []
+    for place, output in enumerate(channels):
+        noise = _noise(before, output, [change[:, :, place] for change in changes.values()])
+        apart = {
+            (one, other): float(np.abs(changes[one][:, :, place] - changes[other][:, :, place]).max())
+            for one in members
+            for other in members
+        }
+        groups = _groups(list(members), {pair: value > _PLAIN * noise for pair, value in apart.items()})
+        found.append(_Part(output, groups, max(apart.values()), _unit(before, output)))
+    return found
+
+
+def _channels(problem: Problem) -> tuple[str, ...]:
+    """The channels of the bench, then those that the family knows and that read one of its states."""
+    system = problem.compiled.system
+    more = [item.name for item in problem.model.family.outputs if item.name not in system.output_names]
+    return (*system.output_names, *(name for name in more if name in system.state_names))
+
+
+def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
+    """(other conditions, samples, channels): at the variable's high end less at its low end."""
+    problem = fit.problem
+    length = float(problem.records[0].switch_times[-1]) + 1.0
+    times = np.linspace(0.0, length, _SAMPLES)[1:]
+    records = tuple(
+        replace(
+            record,
+            times=times,
+            values=np.full((times.size, record.values.shape[1]), np.nan),
+            phase=np.zeros(times.size, dtype=np.intp),
+        )
+        for record in problem.records
+    )
+    course = replace(problem, measurements=replace(problem.measurements, records=records))
+    local = [np.array([unknown.start for unknown in own]) for own in problem.local_unknowns()]
+    found = course.simulate(fit.values, local).require()
+    system = problem.compiled.system
+    states = [system.state_names.index(name) for name in channels[len(system.output_names) :]]
+    outputs = [
+        np.concatenate([output, state[:, states]], axis=1)
+        for output, state in zip(found.outputs, found.states, strict=True)
+    ]
+    pairs: dict[tuple[float, ...], dict[float, int]] = {}
+    for place, record in enumerate(records):
+        others = tuple(value for name, value in sorted(record.condition.items()) if name != trend.variable)
+        pairs.setdefault(others, {})[record.condition.get(trend.variable, math.nan)] = place
+    return np.array(
+        [outputs[own[max(own)]] - outputs[own[min(own)]] for own in pairs.values() if len(own) > 1]
+    )
+
+
+def _noise(before: ModelComparison, output: str, changes: Sequence[Floats]) -> float:
+    """Of a channel, SI: by the rig, else of a channel of the same unit, else a share of its change."""
+    rig = before.fit.problem.measurements.rig
+    units = {item.name: item.unit for item in before.fit.problem.model.family.outputs}
+    if rig is not None:
+        known = {name: float(channel.noise) for name, channel in rig.channels.items() if channel.noise}
+        if output in known:
+            return known[output]
+        alike = [value for name, value in known.items() if units.get(name) == units[output]]
+        if alike:
+            return max(alike)
+    return _UNKNOWN * max(float(np.abs(change).max()) for change in changes) or 1.0
+
+
+def _unit(before: ModelComparison, output: str) -> str:
+    rig = before.fit.problem.measurements.rig
+    units = {item.name: item.unit for item in before.fit.problem.model.family.outputs}
+    if rig is None:
+        return units[output]
+    if output in rig.channels:
+        return rig.channels[output].unit
+    alike = [channel.unit for name, channel in rig.channels.items() if units.get(name) == units[output]]
+    return alike[0] if alike else units[output]
+
+
+def _groups(names: list[str], told: Mapping[tuple[str, str], bool]) -> tuple[tuple[str, ...], ...]:
+    """Names that are alike, directly or by way of others, in one group."""
+    groups: list[list[str]] = []
+    for name in names:
+        near = [group for group in groups if any(not told[(name, other)] for other in group)]
+        merged = [other for group in near for other in group]
+        groups = [group for group in groups if group not in near] + [[*merged, name]]
+    return tuple(tuple(group) for group in groups)
+
+
+def _part_text(part: _Part, once: bool) -> str:
+    single = [group[0] for group in part.groups if len(group) == 1]
+    rest = [group for group in part.groups if len(group) > 1]
+    apart = show(part.apart, part.unit, difference=True, digits=2)
+    what = f"record {part.channel} over time{' instead of one number' if once else ''}"
+    if not rest:
+        return f"{what}: it tells all of them apart, which differ there by up to {apart}"
+    if not single:
+        return f"{what}: it tells {' from '.join(map(_listed, rest))}, by up to {apart}"
+    return f"{what}: it tells {_listed(single)} from the others, by up to {apart}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+
+
+def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> list[str]:
+    """Effects that no channel of the bench would tell apart."""
+    told = {
+        (one, other): any(not any(one in group and other in group for group in part.groups) for part in parts)
+        for one in names
+        for other in names
+    }
+    return [
+        f"measure the {quantity} a second time, independently of the bench's sensor: {_listed(group)} would "
+        "stay alike in every channel of the bench"
+        for group in _groups(names, told)
+        if len(group) > 1
+    ]
+
+
+#: a reading shows what changes it by so many standard deviations
+_SEEN = 3.0
+#: chance to miss what repeats are meant to show
+_MISSED = 0.1
+_MOST_REPEATS = 20
+
+
+def next_against_chance(before: ModelComparison) -> list[str]:
+    """Sentences on readings that would tell what brings a model closer to a table, though as chance does."""
+    found = []
+    for score in near_chance(before.screening):
+        found += _elsewhere(before, score)
+        repeats = _repeats(before, score)
+        if repeats:
+            found.append(
+                f"read each condition {repeats} times: {score.effect}, if it is as large as it seems, would "
+                f"then stand out by {score.z * math.sqrt(repeats):.1f} sigma"
+            )
+    return found
+
+
+def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
+    """Operating points beyond the table's ends at which an effect changes most."""
+    problem = before.fit.problem
+    points = _other_points(problem)
+    if not points:
+        return []
+    tried = alone(before, before.linearisation.candidates[score.candidate], from_null=True)
+    if tried is None:
+        return []
+    without, with_it = _at(before.fit, points), _at(tried.fit, points)
+    apart = (with_it - without) / problem.noise.channels[0].sigma_at(without)
+    output, units = problem.measurements.outputs[0], variable_units(problem.measurements)
+    (name,) = problem.measurements.variables
+    middle = float(np.mean([record.condition[name] for record in problem.records]))
+    found = []
+    for side in (1.0, -1.0):  # beyond the upper end, and below the lower one
+        chosen = [k for k, point in enumerate(points) if side * (point[name] - middle) > 0.0]
+        place = max(chosen, key=lambda k: abs(apart[k]), default=None)
+        if place is not None and abs(apart[place]) > _SEEN:
+            change = 100.0 * (with_it[place] / without[place] - 1.0)
+            found.append(
+                f"read {problem.measurements.titles.get(output, output)} at "
+                f"{short_condition(points[place], units)} too: {score.effect} changes it there by "
+                f"{change:+.0f} %, {abs(apart[place]):.0f} sigma of a reading"
+            )
+    return found
+
+
+def _other_points(problem: Problem) -> list[dict[str, float]]:
+    """Operating points of the family's standard record that lie next to the table's, and not in it.
+
+    None of a table over several variables, nor of one whose rows have unknowns of their own.
+    """
+    standard = problem.model.family.standard_record
+    names = problem.measurements.variables
+    if standard is None or len(names) != 1 or any(problem.local):
+        return []
+    (name,) = names
+    here = [record.condition[name] for record in problem.records]
+    low, high = min(here), max(here)
+    room = (high - low) / 3.0
+    every = sorted({float(changed[name]) for _, changed in standard.switches if name in changed})
+    return [{name: point} for point in every if low - room <= point < low or high < point <= high + room]
+
+
+def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
+    """(points) the first channel as a fitted model predicts it at other operating points."""
+    problem = fit.problem
+    first = problem.records[0]
+    names = list(problem.measurements.inputs)
+    records = []
+    for point in points:
+        inputs = first.inputs.copy()
+        for name, value in point.items():
+            inputs[:, names.index(name)] = value
+        records.append(replace(first, inputs=inputs, condition=dict(point)))
+    count = len(records)
+    other = replace(
+        problem,
+        measurements=replace(problem.measurements, records=tuple(records)),
+        local=((),) * count,
+        starts=(problem.starts[0],) * count,
+    )
+    outputs = other.simulate(fit.values, [np.empty(0)] * count).require().outputs
+    return np.array([float(array[-1, problem.channels[0]]) for array in outputs])
+
+
+def _repeats(before: ModelComparison, score: Score) -> int:
+    """How often each row must be read for an effect of its size to be told; 0 where that is out of reach."""
+    from scipy.stats import norm, t
+
+    channel = before.fit.problem.noise.channels[0]
+    rows = len(before.fit.problem.records)
+    if not channel.degrees:
+        return 0
+    for count in range(2, _MOST_REPEATS + 1):
+        needed = float(t.isf(0.5 * LEVEL, channel.degrees + rows * (count - 1)) + norm.isf(_MISSED))
+        if score.z * math.sqrt(count) > needed:
+            return count
+    return 0
+
+
+def next_rows(before: ModelComparison) -> list[str]:
+    """Sentences on rows that would say more of any effect."""
+    measurements = before.fit.problem.measurements
+    units = variable_units(measurements)
+    found = []
+    conditions = [record.condition for record in measurements.records]
+    for name in dict.fromkeys(name for condition in conditions for name in condition):
+        points = sorted({condition[name] for condition in conditions if name in condition})
+        if len(points) == 1:
+            found.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
+        if len(points) == 2:
+            low, high = (show(point, units[name], digits=3) for point in points)
+            found.append(
+                f"take more values of {name} than {low} and {high}: with two, any course in between fits"
+            )
+    if any(channel.guessed for channel in before.fit.problem.noise.channels):
+        found.append("repeat each condition three times: so far the noise is only guessed")
+    return found

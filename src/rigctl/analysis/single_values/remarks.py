@@ -1,0 +1,84 @@
+"""What a diagnosis of a table says besides its verdict: what is excluded, and what to measure next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.diagnosis_result import Exclusion, Ranked, Verdict
+from rigctl.analysis.refit import Alone, Trial
+from rigctl.analysis.rivals import Rival, classes_of
+from rigctl.analysis.single_values.exclusions import exclusion_text, exclusions, main_trend
+from rigctl.analysis.single_values.next_values import next_against_chance, next_channels, next_rows
+from rigctl.analysis.text import parameters_text
+
+
+@dataclass(frozen=True)
+class TableRemarks:
+    """Sentences that go with a verdict on a table; none for measurements with a course in time.
+
+    Attributes
+    ----------
+    statement: in place of the usual one; "" to keep that.
+    excluded: effects that cannot be it alone; `why` a sentence for each reason.
+    next_steps: what to measure next.
+    """
+
+    statement: str = ""
+    excluded: tuple[Exclusion, ...] = ()
+    why: tuple[str, ...] = ()
+    next_steps: tuple[str, ...] = ()
+
+
+def table_remarks(
+    before: ModelComparison,
+    best: Trial,
+    rivals: Sequence[Rival],
+    verdict: Verdict,
+    ranking: Sequence[Ranked],
+    alone: Mapping[str, Alone | None],
+) -> TableRemarks:
+    """The remarks on a verdict; `alone` are the effects fitted by themselves."""
+    if not before.rows:
+        return TableRemarks()
+    if verdict is Verdict.ADEQUATE:
+        return TableRemarks(
+            next_steps=tuple(dict.fromkeys([*next_against_chance(before), *next_rows(before)]))
+        )
+    trend = main_trend(before)
+    classes = classes_of(best, rivals)
+    kept = {name for names in classes for name in names}
+    single = len(best.candidates) <= 1
+    excluded = exclusions(before, kept, best.chi2, alone) if single else ()
+    members = dict.fromkeys(best.effects[:1], best.fit)
+    members |= {rival.name: rival.trial.fit for rival in rivals if not rival.told}
+    return TableRemarks(
+        statement=_ambiguous(before, best, rivals, ranking) if verdict is Verdict.AMBIGUOUS else "",
+        excluded=excluded,
+        why=tuple(exclusion_text(excluded, trend)) if trend is not None else (),
+        next_steps=(*next_channels(before, trend, members), *next_rows(before)),
+    )
+
+
+def _ambiguous(
+    before: ModelComparison, best: Trial, rivals: Sequence[Rival], ranking: Sequence[Ranked]
+) -> str:
+    """All that explain a table, in one sentence each; "" where it is no matter of single effects."""
+    close = [rival for rival in rivals if not rival.told]
+    if len(best.candidates) != 1 or not close:
+        return ""
+    by_name = {one.effect: one for one in ranking}
+    chosen = [*best.candidates, *(_candidate(rival) for rival in close)]
+    said = "; ".join(
+        f"{one.effect.summary.rstrip('.')} ({one.name}"
+        + (f", {parameters_text(by_name[one.name].parameters)})" if one.name in by_name else ")")
+        for one in chosen
+    )
+    count = f"{len(before.rows)} values"
+    return f"Something is missing, and these {count} cannot tell which of {len(chosen)} effects it is: {said}"
+
+
+def _candidate(rival: Rival) -> Candidate:
+    return {one.name: one for one in rival.trial.candidates}[rival.name]

@@ -1,0 +1,156 @@
+"""A table beside a model: every value that was read, and what the model says there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.localisation import variable_units
+from rigctl.model.fit.fit import FitResult
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+#: a model that is this far off somewhere, in standard deviations, had no values but starts in its file
+_START = 12.0
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One value of a table; numbers in the unit that the file has them in.
+
+    Attributes
+    ----------
+    place: of its record; fitted: the fit saw it.
+    condition: where it was read, e.g. ``60 degC, 30 bar``.
+    quantity: the file's column.
+    measured, predicted: by the table and by the model; `noise` the standard deviation of the reading.
+    unfitted: what the model says with the parameters of its file; None where it was not fitted.
+    beside: other columns of the file that speak of the same quantity, e.g. somebody else's law.
+    """
+
+    place: int
+    fitted: bool
+    condition: str
+    quantity: str
+    unit: str
+    measured: float
+    predicted: float
+    noise: float
+    unfitted: float | None
+    beside: Mapping[str, float]
+
+    @property
+    def z(self) -> float:
+        """Model less measurement in standard deviations of the reading."""
+        return (self.predicted - self.measured) / self.noise
+
+    @property
+    def z_unfitted(self) -> float | None:
+        """The same with the parameters of the model's file."""
+        return None if self.unfitted is None else (self.unfitted - self.measured) / self.noise
+
+    def share(self, value: float) -> float:
+        """How far a value lies above what was measured, as a share of that; NaN where that is 0."""
+        return (value - self.measured) / self.measured if self.measured else math.nan
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "condition": self.condition,
+            "quantity": self.quantity,
+            "unit": self.unit,
+            "measured": self.measured,
+            "model": self.predicted,
+            "noise": self.noise,
+            "z": self.z,
+            "unfitted": self.unfitted,
+            "beside": dict(self.beside),
+            "held_out": not self.fitted,
+        }
+
+
+def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
+    """Every value of a table, quantity after quantity, in the file's order; none where there is no table."""
+    measurements = fit.problem.measurements
+    if not measurements.table:
+        return ()
+    units = variable_units(measurements)
+    unfitted = unfitted_outputs(fit)
+    found = []
+    for column, (output, unit_name) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
+        unit, title = parse_unit(unit_name), measurements.titles.get(output, output)
+        for place, record in enumerate(fit.problem.records):
+            at = np.flatnonzero(fit.problem.ok[place][:, column])
+            if not at.size:
+                continue
+            moment = int(at[-1])
+            before = None if unfitted is None else float(unfitted[place][moment, column])
+            found.append(
+                TableRow(
+                    place=place,
+                    fitted=place in fit.fitted,
+                    condition=short_condition(record.condition, units) or f"record {record.index}",
+                    quantity=title,
+                    unit=unit_name,
+                    measured=unit.from_si(float(record.values[moment, column])),
+                    predicted=unit.from_si(float(fit.expected_outputs[place][moment, column])),
+                    noise=float(fit.problem.sigma[place][moment, column]) / unit.factor,
+                    unfitted=None if before is None else unit.from_si(before),
+                    beside={
+                        name: unit.from_si(value)
+                        for name, value in record.beside.items()
+                        if name.startswith(f"{title}_") and measurements.columns.get(name) == unit_name
+                    },
+                )
+            )
+    return tuple(_of_one_kind(found))
+
+
+def _of_one_kind(rows: Sequence[TableRow]) -> list[TableRow]:
+    """Beside a value stands what is of its size in every row: another law's value, and not a difference."""
+    names = dict.fromkeys(name for row in rows for name in row.beside)
+    kept = {
+        name
+        for name in names
+        if all(
+            0.5 < row.beside[name] / row.measured < 2.0 if row.measured else False
+            for row in rows
+            if math.isfinite(row.beside.get(name, math.nan))
+        )
+    }
+    return [
+        replace(row, beside={name: value for name, value in row.beside.items() if name in kept})
+        for row in rows
+    ]
+
+
+def shows_unfitted(rows: Sequence[TableRow]) -> bool:
+    """Whether the parameters of the model's file are worth showing: they were no mere start for the fit."""
+    sizes = [abs(row.z_unfitted) if row.z_unfitted is not None else math.inf for row in rows]
+    return max(sizes, default=math.inf) < _START
+
+
+def unfitted_outputs(fit: FitResult) -> tuple[Floats, ...] | None:
+    """(n, outputs) of each record with the parameters as the model's file has them; None without a fit."""
+    problem = fit.problem
+    if fit.solution is None:
+        return None
+    known = problem.model.values
+    shared = np.array([known.get(unknown.name, unknown.start) for unknown in problem.shared])
+    levels = np.array([unknown.name in problem.level.setting_names for unknown in problem.shared], dtype=bool)
+    own = [np.array([unknown.start for unknown in one]) for one in problem.local_unknowns()]
+    found = problem.simulate(np.where(levels, 0.0, shared), own)
+    if not found.ok:
+        return None
+    return tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
+
+
+def short_condition(condition: Mapping[str, float], units: Mapping[str, str]) -> str:
+    """An operating point by its values alone: ``60 degC, 30 bar``."""
+    return ", ".join(show(value, units[name]) for name, value in condition.items() if name in units)

@@ -1,0 +1,242 @@
+"""What a table says of a model, in sentences: how far off it is where, and what so few values can tell.
+
+It names the effects that would bring the model closer, though not by more than chance does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigctl.analysis.adequacy import LEVEL, Adequacy, chance_text, chi2_tail
+from rigctl.analysis.linearisation import Linearisation
+from rigctl.analysis.localisation import variable_units
+from rigctl.analysis.score_test import Score, Screening
+from rigctl.analysis.single_values.rows import TableRow, shows_unfitted
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.table import curve_variable, set_variable
+from rigctl.units import show
+
+#: effects that lower the misfit by so many standard deviations are worth a word
+_NOTABLE = 2.5
+#: of a signature of which the fitted parameters imitate all but this share, nothing is said
+_OWN = 0.05
+
+
+def near_chance(screening: Screening) -> list[Score]:
+    """The scores worth a word in a table that no effect explains for certain, the best first."""
+    return [score for score in screening.scores if score.z > _NOTABLE and score.kappa > _OWN]
+
+
+#: standard deviations beyond which a single value is worth a word, and below which it is none
+_FAR, _NEAR = 3.0, 2.0
+#: what chance does more often than this needs no figure
+_USUAL = 0.2
+#: with more than this share of it left, a misfit has not been taken away
+_MOST = 0.7
+
+
+def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], direction: str) -> str:
+    """The verdict of a comparison with a table, with the largest misfit by its operating point."""
+    fitted = [row for row in rows if row.fitted]
+    worst = max(fitted, key=lambda row: abs(row.z))
+    count = f"the {len(fitted)} values of {_quantities(fitted)}"
+    chance = chance_text(adequacy.p_value)
+    largest = f"the largest misfit is at {worst.condition}: {off(worst, worst.predicted)}"
+    if adequacy.adequate:
+        return f"{name} agrees with {count} within their noise ({chance}); {largest}"
+    text = f"{name} does not agree with {count} ({chance}); {largest}"
+    return f"{text}. {direction}" if direction else text
+
+
+def table_findings(
+    linearisation: Linearisation, adequacy: Adequacy, screening: Screening, every: Sequence[TableRow]
+) -> tuple[str, ...]:
+    """Sentences on the ends of the table, on the model as its file has it, and on what cannot be told."""
+    fit, found = linearisation.fit, []
+    rows = [row for row in every if row.fitted]
+    for quantity in dict.fromkeys(row.quantity for row in rows):
+        own = [row for row in rows if row.quantity == quantity]
+        found += _ends(fit, own)
+        found += _before(own)
+    found += end_left_out(linearisation, rows)
+    found += _held_out([row for row in every if not row.fitted])
+    found += _levels(fit)
+    found += _power(fit, rows)
+    if adequacy.adequate:
+        found += _undecided(screening)
+    return tuple(found)
+
+
+def off(row: TableRow, predicted: float) -> str:
+    """In words, e.g. ``the model is 3.0 % (0.29 cSt) below the measured value, 4.2 sigma``."""
+    z = (predicted - row.measured) / row.noise
+    return f"the model is {_how_far(row, predicted)}, {abs(z):.1f} sigma"
+
+
+def _how_far(row: TableRow, predicted: float, value: str = "value") -> str:
+    """In words, e.g. ``3.0 % (0.29 cSt) below the measured value``."""
+    side = "above" if predicted > row.measured else "below"
+    share = row.share(predicted)
+    size = f"{100 * abs(share):.1f} %" if abs(share) < 10.0 else ""
+    absolute = f"{abs(predicted - row.measured):.2g} {row.unit}"
+    how_much = absolute if not size else f"{size} ({absolute})"
+    return f"{how_much} {side} the measured {value}"
+
+
+def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
+    """The two ends of the curve, where a law that is slightly wrong shows first."""
+    over = curve_variable(fit.problem.measurements)
+    if over is None or len(fit.problem.measurements.variables) > 1:
+        return []
+    points = [fit.problem.records[row.place].condition.get(over, math.nan) for row in rows]
+    low, high = rows[int(np.nanargmin(points))], rows[int(np.nanargmax(points))]
+    model = "the fitted model" if fit.solution is not None else "the model"
+    said = [
+        f"at {row.condition} {off(row, row.predicted).replace('the model', model)}" for row in (high, low)
+    ]
+    return [f"At the ends of the table: {said[0]}; {said[1]}"]
+
+
+def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list[str]:
+    """Whether a curve that is fitted to the other rows leads to those at an end of it.
+
+    With J and r the whitened derivatives and residuals, those of the rows left out are off by
+    ``e = r₂ − J₂·J₁⁺·r₁``, which has the covariance ``I + J₂·(J₁ᵀJ₁)⁻¹·J₂ᵀ`` by chance.
+    """
+    fit, records = linearisation.fit, linearisation.records
+    over = curve_variable(fit.problem.measurements)
+    count = max(2, len(rows) // 4)
+    at = {fit.fitted.index(row.place): row for row in rows}
+    single = all(one.residual.size == 1 for one in records) and len(records) == len(rows) == len(at)
+    if fit.solution is None or over is None or not single or len(rows) < 2 * count + 2:
+        return []
+    if len(fit.problem.measurements.variables) > 1 or linearisation.prior[0].any():
+        return []
+    # rows stand quantity by quantity, the linearisation record by record
+    by_record = [at[k] for k in range(len(records))]
+    points = [fit.problem.records[row.place].condition[over] for row in by_record]
+    order = np.argsort(points, kind="stable").tolist()
+    return [_end_off(linearisation, by_record, end) for end in (order[-count:], order[:count])]
+
+
+def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequence[int]) -> str:
+    """What a fit to the other rows predicts of those at `out`; `rows` in the order of the linearisation."""
+    matrix = np.vstack([one.nuisance for one in linearisation.records])
+    residual = np.concatenate([one.residual for one in linearisation.records])
+    matrix = matrix / np.where((norms := np.linalg.norm(matrix, axis=0)) > 0.0, norms, 1.0)
+    rest = [k for k in range(len(rows)) if k not in out]
+    inverse = np.linalg.pinv(matrix[rest], rcond=1e-9)
+    off_by = residual[out] - matrix[out] @ inverse @ residual[rest]
+    lead = matrix[out] @ inverse
+    covariance = np.eye(len(out)) + lead @ lead.T
+    degrees = min((c.degrees for c in linearisation.fit.problem.noise.channels if c.degrees), default=0)
+    chance = chi2_tail(float(off_by @ np.linalg.solve(covariance, off_by)), len(out), degrees)
+    worst = int(np.argmax(np.abs(off_by) / np.sqrt(np.diag(covariance))))
+    row, wide = rows[out[worst]], float(np.sqrt(covariance[worst, worst]))
+    value = "value" if len({one.quantity for one in rows}) == 1 else row.quantity
+    leads = _how_far(row, row.measured - float(off_by[worst]) * row.noise, value)
+    return (
+        f"Fitted without the {len(out)} values from {rows[out[0]].condition} to {rows[out[-1]].condition}, "
+        f"the model leads {leads} at {row.condition}, "
+        f"{abs(float(off_by[worst])) / wide:.1f} sigma of what noise and extrapolation do together: "
+        f"{_often(chance)}"
+    )
+
+
+def _often(chance: float) -> str:
+    """A p-value in words."""
+    if chance > _USUAL:
+        return "no more than chance does"
+    if chance < 1e-6:
+        return "chance does so in less than one table of a million"
+    return f"chance does so in {100 * chance:.2g} % of such tables"
+
+
+def _held_out(rows: Sequence[TableRow]) -> list[str]:
+    if not rows:
+        return []
+    worst = max(rows, key=lambda row: abs(row.z))
+    return [f"Of the {len(rows)} values held out, at {worst.condition} {off(worst, worst.predicted)}"]
+
+
+def _before(rows: Sequence[TableRow]) -> list[str]:
+    """What fitting the constants again has done to the misfit that those of the file have."""
+    if not shows_unfitted(rows):
+        return []
+    far = [row for row in rows if row.z_unfitted is not None and abs(row.z_unfitted) > _FAR]
+    far.sort(key=lambda row: -abs(row.z_unfitted or 0.0))
+    if not far:
+        return []
+    worst = far[0]
+    assert worst.unfitted is not None  # noqa: S101 - it was chosen by it
+    text = f"With the constants of its file, at {worst.condition} {off(worst, worst.unfitted)}"
+    if abs(worst.z) < _NEAR:
+        return [
+            f"{text}. Fitted to this table it is {abs(worst.z):.1f} sigma off there: that misfit is one of "
+            "the constants, and no evidence against the law"
+        ]
+    if abs(worst.z) > _MOST * abs(worst.z_unfitted or 1.0):
+        return [f"{text}, and fitting its constants again does not take that away"]
+    return []
+
+
+def _levels(fit: FitResult) -> list[str]:
+    """How far the settings of a table are off one another, where each has a level of its own."""
+    problem = fit.problem
+    if fit.solution is None or not problem.level.settings:
+        return []
+    values = {u.name: float(value) for u, value in zip(problem.shared, fit.values, strict=True)}
+    found = [values[name] for name in problem.level.setting_names if name in values]
+    if len(found) < len(problem.level.settings):
+        return []
+    name = set_variable(problem.measurements)
+    unit = variable_units(problem.measurements).get(name, "Pa")
+    mean = float(np.mean(found))
+    said = ", ".join(
+        f"{show(point, unit)} {100 * (value - mean):+.1f} %"
+        for point, value in zip(problem.level.settings, found, strict=True)
+    )
+    return [
+        f"The rows of one {name} have a level of their own, as if it had been set off by so much of what was "
+        f"written down, from their mean: {said}. What is judged is what changes at one setting"
+    ]
+
+
+def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
+    """How many values there are for how many constants, and what that asks of an effect."""
+    known = fit.problem.model.fitted
+    free = [u.name for u in fit.problem.shared if u.name in known and u.prior is None]
+    if fit.solution is None or not free:
+        return []
+    levels = len(fit.problem.level.settings)
+    left = len(rows) - len(free) - levels
+    many = f"{len(rows)} values for {len(free)} fitted constant{'' if len(free) == 1 else 's'}"
+    if levels:
+        many += f" and a level for each of {levels} settings"
+    degrees = min((channel.degrees for channel in fit.problem.noise.channels if channel.degrees), default=0)
+    if not degrees:
+        return [f"{many}, and the noise is only guessed: no verdict is surer than that guess"]
+    from scipy.stats import t
+
+    needed = float(t.isf(0.5 * LEVEL, degrees))
+    return [
+        f"{many} leave {left} to judge by, and their noise is itself known to about "
+        f"{100 / math.sqrt(2 * degrees):.0f} % only: an effect would have to stand out by {needed:.1f} sigma "
+        f"to be told, where {t.isf(0.5 * LEVEL, 1e9):.1f} would do if the noise were known"
+    ]
+
+
+def _undecided(screening: Screening) -> list[str]:
+    """Effects that would make the misfit smaller, though chance does as much."""
+    near = near_chance(screening)
+    if not near:
+        return []
+    named = ", ".join(f"{score.effect} (by {score.z:.1f} sigma: {_often(score.p_value)})" for score in near)
+    return [f"What would bring the model closer, and cannot be told from chance: {named}"]
+
+
+def _quantities(rows: Sequence[TableRow]) -> str:
+    return " and ".join(dict.fromkeys(row.quantity for row in rows))

@@ -1,0 +1,344 @@
+"""Which equation wants a term? Evidence for an unknown disturbance at each slot of the model.
+
+A disturbance w(t) at a slot is mapped through the model's derivatives to the readings, with the fitted
+unknowns integrated out. Its prior is smooth in time; over the records it is a smooth function of their
+operating point and something of each record's own. Readings are slots too: otherwise the fault of a sensor is
+blamed on an equation. The idea is that of Kristensen, Madsen & Jorgensen, Automatica 40 (2004) 225.
+
+All of it works on normal matrices, from which each record's own unknowns have been projected off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.disturbance import DisturbanceColumns, Part, disturbance_columns
+from rigctl.analysis.linearisation import free_unknowns, make_regions, own_rows, slopes_at
+from rigctl.analysis.marginal_likelihood import Component, Evidence, Normal, evidence
+from rigctl.effects.registry import library
+from rigctl.engine.compile import Progress
+from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.engine.one_thread import one_thread
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.physics.family import Slot
+
+Floats = NDArray[np.float64]
+
+#: of the largest entry, added to the unknowns' scaled matrix: it may be singular
+_RIDGE = 1e-10
+
+
+@dataclass(frozen=True)
+class DisturbanceNormals:
+    """B the disturbances' whitened columns, J the fitted unknowns', r the residual.
+
+    Attributes
+    ----------
+    square: (records, columns, columns) BᵀB.
+    cross: (records, columns, unknowns) BᵀJ.
+    gradient: (records, columns) Bᵀr.
+    unknowns: JᵀJ, Jᵀr and rᵀr over all records, with the unknowns' priors.
+    excess: how much larger χ² is than the noise alone would make it.
+    """
+
+    square: Floats = field(repr=False)
+    cross: Floats = field(repr=False)
+    gradient: Floats = field(repr=False)
+    unknowns: Normal
+    excess: float
+
+
+def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceColumns) -> DisturbanceNormals:
+    """The matrices of the records of `problem`, the fitted ones of `fit`, by what the fit could move.
+
+    Raises
+    ------
+    RigctlError
+        a derivative is not a finite number.
+    """
+    shared = free_unknowns(fit)
+    places = {unknown.name: place for place, unknown in enumerate(fit.problem.shared)}
+    local = [fit.local[k] for k in fit.fitted]
+    slopes = slopes_at(problem, fit, [unknown.name for unknown in shared], (), local)
+    whole, freedom = [], 0
+    for k, record in enumerate(problem.records):
+        whitener, ok, outputs = problem.whiteners[k], problem.ok[k], fit.outputs[fit.fitted[k]]
+        residual = whitener(np.where(ok, np.where(ok, record.values, 0.0) - outputs, 0.0))
+        white = whitener(np.concatenate([columns.readings[k], slopes.nuisance[k]], axis=2))
+        if not np.isfinite(white).all():
+            raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
+        rows = np.column_stack([white, residual])
+        matrix = rows.T @ rows
+        own, weight, prior = own_rows(problem, k, slopes, local[k], outputs)
+        taken = own[: whitener.size].T @ rows
+        if weight.size:
+            taken[:, -1] -= own[whitener.size :].T @ prior
+            matrix[-1, -1] += prior @ prior
+        whole.append(matrix - taken.T @ taken)
+        freedom += whitener.size + int((weight > 0.0).sum()) - own.shape[1]
+    prior, weight = prior_rows(shared, fit.values[[places[unknown.name] for unknown in shared]])
+    return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, freedom)
+
+
+def _split(whole: Floats, count: int, prior: Floats, weight: Floats, freedom: int) -> DisturbanceNormals:
+    """The blocks of the records' matrices; unknowns are scaled to columns of length one."""
+    total = whole.sum(axis=0)
+    matrix = total[count:-1, count:-1] + np.diag(weight**2)
+    gradient = total[count:-1, -1] - weight * prior
+    lengths = np.sqrt(np.diag(matrix))
+    scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 0.0)
+    matrix = matrix * np.outer(scale, scale) + _RIDGE * np.eye(scale.size)
+    gradient = gradient * scale
+    square = float(total[-1, -1] + prior @ prior)
+    taken = float(gradient @ np.linalg.solve(matrix, gradient)) if scale.size else 0.0
+    freedom += int((weight > 0.0).sum()) - scale.size
+    return DisturbanceNormals(
+        square=whole[:, :count, :count],
+        cross=whole[:, :count, count:-1] * scale,
+        gradient=whole[:, :count, -1],
+        unknowns=Normal(matrix, gradient, square),
+        excess=square - taken - freedom,
+    )
+
+
+#: knots over a record; more where few records leave the room for it
+_KNOTS, _MORE_KNOTS, _FEW_RECORDS = 11, 24, 3
+#: of more records, and of longer ones, some are enough to rank equations by
+_MOST_RECORDS, _MOST_SAMPLES = 32, 2000
+#: over how many knots a disturbance remembers
+_MEMORY = 3.0
+#: smooth functions of the operating point
+_FEATURES = 6
+#: logarithms of evidence that differ by less (20 to 1), or by less than the share that a linear model of a
+#: large effect is in error, do not tell two slots apart
+_TOLD, _LINEAR = 3.0, 0.01
+
+
+@dataclass(frozen=True)
+class SlotEvidence:
+    """How much the data want a term at a slot.
+
+    Attributes
+    ----------
+    slot: its name; several, joined by " + ", for places at which one effect of the library acts at once.
+    meaning: of the slot, for people.
+    log_evidence: of a disturbance there, relative to none; below 0 when the data do without.
+    share: of the misfit that a disturbance explains, 0 to 1.
+    when: the phase in which the disturbance is largest.
+    alike: the slots that these data do not tell from it, the more wanted first.
+    """
+
+    slot: str
+    meaning: str
+    log_evidence: float
+    share: float
+    when: str
+    alike: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "slot": self.slot,
+            "meaning": self.meaning,
+            "log_evidence": self.log_evidence,
+            "share_of_error": self.share,
+            "when": self.when,
+            "alike": list(self.alike),
+        }
+
+
+@one_thread()
+def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[SlotEvidence, ...]:
+    """The slots at which a disturbance shows in the measured readings, the most wanted first.
+
+    Of a great many fitted records, and of long ones, some are looked at.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated or differentiated at the fit.
+    """
+    fit = _some(fit)
+    problem = fit.problem
+    knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
+    columns = disturbance_columns(fit, problem, knots, progress)
+    normals = disturbance_normals(fit, problem, columns)
+    features = _features(make_regions(problem).conditions)
+    found: list[_Found] = []
+    for parts in _hypotheses(problem, columns.parts):
+        component, root = _component(normals, parts)
+        if component is not None:
+            best = evidence(component, normals.unknowns, features)
+            found.append(_Found(parts, best, best.amplitudes @ root.T))
+    return _ranked(_one_each(found), problem, columns, normals.excess)
+
+
+def _some(fit: FitResult) -> FitResult:
+    """The fitted records; of many of them some, of long ones some samples, drawn once and for all."""
+    places = np.array(fit.fitted)
+    if places.size > _MOST_RECORDS:
+        draw = np.random.Generator(np.random.PCG64(0))
+        places = np.sort(draw.choice(places, _MOST_RECORDS, replace=False))
+    chosen = [
+        np.arange(0, size, -(-size // _MOST_SAMPLES), dtype=np.intp)
+        for size in (fit.problem.records[place].times.size for place in places)
+    ]
+    return replace(
+        fit,
+        problem=fit.problem.only(places.tolist()).at_samples(chosen),
+        fitted=tuple(range(places.size)),
+        local=tuple(fit.local[place] for place in places),
+        outputs=tuple(fit.outputs[place][at] for place, at in zip(places, chosen, strict=True)),
+    )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A disturbance that was tried; `amplitudes` (records, columns) are in the slots' units."""
+
+    parts: tuple[Part, ...]
+    evidence: Evidence
+    amplitudes: Floats
+
+    @property
+    def slots(self) -> tuple[Slot, ...]:
+        return tuple(dict.fromkeys(part.slot for part in self.parts))
+
+
+def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part, ...]]:
+    """What is tried: each slot, a reading in two ways, and the places of every effect that has several."""
+    by_slot: dict[str, list[Part]] = {}
+    for part in parts:
+        by_slot.setdefault(part.slot.name, []).append(part)
+    for own in by_slot.values():
+        constant = tuple(part for part in own if part.view != "time")
+        if constant and len(constant) < len(own):
+            yield constant
+        yield tuple(own)
+    model = problem.model
+    effects = [*library(model.family).values(), *model.own]
+    together = {effect.slots for effect in effects if effect.name not in model.effects}
+    for slots in sorted(together):
+        if len(slots) > 1 and all(len(by_slot.get(slot, ())) == 1 for slot in slots):
+            yield tuple(by_slot[slot][0] for slot in slots)
+
+
+def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Component | None, Floats]:
+    """Its normal matrices, each part's share of them the same, and the root of its prior covariance.
+
+    None when no reading shows it.
+    """
+    places = np.concatenate([np.arange(part.columns.start, part.columns.stop) for part in parts])
+    square = normals.square[:, places[:, None], places[None, :]]
+    total = square.sum(axis=0)
+    root = np.zeros((places.size, places.size))
+    first = 0
+    for part in parts:
+        last = first + part.columns.stop - part.columns.start
+        block = slice(first, last)
+        own = _prior_root(np.diag(total)[block], part.knots)
+        trace = float(np.trace(own.T @ total[block, block] @ own))
+        if trace > 0.0 and np.isfinite(trace):
+            root[block, block] = own / np.sqrt(len(parts) * trace)
+        first = last
+    if not root.any():
+        return None, root
+    return (
+        Component(
+            root.T @ square @ root,
+            root.T @ normals.cross[:, places],
+            normals.gradient[:, places] @ root,
+        ),
+        root,
+    )
+
+
+def _prior_root(lengths: Floats, knots: int) -> Floats:
+    """Of ``exp(−|i − j|/memory)`` over each run of knots; columns without an order count alike."""
+    if not knots:
+        return np.diag(np.where(lengths > 0.0, 1.0 / np.sqrt(np.where(lengths > 0.0, lengths, 1.0)), 0.0))
+    distance = np.abs(np.subtract.outer(np.arange(knots), np.arange(knots)))
+    block = np.linalg.cholesky(np.exp(-distance / _MEMORY))
+    return np.asarray(np.kron(np.eye(lengths.size // knots), block))
+
+
+def _features(conditions: Floats) -> Floats:
+    """(records, features) whose products are ``1 + c·c′ + 0.3·exp(−|c − c′|²/2)``, as far as few of them can.
+
+    One record, or records at one condition, have a disturbance of their own each and no more.
+    """
+    if conditions.shape[0] < 2:
+        return np.empty((conditions.shape[0], 0))
+    apart = np.square(conditions[:, None, :] - conditions[None, :, :]).sum(axis=2)
+    values, vectors = np.linalg.eigh(1.0 + conditions @ conditions.T + 0.3 * np.exp(-0.5 * apart))
+    kept = np.argsort(-values)[:_FEATURES]
+    kept = kept[values[kept] > 1e-9 * values[kept[0]]]
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def _one_each(found: Sequence[_Found]) -> list[_Found]:
+    """Of a slot that was tried in several ways, the best with the mean of their evidence."""
+    ways: dict[tuple[Slot, ...], list[_Found]] = {}
+    for one in found:
+        ways.setdefault(one.slots, []).append(one)
+    result = []
+    for own in ways.values():
+        logs = np.array([one.evidence.log_evidence for one in own])
+        best = own[int(np.argmax(logs))]
+        mean = float(logs.max() + np.log(np.mean(np.exp(logs - logs.max()))))
+        result.append(replace(best, evidence=replace(best.evidence, log_evidence=mean)))
+    return result
+
+
+def _ranked(
+    found: Sequence[_Found], problem: Problem, columns: DisturbanceColumns, excess: float
+) -> tuple[SlotEvidence, ...]:
+    ordered = sorted(found, key=lambda one: -one.evidence.log_evidence)
+    misfit = max([excess, *(one.evidence.explained for one in ordered), 1.0])
+    names = [" + ".join(slot.name for slot in one.slots) for one in ordered]
+    logs = [one.evidence.log_evidence for one in ordered]
+    result = []
+    for one, name, log in zip(ordered, names, logs, strict=True):
+        near = max(_TOLD, _LINEAR * abs(log))
+        alike = [
+            other
+            for other, its in zip(names, logs, strict=True)
+            if other != name and abs(its - log) < near and log > _TOLD
+        ]
+        share = min(max(one.evidence.explained / misfit, 0.0), 1.0) if log > 0.0 else 0.0
+        meaning = "; ".join(slot.meaning for slot in one.slots)
+        result.append(SlotEvidence(name, meaning, log, share, _when(one, problem, columns), tuple(alike)))
+    return tuple(result)
+
+
+def _when(found: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
+    """The phase with the largest mean square of the disturbance, each slot's in units of its own mean."""
+    squares: dict[str, list[float]] = {}
+    for slot in found.slots:
+        courses = [_course(found, columns.courses[k], slot, k) for k in range(len(problem.records))]
+        mean = float(np.mean(np.concatenate(courses) ** 2)) or 1.0
+        for record, course in zip(problem.records, courses, strict=True):
+            for place, name in enumerate(record.phases):
+                inside = course[record.phase == place]
+                if inside.size:
+                    squares.setdefault(name, []).append(float(np.mean(inside**2)) / mean)
+    return max(squares, key=lambda name: float(np.mean(squares[name])))
+
+
+def _course(found: _Found, courses: Floats, slot: Slot, k: int) -> Floats:
+    """(n) of one record: the disturbance at one slot."""
+    total = np.zeros(courses.shape[0])
+    first = 0
+    for part in found.parts:
+        width = part.columns.stop - part.columns.start
+        if part.slot == slot:
+            total += courses[:, part.columns] @ found.amplitudes[k, first : first + width]
+        first += width
+    return total

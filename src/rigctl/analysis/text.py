@@ -1,0 +1,286 @@
+"""A diagnosis in sentences: what it says, what speaks for it and what against."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rigctl.analysis.adequacy import BELOW, chance_text, error_below
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.cross_validation import HeldOut
+from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.remainder import Remainder, share_text
+from rigctl.analysis.rivals import Differs, Rival
+from rigctl.analysis.search import SHAPE
+from rigctl.analysis.separability import LEAST_DIFFERENCE, LEAST_SEPARATION, TOLERANCE
+from rigctl.effects.declaration import Effect
+from rigctl.effects.record_level import RECORD
+from rigctl.units import parse_unit
+
+#: an effect is named as hidden in a parameter where that takes more of it
+_HIDDEN = 0.3
+#: a parameter that moves by less has not been biased
+_MOVED = 0.02
+#: phases in which two effects are less alike by this are told
+_UNLIKE = 0.15
+#: an effect that is told apart is worth a word where its signature is more alike than this
+_ALIKE = 0.5
+
+
+def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
+    """``conductance 4e-15 ± 1e-16 m^3``."""
+    return ", ".join(f"{name} {one}" for name, one in parameters.items())
+
+
+def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
+    """What is seen, what it is, and how large."""
+    seen = effect.looks_like.rstrip(".")
+    return f"{seen}: {_begun_low(effect.summary.rstrip('.'))} ({effect.name}, {parameters_text(parameters)})"
+
+
+def verdict_text(
+    verdict: Verdict,
+    before: ModelComparison,
+    chosen: Sequence[tuple[Candidate, Ranked]],
+    rivals: Sequence[Rival],
+    left: Remainder | None,
+    checks: Mapping[str, HeldOut | None],
+    seen: Ranked | None = None,
+    unusual: Mapping[str, str] | None = None,
+    doubt: str = "",
+) -> str:
+    """The statement of a verdict.
+
+    Parameters
+    ----------
+    left: what the best set leaves.
+    checks: those by leaving out, of each member of the best set.
+    seen: where no set pays for itself, the effect that is seen nevertheless.
+    unusual: of the best set's effects, the parameters beyond their usual range, in words.
+    doubt: why these data cannot tell whether anything is missing at all; see `whether_at_all`.
+    """
+    if verdict is Verdict.ADEQUATE:
+        return before.statement
+    described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
+    if verdict is Verdict.MISSING_EFFECT:
+        text = described
+        alike = [rival for rival in rivals if rival.cos > _ALIKE]
+        if alike:
+            text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
+        return text if left is None else f"{text}. That is not all: {left.statement}"
+    if verdict is Verdict.AMBIGUOUS:
+        close = [rival for rival in rivals if not rival.told]
+        text = _ambiguous_text(described, close, checks, unusual or {}, left)
+        return text if left is None else f"{text}. That is not all: {left.statement}"
+    return _outside_text(described, left, checks, seen, doubt)
+
+
+def whether_at_all(before: ModelComparison) -> str:
+    """Why a misfit that no effect explains need not mean that something is missing; "" where it does.
+
+    An error below `BELOW` ends a search before it begins; one merely within the noise is asked first whether
+    an effect explains it, and is held against the model only then.
+    """
+    guessed = [channel.name for channel in before.fit.problem.noise.channels if channel.guessed]
+    if guessed:
+        return f"these data do not tell the noise of {', '.join(guessed)}"
+    if error_below(before.fit, BELOW):
+        return "the error of every channel is below its noise, which is not what it was taken for"
+    if error_below(before.fit, 1.0):
+        return "the error of every channel is within its noise"
+    return ""
+
+
+def _outside_text(
+    described: str,
+    left: Remainder | None,
+    checks: Mapping[str, HeldOut | None],
+    seen: Ranked | None,
+    doubt: str,
+) -> str:
+    """What is nearest, and why it is not named; `described` is "" where nothing pays for itself."""
+    begun = "Something is missing"
+    if doubt:
+        begun = f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
+    if described and left is not None and (left.share > SHAPE or not _failed_text(checks)):
+        return (
+            f"{begun}. The nearest in the library is this, but with it "
+            f"{share_text(left.share)} of the misfit is left: its shape may be another one, something else "
+            f"may be missing beside it, or it only resembles what is missing: {described}"
+        )
+    if described:
+        return (
+            (f"{begun}. It would be" if doubt else "What is missing is")
+            + " more than one or two effects of the library, or not in it. The nearest is "
+            f"this, but {_failed_text(checks)}: {described}"
+        )
+    if seen is not None:
+        return (
+            f"{begun}, and too little of it is seen to say what: "
+            f"{seen.effect} explains more of it than any other effect ({seen.size:.1f} sigmas), but with it "
+            f"mBIC rises by {seen.delta_bic:.1f}"
+        )
+    if doubt:
+        return f"{begun}, and no effect of the library explains it"
+    return "Something is missing that no effect of the library explains"
+
+
+def _ambiguous_text(
+    described: str,
+    close: Sequence[Rival],
+    checks: Mapping[str, HeldOut | None],
+    unusual: Mapping[str, str],
+    left: Remainder | None,
+) -> str:
+    """What is most probable, and why it is not sure: a rival that is close, a check that failed, a size that
+    nobody has seen, or a noise that is not what it was taken for."""
+    doubts = [f"{name} has its {text}" for name, text in unusual.items()]
+    failed = _failed_text(checks)
+    doubts += [failed] if failed else []
+    if left is not None and left.below_noise:
+        doubts.append(
+            "the error with it is below the noise and a test still rejects: the noise of these readings is "
+            "not what it was taken for"
+        )
+    if not close:
+        return (
+            "Something is missing. No other effect of the library explains it as well as this, but "
+            f"{', and '.join(doubts)}: {described}"
+        )
+    text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
+    return ". ".join([text, *(_begun_high(one) for one in (*map(rival_text, close), *doubts))])
+
+
+def _failed_text(checks: Mapping[str, HeldOut | None]) -> str:
+    """Which effects failed the check by leaving out; "" for none."""
+    failed = [name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed]
+    if not failed:
+        return ""
+    does = "does not predict what it was" if len(failed) == 1 else "do not predict what they were"
+    return f"{' and '.join(failed)} {does} not fitted on"
+
+
+def rival_text(rival: Rival) -> str:
+    """How like the two are, where they differ, and whether these data tell them apart."""
+    text = f"{rival.name} would look like {rival.member} (cos {rival.cos:.2f})"
+    if rival.unusual:
+        text += f" with its {rival.unusual}"
+    where = rival.differs
+    if where is not None:
+        text += _alike_text(where)
+        most = f" at {where.condition}" if where.condition else ""
+        text += (
+            f"; the two differ most in {where.channel}{' in ' if where.phase else ''}{where.phase}, by up to "
+            f"{abs(where.largest):.2g} {where.unit}{most}"
+        )
+    if rival.told:
+        return f"{text}, and these data tell them apart (d = {rival.separation:.1f})"
+    return f"{text}, and these data do not tell them apart ({_lacking(rival)})"
+
+
+def _lacking(rival: Rival) -> str:
+    """The condition, or both, that two which are not told apart fail."""
+    found = []
+    if rival.separation < LEAST_SEPARATION:
+        found.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
+    if rival.difference < LEAST_DIFFERENCE:
+        found.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
+    if rival.nested:
+        found.append(
+            f"{rival.member} with {rival.nested} is {rival.name}, and its fit is within chance of that"
+        )
+    if not found:
+        found.append(
+            f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "
+            f"either may do as much: {share_text(TOLERANCE**2)} would do"
+        )
+    return "; ".join(found)
+
+
+def _alike_text(where: Differs) -> str:
+    """In which phases the two are alike, and in which they are not."""
+    if len(where.alike) < 2 or where.alike[0][1] - where.alike[-1][1] < _UNLIKE:
+        return ""
+    (most, largest), (least, smallest) = where.alike[0], where.alike[-1]
+    side = "not" if smallest < 0.5 else "less so"
+    return f": in {most} ({largest:.2f}), {side} in {least} ({smallest:.2f})"
+
+
+def evidence_for(
+    candidate: Candidate, ranked: Ranked, check: HeldOut | None, rivals: Sequence[Rival]
+) -> list[str]:
+    """A sentence for each thing that speaks for an effect or against it."""
+    name = candidate.name
+    found = [_size(ranked)]
+    if ranked.delta_bic < 0.0:
+        found.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it (9.2 is odds of 100 to 1)")
+    else:
+        found.append(f"against {name}: mBIC rises by {ranked.delta_bic:.1f} with it")
+    if check is not None and check.folds >= 2:
+        side = "for" if check.passed else "against"
+        found.append(
+            f"{side} {name}: on conditions left out one after the other the normalised error goes from "
+            f"{check.before:.4g} to {check.after:.4g} ({check.folds} folds, mean gain {check.mean:.1f} "
+            f"± {check.error:.1f})"
+        )
+    if ranked.kappa < _HIDDEN and ranked.hidden_in:
+        found.append(
+            f"against {name}: {_hidden_text(ranked.hidden_in)} imitates it to within "
+            f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on those {100 * ranked.kappa:.0f} %"
+        )
+    own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
+    found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.told]
+    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told and rival.cos > _ALIKE][:1]
+    return found
+
+
+def _hidden_text(hidden_in: str) -> str:
+    """What imitates an effect."""
+    own = "what each record has of its own (its settings, zeros, times and starts)"
+    return own if hidden_in == RECORD else f"the fitted {hidden_in}"
+
+
+def _size(ranked: Ranked) -> str:
+    """How far it stands out of the noise, and whether it did so in the model as it is."""
+    p = ranked.score_p_value
+    text = f"for {ranked.effect}: it stands out of the noise by {ranked.size:.1f} sigma"
+    if p > 0.01:
+        return f"{text}, but only beside the others: on the model as it is its score is nothing (p = {p:.2g})"
+    return f"{text} ({chance_text(p)} for the largest of the whole library)"
+
+
+def drift_text(found: Sequence[Drift]) -> list[str]:
+    """Fitted parameters that were biased by what was missing.
+
+    Without a bias the two values would differ by chance with the variance ``|s₂² − s₁²|``, s their standard
+    deviations (J. A. Hausman, Econometrica 46 (1978) 1251); a change has to be twice that, and no less than
+    either s.
+    """
+    return [
+        f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had taken over "
+        "a part of what was missing"
+        for one in found
+        if _moved(one)
+    ]
+
+
+def _moved(one: Drift) -> bool:
+    """Whether a change is more than chance, and large enough for a word.
+
+    On a scale with an offset, degC, a share of the value means nothing.
+    """
+    change = abs(one.after - one.before)
+    before, after = (std if math.isfinite(std) else 0.0 for std in (one.before_std, one.after_std))
+    sure = max(2.0 * math.sqrt(abs(after**2 - before**2)), before, after)
+    return change > sure and (parse_unit(one.unit).absolute_temperature or change > _MOVED * abs(one.before))
+
+
+def _begun_low(text: str) -> str:
+    """As the middle of a sentence."""
+    return text[:1].lower() + text[1:] if text[1:2].islower() or text[:2] == "A " else text
+
+
+def _begun_high(text: str) -> str:
+    """As the beginning of a sentence, unless it begins with a name."""
+    return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]

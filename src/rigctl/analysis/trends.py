@@ -1,0 +1,177 @@
+"""The direction of the error against each operating variable, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.localisation import variable_units
+from rigctl.model.fit.fit import FitResult
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How a quantity changes over one operating variable, as measured and as the model says.
+
+    Attributes
+    ----------
+    quantity: what changes, e.g. ``stroke``.
+    variable: the operating variable; low, high its ends, SI.
+    measured, predicted: change of the quantity from low to high as a share of its mean at low; of a
+        temperature in kelvin, as its zero is no absence of anything.
+    unit: of the two, "1" or "K".
+    z: the difference of the two in standard deviations.
+    wrong_sign: the model has the wrong direction, and not by chance.
+    """
+
+    quantity: str
+    variable: str
+    low: float
+    high: float
+    measured: float
+    predicted: float
+    z: float
+    text: str
+    unit: str = "1"
+
+    @property
+    def matters(self) -> bool:
+        """The model is off by more than a third of a per cent; of a temperature, of the change itself."""
+        whole = 1.0 if self.unit == "1" else max(abs(self.measured), abs(self.predicted))
+        return abs(self.measured - self.predicted) > whole / 300
+
+    @property
+    def wrong_sign(self) -> bool:
+        """Both changes are there and go opposite ways."""
+        return self.measured * self.predicted < 0.0 and abs(self.z) > 3.0
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "quantity": self.quantity,
+            "variable": self.variable,
+            "measured": self.measured,
+            "predicted": self.predicted,
+            "unit": self.unit,
+            "z": self.z,
+            "wrong_sign": self.wrong_sign,
+            "text": self.text,
+        }
+
+
+def trends(fit: FitResult) -> tuple[Trend, ...]:
+    """Of every quantity over every operating variable, the most wrong first."""
+    measurements = fit.problem.measurements
+    units = variable_units(measurements)
+    found = []
+    for quantity, column, measured, predicted, noise in _quantities(fit):
+        kelvin = parse_unit(measurements.units[column]).absolute_temperature
+        for variable in measurements.variables:
+            points = np.array([fit.problem.records[k].condition.get(variable, math.nan) for k in fit.fitted])
+            trend = _trend(fit, quantity, variable, points, measured, predicted, noise, units, kelvin=kelvin)
+            if trend is not None:
+                found.append(trend)
+    return tuple(sorted(found, key=lambda trend: -abs(trend.z)))
+
+
+def _quantities(fit: FitResult) -> list[tuple[str, int, Floats, Floats, float]]:
+    """(name, channel, measured, predicted, standard error) of one number for each fitted record."""
+    found = []
+    problem = fit.problem
+    for column, channel in enumerate(problem.measurements.outputs):
+        pairs = [_level(fit, k, column) for k in fit.fitted]
+        measured, predicted = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+        name = pairs[0][2] if pairs else channel
+        if np.isfinite(measured).sum() >= 2:
+            error = float(problem.noise.sigma[column]) / math.sqrt(max(1.0, pairs[0][3]))
+            found.append((name, column, measured, predicted, error))
+    return found
+
+
+def _level(fit: FitResult, k: int, column: int) -> tuple[float, float, str, float]:
+    """One number of a record: the stroke of a position, else the mean over the record's last phase."""
+    record, ok = fit.problem.records[k], fit.problem.ok[k][:, column]
+    channel = fit.problem.measurements.outputs[column]
+    phase = record.phases.index("hold") if "hold" in record.phases and channel == "position" else None
+    at_end = record.phase == (len(record.phases) - 1 if phase is None else phase)
+    rows = at_end & ok if (at_end & ok).any() else ok
+    if not rows.any():
+        return math.nan, math.nan, channel, 1.0
+    measured, predicted = (
+        float(record.values[rows, column].mean()),
+        float(fit.expected_outputs[k][rows, column].mean()),
+    )
+    name = channel
+    if phase is not None:
+        name = "stroke"
+        before = (record.phase == 0) & ok
+        if phase > 0 and before.any():
+            measured -= float(record.values[before, column].mean())
+            predicted -= float(fit.expected_outputs[k][before, column].mean())
+    return measured, predicted, name, float(rows.sum())
+
+
+def _trend(
+    fit: FitResult,
+    quantity: str,
+    variable: str,
+    points: Floats,
+    measured: Floats,
+    predicted: Floats,
+    noise: float,
+    units: dict[str, str],
+    *,
+    kelvin: bool,
+) -> Trend | None:
+    good = np.isfinite(points) & np.isfinite(measured)
+    if np.unique(points[good]).size < 2 or variable == quantity:
+        return None
+    others = [
+        np.array([fit.problem.records[k].condition.get(name, math.nan) for k in fit.fitted])
+        for name in fit.problem.measurements.variables
+        if name != variable
+    ]
+    columns = [np.ones(points.size), points, *(o for o in others if np.unique(o[np.isfinite(o)]).size > 1)]
+    matrix = np.column_stack(columns)[good]
+    if not np.isfinite(matrix).all() or matrix.shape[0] <= matrix.shape[1]:
+        matrix = np.column_stack([np.ones(points.size), points])[good]
+    scale = np.abs(matrix).max(axis=0)
+    inverse = np.linalg.pinv(matrix / np.where(scale > 0, scale, 1.0))[1] / (scale[1] or 1.0)
+    low, high = float(points[good].min()), float(points[good].max())
+    span = high - low
+    change, said = float(inverse @ measured[good]) * span, float(inverse @ predicted[good]) * span
+    error = noise * float(np.linalg.norm(inverse)) * span
+    base = 1.0 if kelvin else float(np.mean(measured[good][points[good] == low]))
+    if base == 0.0 or error == 0.0:
+        return None
+    share, predicted_share = change / abs(base), said / abs(base)
+    ends = f"from {show(low, units[variable], digits=3)} to {show(high, units[variable], digits=3)}"
+    moves, predicted_moves = (_moves(one, kelvin=kelvin) for one in (share, predicted_share))
+    text = f"measured {quantity} {moves} {ends}, the model says it {predicted_moves}"
+    unit = "K" if kelvin else "1"
+    return Trend(quantity, variable, low, high, share, predicted_share, (said - change) / error, text, unit)
+
+
+def _moves(change: float, *, kelvin: bool = False) -> str:
+    """``rises 4.8 %``, or ``rises 3.2 K``: per cent of an absolute temperature mean nothing."""
+    least, shown = (5e-3, f"{abs(change):.2g} K") if kelvin else (5e-4, f"{abs(change) * 100:.2g} %")
+    return "stays the same" if abs(change) < least else f"{'rises' if change > 0.0 else 'falls'} {shown}"
+
+
+def sentence(found: Sequence[Trend], notable: float = 5.0) -> str:
+    """The most wrong direction in one sentence; empty when none is wrong."""
+    wrong = [trend for trend in found if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
+    worst = wrong or [trend for trend in found if abs(trend.z) > notable and trend.matters]
+    if not worst:
+        return ""
+    text = worst[0].text
+    said = text[0].upper() + text[1:]
+    return f"{said}: the wrong direction" if worst[0].wrong_sign else said

@@ -1,0 +1,138 @@
+"""How large a change of the readings is to a model, and which effects it looks like.
+
+λ = ‖(I − P)·W·Δy‖, P the projection on all that the fitted parameters and the records' own unknowns can do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.linearisation import Linearisation, own_rows, slopes_at
+from rigctl.analysis.nuisance_projection import HIDDEN
+from rigctl.analysis.score_test import cone
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+_RANK = 1e-8
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """The projection ``(I − P)·W`` of one linearisation, for changes of its records' readings.
+
+    Attributes
+    ----------
+    problem: the fitted records.
+    candidates: the effects whose signatures are known, `starts` the place of each one's first.
+    """
+
+    problem: Problem = field(repr=False)
+    candidates: tuple[Candidate, ...] = field(repr=False)
+    starts: tuple[int, ...] = field(repr=False)
+    _own: tuple[Floats, ...] = field(repr=False)
+    _shared: Floats = field(repr=False)
+    _signatures: Floats = field(repr=False)
+
+    def of(self, changes: Sequence[Floats]) -> Floats:
+        """(rows) what is left of changes of the readings, each (n, outputs), SI, in the records' order."""
+        rows = [
+            _off_own(whitener(np.where(ok, change, 0.0)), own)
+            for whitener, ok, change, own in zip(
+                self.problem.whiteners, self.problem.ok, changes, self._own, strict=True
+            )
+        ]
+        left = np.concatenate(rows)
+        left = np.concatenate([left, np.zeros(self._shared.shape[0] - left.size)])
+        return np.asarray(left - self._shared @ (self._shared.T @ left))
+
+    def size(self, changes: Sequence[Floats]) -> float:
+        """λ, in sigmas."""
+        return float(np.linalg.norm(self.of(changes)))
+
+    def cosines(self, left: Floats) -> dict[str, float]:
+        """How well each effect alone, of the right signs and any size, would explain what is left: 0 … 1."""
+        length = float(np.linalg.norm(left))
+        found: dict[str, float] = {}
+        for place, candidate in enumerate(self.candidates):
+            gain, _ = self._explained(place, left)
+            share = min(1.0, float(np.sqrt(gain)) / length) if length > 0.0 else 0.0
+            found[candidate.name] = max(share, found.get(candidate.name, 0.0))
+        return found
+
+    def share_of(self, effect: str, left: Floats) -> tuple[Candidate, Floats] | None:
+        """An effect in the shape that explains most of what is left, and (rows) what it explains; None where
+        that is nothing."""
+        places = [place for place, candidate in enumerate(self.candidates) if candidate.name == effect]
+        explained = {place: self._explained(place, left) for place in places}
+        best = max(places, key=lambda place: explained[place][0], default=None)
+        if best is None or explained[best][0] <= 0.0:
+            return None
+        return self.candidates[best], explained[best][1]
+
+    def _explained(self, place: int, left: Floats) -> tuple[float, Floats]:
+        """(squares, rows) that one candidate explains of what is left, its signs as physics allows."""
+        candidate = self.candidates[place]
+        own = slice(self.starts[place], self.starts[place] + len(candidate.columns))
+        matrix = self._signatures[:, own]
+        used = np.flatnonzero(np.any(matrix, axis=0))
+        if not used.size:
+            return 0.0, np.zeros_like(left)
+        chosen = matrix[:, used]
+        gain, sizes = cone(
+            (left @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
+        )
+        return float(gain[0]), np.asarray(chosen @ sizes[0])
+
+
+def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
+    """The projection of a linearisation; `whole` is what it was made with.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    fit = linearisation.fit
+    problem = whole.only(fit.fitted)
+    local = [fit.local[k] for k in fit.fitted]
+    slopes = slopes_at(problem, fit, linearisation.nuisances, linearisation.candidates, local)
+    own, nuisance, signatures = [], [], []
+    for k, whitener in enumerate(problem.whiteners):
+        basis = own_rows(problem, k, slopes, local[k], fit.outputs[fit.fitted[k]])[0]
+        own.append(basis)
+        nuisance.append(_off_own(whitener(slopes.nuisance[k]), basis))
+        signatures.append(_off_own(whitener(slopes.signatures[k]), basis))
+    weight = linearisation.prior[0]
+    shared = _span(np.vstack([*nuisance, weight]))
+    stacked = np.vstack([*signatures, np.zeros((weight.shape[0], signatures[0].shape[1]))])
+    left = stacked - shared @ (shared.T @ stacked)
+    lengths = np.linalg.norm(left, axis=0)
+    seen = lengths > HIDDEN * np.where(linearisation.sizes > 0.0, linearisation.sizes, np.inf)
+    return Unexplained(
+        problem=problem,
+        candidates=linearisation.candidates,
+        starts=linearisation.starts,
+        _own=tuple(own),
+        _shared=shared,
+        _signatures=np.where(seen, left / np.where(seen, lengths, 1.0), 0.0),
+    )
+
+
+def _off_own(rows: Floats, own: Floats) -> Floats:
+    """Without what the record's own unknowns can do; the rows of their priors are added below."""
+    padded = np.concatenate([rows, np.zeros((own.shape[0] - rows.shape[0], *rows.shape[1:]))])
+    return np.asarray(padded - own @ (own.T @ padded))
+
+
+def _span(matrix: Floats) -> Floats:
+    lengths = np.linalg.norm(matrix, axis=0)
+    if not matrix.shape[1]:
+        return np.empty((matrix.shape[0], 0))
+    left, values, _ = np.linalg.svd(matrix / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
+    return np.asarray(left[:, values > _RANK * max(float(values[0]), 1e-300)])

@@ -1,1 +1,0 @@
-"""How well a model agrees with measurements, and where it fails."""

@@ -1,0 +1,106 @@
+"""Readings that would tell an effect from chance: as many as do, and points at which it does what is said."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import nct, t
+
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.single_values import next_values as module
+from rigctl.analysis.single_values.next_values import next_against_chance
+from rigctl.dataset import open_run
+from rigctl.dataset.importing import import_file
+from rigctl.files.shipped import shipped
+from rigctl.model import load_model
+from rigctl.model.measured.noise import DataNoise, noise_of
+from rigctl.model.measured.read import read_measurements
+from rigctl.noise import ChannelNoise
+
+
+def score(z: float, kappa: float = 0.5) -> Any:
+    return SimpleNamespace(effect="leak", candidate=0, z=z, kappa=kappa)
+
+
+def before(one: Any, rows: int, degrees: int) -> Any:
+    """Rows with unknowns of their own, so that nothing is looked for beyond their ends."""
+    problem = SimpleNamespace(
+        records=(None,) * rows,
+        local=((object(),),) * rows,
+        noise=SimpleNamespace(channels=(ChannelNoise("stroke", 1e-3, degrees=degrees),)),
+        measurements=SimpleNamespace(variables=("oil",)),
+        model=SimpleNamespace(family=SimpleNamespace(standard_record=object())),
+    )
+    return SimpleNamespace(fit=SimpleNamespace(problem=problem), screening=SimpleNamespace(scores=(one,)))
+
+
+@pytest.mark.parametrize("z", [2.6, 3.0, 3.4])
+@pytest.mark.parametrize(("rows", "degrees"), [(8, 4), (13, 10)])
+def test_so_many_repeats_show_the_effect_nine_times_in_ten_and_fewer_do_not(
+    z: float, rows: int, degrees: int
+) -> None:
+    (said,) = next_against_chance(before(score(z), rows, degrees))
+    found = re.fullmatch(
+        r"read each condition (\d+) times: leak, if it is as large as it seems, would then stand out by "
+        r"([\d.]+) sigma",
+        said,
+    )
+    assert found
+    repeats = int(found[1])
+    assert float(found[2]) == pytest.approx(z * np.sqrt(repeats), abs=0.06)
+
+    def shown(count: int) -> float:
+        """Power of Student's test at 1 %, its noise known from the repeats too."""
+        known = degrees + rows * (count - 1)
+        return float(nct.sf(t.isf(0.005, known), known, z * np.sqrt(count)))
+
+    assert shown(repeats) > 0.88
+    assert repeats == 2 or shown(repeats - 1) < 0.92
+
+
+@pytest.mark.parametrize(
+    ("one", "degrees"), [(score(2.4), 10), (score(3.0, kappa=0.04), 10), (score(3.0), 0)]
+)
+def test_what_is_small_or_hidden_or_of_unknown_noise_asks_for_no_repeats(one: Any, degrees: int) -> None:
+    assert next_against_chance(before(one, 10, degrees)) == []
+
+
+def test_nothing_is_fitted_where_there_is_no_point_to_look_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: Any, **__: Any) -> None:
+        raise AssertionError("a fit that nobody needs")
+
+    monkeypatch.setattr(module, "alone", never)
+    assert len(next_against_chance(before(score(3.0), 10, 10))) == 1
+
+
+def test_beyond_the_ends_of_a_table_an_effect_does_what_is_said(tmp_path: Path) -> None:
+    """The same by the usual way: a model's file with the effect, and the point as a row that no fit sees."""
+    table = shipped("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
+    table += "100,6,6,0.0049094,0.0049094\n"
+    (tmp_path / "more.csv").write_text(table, encoding="utf-8", newline="\n")
+    law = shipped("models", "hl32-oil.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "capillary.yaml"
+    effect = "effects: {capillary_end_correction: {correction: {value: 1 cSt^2, fit: true}}}"
+    path.write_text(law.replace("effects: {}", effect), encoding="utf-8", newline="\n")
+    plain, more = load_model(shipped("models", "hl32-oil.yaml")), load_model(path)
+    done = import_file(tmp_path / "more.csv", None, tmp_path)
+    every = read_measurements(plain, [open_run(str(done.path))])
+    table_alone = every.only(range(13))
+    noise = noise_of(table_alone)
+    said = next_against_chance(judge(fit_model(plain, table_alone, noise), "oil"))
+    (hot,) = [text for text in said if " at 100 degC too" in text]
+    found = re.search(r"capillary_end_correction changes it there by ([+-]\d+) %, (\d+) sigma", hot)
+    assert found
+    known = DataNoise(noise.model, (*noise.ok, noise.ok[0]))
+    with_it, without = (
+        float(fit_model(model, every, known, (13,)).outputs[13][-1, 0]) for model in (more, plain)
+    )
+    assert float(found[1]) == pytest.approx(100.0 * (with_it / without - 1.0), abs=1.0)
+    sigma = float(noise.model.channels[0].sigma_at(np.array([without]))[0])
+    assert float(found[2]) == pytest.approx(abs(with_it - without) / sigma, rel=0.1)

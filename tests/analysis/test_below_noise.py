@@ -1,0 +1,154 @@
+"""A test that rejects an error below the noise tells neither that all is explained nor that it is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from made_fit import made_fit, made_noise
+from rigctl.analysis.adequacy import Adequacy, Test
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison import _statement, judge
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.diagnosis import _factor, _ranked, _score_beside, _verdict, diagnose_comparison
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.improve import Ended, Improvement, _plan, _why
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.remainder import Remainder
+from rigctl.analysis.score_test import Score
+from rigctl.analysis.search import Search
+from rigctl.analysis.text import verdict_text
+from rigctl.effects.registry import library
+from rigctl.files.shipped import shipped
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.load import load_model
+from rigctl.model.measured.noise import noise_of
+from rigctl.physics.families import find_family
+from rigctl.rig.load import load_rig
+from rigctl.validation.hidden_effect import hide
+from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.in_memory import measure
+from rigctl.validation.scenario import Scenario
+
+LEAK = library(find_family("hydraulic_cylinder"))["valve_leakage"]
+LEAKS = 6e-15
+REJECTS = {"plane": Test(240.0, 1e-30, 10, 4.5), "chi2": Test(900.0, 1.0, 1200, 50.0)}
+
+
+def member(name: str) -> Candidate:
+    return cast("Candidate", SimpleNamespace(name=name, effect=LEAK, columns=(f"{name}.x",), shapes={}))
+
+
+def searched(adequacy: Adequacy, chosen: tuple[Candidate, ...], fit: Any = None) -> tuple[Search, Trial]:
+    """A search whose set of 600 in χ² leaves what these tests say."""
+    before: Any = SimpleNamespace(adequacy=Adequacy(REJECTS), adequate=False)
+    search = Search(before, cast("Any", None))
+    search.none = Trial((), cast("FitResult", None), 1500.0, 0)
+    best = Trial(chosen, cast("FitResult", fit), 900.0, len(chosen))
+    here: Any = SimpleNamespace(
+        adequacy=adequacy,
+        linearisation=SimpleNamespace(candidates=()),
+        screening=SimpleNamespace(scores=()),
+    )
+    search.at = lambda _: here  # type: ignore[method-assign]
+    return search, best
+
+
+@pytest.mark.parametrize("below", [False, True])
+def test_what_the_tests_see_stays_with_a_set_whose_error_is_below_the_noise(below: bool) -> None:
+    """A wrong effect brings 1.2 of an over-estimated noise to 0.85, and the tests reject at 1e-30."""
+    search, best = searched(Adequacy(REJECTS, below_noise=below), (member("valve_leakage"),))
+    assert search.excess(best) == pytest.approx(240.0 - 10 - 2.33 * 4.5)
+    assert search.left(best) > 0.2
+    assert not search.sure(best)
+    assert search.left(search.none) == 1.0
+
+
+def test_differences_count_less_where_the_tests_reject_what_is_below_the_noise() -> None:
+    fit = made_fit(made_noise(), 1, lambda _, times: 0.5 * np.sin(0.1 * times))
+    search, best = searched(Adequacy(REJECTS, below_noise=True), (member("valve_leakage"),), fit)
+    assert _factor(search, best) > 10.0
+
+
+def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() -> None:
+    little = {"plane": Test(25.0, 0.002, 10, 4.5), "chi2": REJECTS["chi2"]}
+    search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
+    assert search.sure(best)
+    left = Remainder(0.007, 2.0, 0.004, "", "", "", "0.7 % of the misfit is left", below_noise=True)
+    best = cast("Trial", SimpleNamespace(candidates=best.candidates, unusual={}, chi2=best.chi2))
+    assert _verdict(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
+    assert _verdict(search, best, [], {}, left) is Verdict.AMBIGUOUS
+    chosen: Any = [(SimpleNamespace(effect=LEAK), SimpleNamespace(parameters={}))]
+    said = verdict_text(Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {})
+    assert "the noise of these readings is not what it was taken for: " in said
+    assert said.endswith("That is not all: 0.7 % of the misfit is left")
+    assert left.document()["below_noise"] is True
+
+
+def test_a_member_whose_rest_cannot_be_fitted_is_said_with_its_own_parameters() -> None:
+    chosen = (member("first"), member("valve_leakage"))
+    fit: Any = SimpleNamespace(std={"valve_leakage.x": 0.0})
+    search, _ = searched(Adequacy(REJECTS), chosen, fit)
+    others = (member("another"), *chosen)
+    search.before = cast("Any", SimpleNamespace(linearisation=SimpleNamespace(candidates=others)))
+    search.explained = lambda *_: 0.0  # type: ignore[method-assign]
+    search.price = lambda one: 1.0 * others.index(one)  # type: ignore[method-assign]
+    beside: Any = SimpleNamespace(without=lambda _: SimpleNamespace(kappa=np.array([0.5])))
+    search.at = lambda _: beside  # type: ignore[method-assign]
+    parameter = replace(LEAK.parameters[0], unit="m^3")
+    held: Any = SimpleNamespace(
+        name="valve_leakage",
+        effect=replace(LEAK, parameters=()),
+        columns=("valve_leakage.x",),
+        parameter=lambda _: parameter,
+    )
+    found: Any = SimpleNamespace(
+        effects=("first", "valve_leakage"),
+        candidates=(chosen[0], held),
+        sizes=lambda _: np.array([4e-15]),
+        value=lambda _: (4e-15, 1e-16),
+        fit=SimpleNamespace(problem=SimpleNamespace(shared=())),
+    )
+    score = _score_beside(search, found, "valve_leakage")
+    assert others[score.candidate].name == "valve_leakage"
+    ranked = _ranked(search, found, score, 0.5)
+    assert ranked.delta_bic == 2.0
+    (shown,) = ranked.parameters.values()
+    assert (shown.value, shown.std) == (4e-15, 1e-16)
+    assert isinstance(score, Score)
+
+
+@pytest.mark.parametrize("verdict", [Verdict.ADEQUATE, Verdict.OUTSIDE_LIBRARY])
+def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(verdict: Verdict) -> None:
+    """The set pays, there is room, and yet no version is saved on data that cannot tell."""
+    doubt = "the error of every channel is within its noise"
+    found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=None))
+    assert _plan(found, 4) == []
+    assert _why(found, 4) is Ended.NOT_DECIDED
+    said = Improvement(cast("Any", None), (), found, Ended.NOT_DECIDED).statement
+    assert said == f"added nothing: these data cannot tell whether anything is missing: {doubt}"
+
+
+def test_a_noise_three_times_too_large_is_no_agreement() -> None:
+    """20 sigmas of an effect stay below it: the answer was "Adequate", with what would have been seen."""
+    scenario = Scenario("nothing", repeated=1, temperatures=(20.0, 60.0), pressures=(50.0,), seed=3)
+    campaign = hide(scenario.plain, [(find_hidden("valve_leakage"), LEAKS)], "other")
+    model = load_model(shipped("models", "hl32-textbook.yaml"))
+    measurements = measure(campaign, model, load_rig(shipped("rigs", "hl32-bench.yaml")))
+    learned = noise_of(measurements)
+    wide = tuple(replace(one, sigma=3.0 * one.sigma) for one in learned.model.channels)
+    fitted = fit_model(model, measurements, replace(learned, model=replace(learned.model, channels=wide)))
+    before = judge(fitted, model.name, locate=False)
+    found = diagnose_comparison(before)
+    assert before.adequacy.below_noise
+    assert found.verdict is Verdict.ADEQUATE
+    assert found.title == "Not decided"
+    assert "below its noise" in found.doubt
+    assert found.document()["doubt"] == found.doubt
+    assert not [line for line in found.evidence if "would not show" in line]
+    assert "cannot tell" in _statement("m", before.adequacy, (), "")

@@ -1,0 +1,91 @@
+"""Does an effect predict what it was not fitted on? Records made by hand, one column for each unknown."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from rigctl.analysis.cross_validation import held_out_gain
+from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+
+ROWS = 40
+
+
+def linearised(
+    acts: np.ndarray, residual: np.ndarray, names: tuple[str, ...] = ("gain", "leak.size")
+) -> Linearisation:
+    """Eight conditions, a record each: an unknown that acts everywhere, and an effect by `acts` (8, rows)."""
+    rng = np.random.default_rng(3)
+    triangles = tuple(
+        RecordTriangle(
+            np.column_stack([rng.standard_normal(ROWS), own])[:, : len(names)],
+            np.empty((ROWS, 0)),
+            np.empty((ROWS, 0)),
+            left,
+            ROWS,
+        )
+        for own, left in zip(acts, residual, strict=True)
+    )
+    records = [SimpleNamespace(run="r", label=str(k)) for k in range(len(acts))]
+    fit: Any = SimpleNamespace(
+        problem=SimpleNamespace(measurements=SimpleNamespace(table=False), records=records),
+        fitted=tuple(range(len(acts))),
+    )
+    regions = SimpleNamespace(conditions=np.arange(float(len(acts)))[:, None])
+    return Linearisation(
+        fit,
+        (),
+        (),
+        names,
+        cast("Regions", regions),
+        triangles,
+        np.empty(0),
+        (np.zeros((len(names), len(names))), np.zeros(len(names))),
+    )
+
+
+def noise(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((8, ROWS))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_effect_that_acts_everywhere_predicts_every_record(seed: int) -> None:
+    check = held_out_gain(linearised(noise(100 + seed), noise(seed)), ["leak.size"], [1.0])
+    assert check.passed
+    assert check.folds == 8
+    assert check.after < check.before
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_effect_that_acts_in_a_few_conditions_need_not_gain_in_the_others(seed: int) -> None:
+    acts = noise(100 + seed) * np.array([0.0] * 5 + [0.3, 1.0, 4.0])[:, None]
+    check = held_out_gain(linearised(acts, noise(seed)), ["leak.size"], [1.0])
+    assert check.mean < 2.0 * check.error  # its gains scatter by as much as they are
+    assert check.passed
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_effect_whose_size_differs_between_conditions_is_not_passed(seed: int) -> None:
+    """Fitted as 1 over all, it is 3 in half of them and -1 in the others: one does not predict the other."""
+    acts = noise(100 + seed)
+    sizes = np.array([3.0, -1.0] * 4)[:, None]
+    check = held_out_gain(linearised(acts, noise(seed) + (sizes - 1.0) * acts), ["leak.size"], [1.0])
+    assert check.least < -3.0
+    assert not check.passed
+
+
+def test_records_that_do_not_show_the_effect_predict_nothing() -> None:
+    acts = noise(7) * np.array([0.0] * 7 + [5.0])[:, None]
+    check = held_out_gain(linearised(acts, noise(8)), ["leak.size"], [1.0])
+    assert check.folds == 7  # not the one without the record that shows it
+
+
+def test_what_is_at_its_bound_is_judged_by_its_size_there() -> None:
+    acts = noise(9)
+    lin = linearised(acts, noise(10), names=("gain",))
+    assert held_out_gain(lin, ["leak.size"], [1.0]).mean == pytest.approx(0.0)
+    assert held_out_gain(lin, ["leak.size"], [1.0], list(acts)).passed
+    assert not held_out_gain(lin, ["leak.size"], [1.0], list(0.0 * acts)).passed

@@ -1,0 +1,46 @@
+"""What a diagnosis answers to programs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+from rigctl.analysis.diagnosis_result import Diagnosis, Exclusion, Verdict
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "json-answers.md"
+BEFORE: Any = SimpleNamespace(statement="", findings=(), adequacy=SimpleNamespace(p_value=0.5))
+
+
+def diagnosis(excluded: tuple[Exclusion, ...]) -> Diagnosis:
+    return Diagnosis(
+        runs=("r",),
+        model="m",
+        verdict=Verdict.ADEQUATE,
+        effects=(),
+        classes=(),
+        indistinguishable=(),
+        ranking=(),
+        untestable=(),
+        drift=(),
+        slot="",
+        statement="",
+        evidence=(),
+        held_out=(),
+        notes=(),
+        before=BEFORE,
+        best=cast("Any", None),
+        trials=(),
+        excluded=excluded,
+    )
+
+
+def test_an_excluded_effect_has_every_field_of_the_page() -> None:
+    (row,) = re.findall(r"^\| `excluded` \|(.*)\|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    known: dict[str, Any] = {one.name: 4.5 for one in fields(Exclusion)}
+    known |= {"effect": "piston_leakage", "only": ("20 degC",)}
+    (told,) = diagnosis((Exclusion(**known),)).document()["excluded"]
+    assert set(told) == set(re.findall(r"`(\w+)`", row))
+    assert (told["effect"], told["only"], told["worse"]) == ("piston_leakage", ["20 degC"], 4.5)

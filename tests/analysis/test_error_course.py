@@ -1,0 +1,73 @@
+"""How an error runs over time, in words: the side, the size, the seconds, and what it follows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from made_fit import RECORDS, SIZE, made_fit, made_noise
+from rigctl.analysis.held_out import course_text, error_course
+from rigctl.model.fit.fit import FitResult
+
+Floats = np.ndarray
+
+
+def said(fit: FitResult, channel: str = "position") -> str:
+    return course_text(fit, error_course(fit, channel))
+
+
+def in_hold(place: int, times: Floats) -> Floats:
+    return 0.4 * ((times >= SIZE) & (times < 2 * SIZE))
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_of_noise_alone_nothing_is_said(correlation: float) -> None:
+    for seed in range(10):
+        fit = made_fit(made_noise(correlation), seed)
+        assert said(fit) == said(fit, "pressure") == ""
+
+
+def test_a_model_that_is_above_in_one_phase_is_too_high_there_and_nowhere_else() -> None:
+    """0.4 m for the 60 s of the hold; the other channel is right."""
+    fit = made_fit(made_noise(0.6), 1, in_hold)
+    (stretch,) = error_course(fit, "position")
+    assert (stretch.start, stretch.end) == pytest.approx((SIZE, 2 * SIZE - 1))
+    assert stretch.peak == pytest.approx(0.4, abs=0.1)
+    assert said(fit).startswith("in position the model is too high by up to 4")
+    assert said(fit).endswith("mm from 60 to 119 s")
+    assert said(fit, "pressure") == ""
+
+
+def test_below_first_and_above_afterwards_is_said_in_that_order() -> None:
+    fit = made_fit(made_noise(), 1, lambda place, times: np.where(times < SIZE, -0.2, 0.5))
+    text = said(fit)
+    assert text.startswith("in position the model is too low by up to 2")
+    assert "mm from 0 to 59 s, then too high by up to 5" in text
+    assert text.endswith("mm from 60 to 179 s")
+
+
+def test_an_error_from_end_to_end_is_there_all_the_time() -> None:
+    fit = made_fit(made_noise(), 1, lambda place, times: np.full(times.shape, -0.3))
+    assert said(fit).startswith("in position the model is too low by up to 3")
+    assert said(fit).endswith("mm all the time")
+
+
+def test_what_fades_out_after_a_switch_is_told_by_its_beginning() -> None:
+    fit = made_fit(made_noise(sigma=0.02), 1, lambda place, times: 0.5 * np.exp(-times / 5.0))
+    first = error_course(fit, "position")[0]
+    assert first.start == 0.0
+    assert first.end < SIZE
+    assert first.peak > 0.4
+
+
+def test_the_variable_that_the_error_follows_is_named_with_its_ends() -> None:
+    """0 at 20 °C, 1.1 m at 31 °C."""
+    fit = made_fit(made_noise(), 1, lambda place, times: 0.1 * place * (times >= SIZE))
+    stretch = error_course(fit, "position")[-1]
+    assert stretch.by_record == pytest.approx(0.1 * np.arange(RECORDS), abs=0.05)
+    low, high = (f"{1e3 * stretch.by_record[place]:+.2g} mm" for place in (0, -1))
+    assert f"({low} at oil 20 degC, {high} at oil 31 degC)" in said(fit)
+
+
+def test_an_error_that_is_the_same_in_every_record_follows_nothing() -> None:
+    assert " at oil " not in said(made_fit(made_noise(), 1, in_hold))

@@ -1,0 +1,123 @@
+"""A model on records that no fit saw: as good, or what it misses there and what would make up for it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import rigctl
+from rigctl.analysis.comparison import compare
+from rigctl.analysis.comparison_result import Comparison
+from rigctl.analysis.held_out import Unseen, unseen
+from rigctl.dataset.importing import import_file
+from rigctl.report.analysis.unseen import unseen_sections
+from rigctl.rig import load_rig
+
+ROOT = Path(__file__).parents[2]
+RECORDS = ("H1_000_030", "H1_000_050", "H1_000_090", "H1_030_000", "H1_090_000")
+MODEL = """
+model: heater_board
+rig: {rig}
+parameters:
+  heater_gain_1: {{value: 1.33 W, fit: true}}
+  convection: {{value: {convection} mW/K, fit: true}}
+  heat_capacity: 2 J/K
+effects:
+  heater_coupling: {{conductance: 0.0038 W/K, area: 1.6 cm^2}}
+  heater_lag: {{lag: 27.6 s}}
+  radiation: {{area: 5.65 cm^2}}
+"""
+
+
+def judged(folder: Path, convection: float, hold_out: str | None = None) -> tuple[Comparison, list[Unseen]]:
+    """A model of the real board, fitted to the few records in which it warms up."""
+    lines = (ROOT / "data" / "heater-board-steps.csv").read_text("utf-8").splitlines(keepends=True)
+    kept = [one for one in lines if one.startswith(("#", "time")) or one.split(",")[1] in RECORDS]
+    (folder / "few.csv").write_text("".join(kept), "utf-8")
+    rig = ROOT / "rigs" / "heater-board.yaml"
+    done = import_file(folder / "few.csv", load_rig(rig), folder / "runs")
+    path = folder / "board.yaml"
+    path.write_text(MODEL.format(rig=rig.as_posix(), convection=convection), "utf-8")
+    run, model = rigctl.open_run(done.path), rigctl.load_model(path)
+    compared = compare([run], [model], only="heater_1 > 0 %", hold_out=hold_out)
+    return compared, list(unseen(compared, compared.models[0]))
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Unseen]:
+    return judged(tmp_path_factory.mktemp("unseen"), 5.05, hold_out="heater_1 == 50 %")[1]
+
+
+def test_the_records_of_each_reason_are_a_group(found: list[Unseen]) -> None:
+    held_out, cooling = found
+    assert (held_out.why, held_out.condition, len(held_out.records)) == ("hold_out", "heater_1 == 50 %", 1)
+    assert (cooling.why, cooling.condition, len(cooling.records)) == ("only", "heater_1 > 0 %", 2)
+    assert cooling.where.startswith("heater_1 0 %")
+
+
+def test_as_good_is_said_with_the_errors_beside_the_noise(found: list[Unseen]) -> None:
+    held_out = found[0]
+    assert held_out.as_good
+    assert held_out.remedies == ()
+    assert re.fullmatch(
+        r"On the 1 record held out by 'heater_1 == 50 %' the model is as good as where it was fitted: "
+        r"temperature_1 [\d.]+ K \(fitted [\d.]+, noise [\d.]+\), temperature_2 .*",
+        held_out.statement,
+    )
+
+
+def test_a_start_that_is_not_at_rest_is_what_cooling_lacks(found: list[Unseen]) -> None:
+    """The heater's element is warm when a cooling record begins, and the model begins it cold."""
+    cooling = found[1]
+    assert cooling.worse[0] == "temperature_1"
+    stretches = cooling.course["temperature_1"]
+    assert all(one.start < one.end for one in stretches)
+    assert min(one.peak for one in stretches) < -1.0, "the board cools later than the model says"
+    assert "In temperature_1 the model is too low by up to" in cooling.statement
+    best = cooling.remedies[0]
+    assert best.kind in ("starts", "effect")
+    starts = next(one for one in cooling.remedies if one.kind == "starts")
+    assert starts.names == ("heater_lag",)
+    assert starts.rmse["temperature_1"] < cooling.fit.errors["temperature_1"].rmse
+
+
+def test_its_document_says_the_same(found: list[Unseen]) -> None:
+    document = found[1].document()
+    assert document["statement"] == found[1].statement
+    assert document["channels"]["temperature_1"]["unit"] == "K"
+    assert [one["kind"] for one in document["remedies"]] == [one.kind for one in found[1].remedies]
+
+
+def test_nothing_is_left_out_without_a_choice(tmp_path: Path) -> None:
+    lines = (ROOT / "data" / "hl32-viscosity.csv").read_text("utf-8")
+    (tmp_path / "viscosity.csv").write_text(lines, "utf-8")
+    done = import_file(tmp_path / "viscosity.csv", None, tmp_path / "runs")
+    model = rigctl.load_model(ROOT / "models" / "hl32-oil.yaml")
+    compared = compare([rigctl.open_run(done.path)], [model])
+    assert unseen(compared, compared.models[0]) == ()
+
+
+def test_the_page_says_it_first_and_draws_the_record_that_is_worst(found: list[Unseen]) -> None:
+    (section,) = unseen_sections(found)
+    assert section.id == "unseen"
+    assert [plot.id for plot in section.plots] == ["unseen-1"], "what is as good needs no picture"
+    body = str(section.body)
+    assert body.index("as good as where it was fitted") < body.index("misses something")
+    assert "109.3 °C" in body
+    assert "degC" not in body
+    assert unseen_sections([]) == []
+
+
+def test_a_setting_of_a_table_that_was_held_out_is_judged_without_a_course(tmp_path: Path) -> None:
+    """Its rows have no course in time, and its setting a level of its own that the others do not have."""
+    rig = ROOT / "rigs" / "hl32-bench.yaml"
+    done = import_file(ROOT / "data" / "hl32-strokes.csv", load_rig(rig), tmp_path / "runs")
+    model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
+    held_out = "pressure == 30 bar"
+    compared = compare([rigctl.open_run(done.path)], [model], hold_out=held_out, refit=False)
+    (one,) = unseen(compared, compared.models[0])
+    assert (one.why, len(one.records)) == ("hold_out", 2)
+    assert all(stretches == () for stretches in one.course.values())
+    assert {remedy.kind for remedy in one.remedies} <= {"starts", "values"}

@@ -1,0 +1,88 @@
+"""Where a model fails: a place is called more than chance no oftener than chance allows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from made_fit import SIZE, made_fit, made_noise
+from rigctl.analysis.localisation import CellMap, Place, ranges, worst_stretches
+from rigctl.noise import ChannelNoise, NoiseModel
+
+TRIALS = 150
+#: of TRIALS at 1 %, more than this are there by chance in less than one case of a thousand
+MOST = 6
+
+
+def smallest(places: Iterable[Place]) -> float:
+    return min(place.p_value for place in places)
+
+
+def in_hold(size: float, record: int | None = None):
+    """A misfit in the hold of one record, or of each."""
+
+    def misfit(place: int, times: np.ndarray) -> np.ndarray:
+        return size * ((times >= SIZE) & (times < 2 * SIZE) & (record in (None, place)))
+
+    return misfit
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_the_worst_of_all_stretches_of_noise_is_seldom_called_wrong(correlation: float) -> None:
+    noise = made_noise(correlation)
+    found = [worst_stretches(made_fit(noise, seed)) for seed in range(TRIALS)]
+    assert sum(smallest(places) < 0.01 for places in found) <= MOST
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_the_worst_range_of_a_channel_in_noise_is_seldom_called_wrong(correlation: float) -> None:
+    noise = made_noise(correlation)
+    found = [ranges(made_fit(noise, seed)) for seed in range(TRIALS)]
+    assert sum(smallest(places) < 0.01 for places in found) <= MOST
+
+
+def test_a_stretch_in_which_something_is_missing_is_still_named() -> None:
+    first = worst_stretches(made_fit(made_noise(0.6), 3, in_hold(0.4, record=1)))[0]
+    assert first.label == "position in hold of r/2"
+    assert first.p_value < 1e-6
+
+
+def test_noise_that_is_poorly_known_makes_a_stretch_less_sure() -> None:
+    known, guessed = (
+        worst_stretches(made_fit(made_noise(0.0, degrees), 3, in_hold(0.12, record=1)))[0].p_value
+        for degrees in (0, 20)
+    )
+    assert known < 0.01 < guessed
+
+
+def test_a_part_that_a_whole_quiet_stretch_has_in_common_is_no_misfit() -> None:
+    """A converter with coarse steps: while nothing moves, its error is one number for all the samples."""
+    fine = ChannelNoise("pressure", 0.1)
+    coarse = NoiseModel((ChannelNoise("position", 0.1, step=0.2, bias=0.2), fine), 1.0)
+    assert smallest(worst_stretches(made_fit(coarse, 3, in_hold(0.2), still=True))) > 0.01
+    assert smallest(worst_stretches(made_fit(coarse, 3, in_hold(0.2)))) < 1e-6
+
+
+def test_the_worst_of_many_places_is_judged_as_the_worst_of_them() -> None:
+    """One place of each cell, noise alone: the largest of 40 is no more than chance."""
+    draws = np.random.default_rng(1).standard_normal((4000, 40))
+    places = [np.arange(40)[:, None] == k for k in range(40)]
+    wrong = 0
+    for trial in range(TRIALS):
+        cells = CellMap(np.random.default_rng(trial).standard_normal((40, 1)), draws)
+        wrong += min(cells.p_value(place) for place in places) < 0.01
+    assert wrong <= MOST
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+def test_a_place_with_something_in_it_is_more_than_chance(drawn: bool) -> None:
+    rng = np.random.default_rng(1)
+    z = rng.standard_normal((40, 1))
+    z[7] = 9.0
+    cells = CellMap(z, rng.standard_normal((4000, 40)) if drawn else np.empty((0, 40)))
+    here = np.arange(40)[:, None] == 7
+    assert cells.p_value(here) < 1e-6
+    assert cells.p_value(~here) > 0.05
+    assert cells.p_value(np.zeros_like(here)) == 1.0

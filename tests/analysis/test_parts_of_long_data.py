@@ -1,0 +1,84 @@
+"""More data than fits into memory at once: gone through in parts, to the same end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigctl.analysis import slot_evidence as module
+from rigctl.analysis.candidates import candidates
+from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.slot_evidence import slot_evidence
+from rigctl.engine.least_squares import Refused
+from rigctl.engine.one_thread import one_thread
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.problem import make_problem
+from rigctl.noise import ChannelNoise, NoiseModel
+from rigctl.validation.bench.campaign import Campaign
+from rigctl.validation.hidden_effect import hide
+from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.in_memory import measure
+from rigctl.validation.work import bench_model
+
+#: of the derivatives of three records of these strokes by eight parameters
+_FEW = 3 * 376 * 7 * 9
+
+
+@pytest.fixture(scope="module")
+def fitted() -> FitResult:
+    """Eight strokes of the separate bench, the valve of which leaks, fitted by the textbook model."""
+    leak = find_hidden("valve_leakage")
+    campaign = hide(
+        Campaign(temperatures=(20.0, 80.0), chamber_pressures=True), [(leak, leak.typical)], "other"
+    )
+    model, rig = bench_model(True)
+    measurements = measure(campaign, model, rig)
+    sigma = [campaign.noise.sigma[name] for name in measurements.outputs]
+    channels = (ChannelNoise(name, size) for name, size in zip(measurements.outputs, sigma, strict=True))
+    noise = NoiseModel(tuple(channels), 0.01)
+    with one_thread():
+        return fit(make_problem(model, measurements, noise, [r.here for r in measurements.records]), (2,))
+
+
+def linearised(fitted: FitResult) -> Linearisation:
+    whole = fitted.problem.rebuilt(fitted.model, library=True)
+    return linearise(fitted, whole, candidates(fitted.model)[:6])
+
+
+def test_every_record_is_in_one_part_and_none_is_too_large(
+    fitted: FitResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert fitted.problem.parts(8) == [list(range(8))]
+    monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
+    parts = fitted.problem.parts(8)
+    assert [place for part in parts for place in part] == list(range(8))
+    assert 1 < max(len(part) for part in parts) < 5
+    assert fitted.problem.parts(10**6) == [[place] for place in range(8)]
+
+
+def test_parts_make_no_difference(fitted: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, whole = fitted.problem, linearised(fitted)
+    blocks = problem.evaluate(fitted.values, fitted.local, True)
+    monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
+    some, again = linearised(fitted), problem.evaluate(fitted.values, fitted.local, True)
+    assert not isinstance(blocks, Refused)
+    assert not isinstance(again, Refused)
+    for one, other in zip(blocks, again, strict=True):
+        assert np.array_equal(one.residual, other.residual)
+        assert one.shared is not None
+        assert np.array_equal(one.shared, other.shared)
+    for a, b in zip(whole.records, some.records, strict=True):
+        assert a.signatures == pytest.approx(b.signatures, rel=1e-9, abs=1e-9)
+        assert a.count == b.count
+    assert whole.sizes == pytest.approx(some.sizes)
+
+
+def test_some_of_the_records_and_samples_name_the_same_equation(
+    fitted: FitResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = slot_evidence(fitted)[0]
+    monkeypatch.setattr(module, "_MOST_RECORDS", 4)
+    monkeypatch.setattr(module, "_MOST_SAMPLES", 200)
+    some = slot_evidence(fitted)[0]
+    assert some.slot == whole.slot
+    assert 5.0 < some.log_evidence < whole.log_evidence

@@ -1,0 +1,30 @@
+"""Separation of effects, and fits that beat one another in some records only."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rigctl.analysis.separability import separation
+
+
+def test_effects_that_look_the_same_are_not_separated() -> None:
+    assert separation(30.0, 1.0) == 0.0
+
+
+def test_effects_at_right_angles_are_separated_by_their_size_over_root_two() -> None:
+    assert separation(10.0, 0.0) == pytest.approx(10.0 / math.sqrt(2.0))
+
+
+def test_the_right_one_of_two_wins_as_often_as_the_separation_says() -> None:
+    """Two unit signatures at a cosine, the first with size λ in unit noise: it wins with Φ(d)."""
+    import numpy as np
+    from scipy.stats import norm
+
+    size, cos = 4.0, 0.6
+    rng = np.random.default_rng(0)
+    first, second = np.array([1.0, 0.0]), np.array([cos, math.sqrt(1.0 - cos**2)])
+    draws = size * first + rng.standard_normal((40_000, 2))
+    wins = float((draws @ first > draws @ second).mean())
+    assert wins == pytest.approx(norm.cdf(separation(size, cos)), abs=0.006)

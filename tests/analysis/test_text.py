@@ -1,0 +1,275 @@
+"""What a diagnosis says in words: what is seen, how large, and what would look like it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.cross_validation import HeldOut
+from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.refit import Trial
+from rigctl.analysis.remainder import Remainder
+from rigctl.analysis.rivals import Differs, Rival, where_they_differ
+from rigctl.analysis.text import (
+    drift_text,
+    effect_text,
+    evidence_for,
+    rival_text,
+    verdict_text,
+    whether_at_all,
+)
+from rigctl.effects.registry import library
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.physics.families import find_family
+
+NO_TRIAL = cast("Trial", None)
+WHERE = Differs(
+    "position", "extend", "oil 80 degC, supply 50 bar", -0.22, "mm", (("retract", 0.96), ("hold", 0.2))
+)
+RIVAL = Rival("valve_leakage", "position_thermal_drift", NO_TRIAL, 0.94, 20.0, 1600.0, WHERE)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "std", "said"),
+    [
+        (6.837e-15, "m^3", 6.2e-17, "6.837e-15 ± 6e-17 m^3"),
+        (98.13, "N", 4.1, "98.13 ± 4 N"),
+        (40.7, "N", 212.0, "40.7 ± 200 N"),
+        (0.0669, "1", float("nan"), "0.0669"),
+        (5e-14, "m^3", 0.0, "5e-14 m^3 at its bound"),
+        (1.0, "1", 0.0, "1 at its bound"),
+    ],
+)
+def test_a_parameter_is_said_with_its_spread_and_unit(value: float, unit: str, std: float, said: str) -> None:
+    assert str(FoundParameter(value, unit, std)) == said
+
+
+def test_an_effect_is_what_is_seen_what_it_is_and_how_large() -> None:
+    effect = library(find_family("hydraulic_cylinder"))["valve_leakage"]
+    said = effect_text(effect, {"conductance": FoundParameter(4e-15, "m^3", 1e-16)})
+    assert said == (
+        "In neutral both chambers drift to half of the supply pressure, and a single-rod cylinder creeps "
+        "out: oil passes the spool's clearance at every port, in neutral too "
+        "(valve_leakage, conductance 4e-15 ± 1e-16 m^3)"
+    )
+
+
+def test_a_rival_is_said_with_where_it_is_alike_and_where_not() -> None:
+    assert rival_text(RIVAL) == (
+        "position_thermal_drift would look like valve_leakage (cos 0.94): in retract (0.96), not in hold "
+        "(0.20); the two differ most in position in extend, by up to 0.22 mm at oil 80 degC, supply 50 bar, "
+        "and these data tell them apart (d = 20.0)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("d", "difference", "why"),
+    [
+        (0.4, 1600.0, "d = 0.40, 2.33 would do"),
+        (5.1, 4.0, "their mBIC differs by 4.0, 9.2 would do"),
+        (0.4, 4.0, "d = 0.40, 2.33 would do; their mBIC differs by 4.0, 9.2 would do"),
+    ],
+)
+def test_a_rival_that_is_not_told_says_what_would_do(d: float, difference: float, why: str) -> None:
+    said = rival_text(replace(RIVAL, separation=d, difference=difference, differs=None))
+    assert said == (
+        "position_thermal_drift would look like valve_leakage (cos 0.94), "
+        f"and these data do not tell them apart ({why})"
+    )
+
+
+def leaves(share: float) -> Remainder | None:
+    return Remainder(share, 3.0, 0.001, "", "", "", f"{share:g} is left") if share else None
+
+
+def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
+    """What is said of two effects, some of which predict nothing that they were not fitted on."""
+    known = library(find_family("hydraulic_cylinder"))
+    names = ("valve_leakage", "coulomb_friction")
+    chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
+    checks = {name: HeldOut(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
+    return verdict_text(verdict, cast("ModelComparison", None), chosen, rivals, leaves(left), checks)
+
+
+def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
+    said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
+    assert "but valve_leakage does not predict what it was not fitted on: " in said
+    assert "% of the misfit is left" not in said
+    assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
+
+
+def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_weak() -> None:
+    seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
+    before = cast("ModelComparison", None)
+    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen)
+    assert said == (
+        "Something is missing, and too little of it is seen to say what: position_gain explains more of it "
+        "than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
+    )
+    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {})
+    assert unseen == "Something is missing that no effect of the library explains"
+
+
+def test_a_guessed_noise_or_an_error_within_it_does_not_say_that_something_is_missing() -> None:
+    before = cast("ModelComparison", None)
+    said = verdict_text(
+        Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, doubt="the noise of flow is a guess"
+    )
+    assert "Something is missing" not in said
+    assert "but the noise of flow is a guess: these data cannot tell whether something is missing" in said
+    channels = (SimpleNamespace(name="flow", guessed=True), SimpleNamespace(name="level", guessed=False))
+
+    def compared(guessed: int, nrmse: float) -> ModelComparison:
+        problem = SimpleNamespace(noise=SimpleNamespace(channels=channels[1 - guessed :]))
+        errors = {"level": SimpleNamespace(nrmse=nrmse)}
+        return cast("ModelComparison", SimpleNamespace(fit=SimpleNamespace(problem=problem, errors=errors)))
+
+    assert whether_at_all(compared(1, 3.0)) == "these data do not tell the noise of flow"
+    assert "below its noise" in whether_at_all(compared(0, 0.8))
+    assert whether_at_all(compared(0, 0.95)) == "the error of every channel is within its noise"
+    assert whether_at_all(compared(0, 1.1)) == ""
+
+
+def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
+    said = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage", "coulomb_friction"])
+    assert "valve_leakage and coulomb_friction do not predict what they were not fitted on" in said
+    assert "cannot tell which" not in said
+    close = [replace(RIVAL, separation=0.4)]
+    assert "cannot tell which" in statement(Verdict.AMBIGUOUS, 0.0, [], close)
+    both = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage"], close)
+    assert "cannot tell which" in both
+    assert both.endswith("valve_leakage does not predict what it was not fitted on")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "unit", "stds", "said"),
+    [
+        (20.62, 25.02, "ms", (0.5, 8.0), False),
+        (20.62, 25.02, "ms", (0.5, 0.6), True),
+        (20.62, 25.02, "ms", (5.0, 5.0), False),  # the spreads are alike, and both wider than the change
+        (20.62, 20.7, "ms", (0.001, 0.001), False),  # sure, and too little for a word
+        (20.0, 20.3, "degC", (0.01, 0.01), True),
+        (0.0, 3.0, "mm", (0.1, 0.1), True),
+        (20.0, 50.0, "ms", (0.1, 0.0), True),  # to its bound
+    ],
+)
+def test_a_parameter_has_moved_where_that_is_more_than_its_own_uncertainty(
+    before: float, after: float, unit: str, stds: tuple[float, float], said: bool
+) -> None:
+    assert bool(drift_text([Drift("spool_time", before, after, unit, *stds)])) is said
+
+
+@pytest.mark.parametrize(
+    ("d", "difference", "share", "told"),
+    [
+        (20.0, 1600.0, 0.2, True),
+        (2.0, 1600.0, 0.2, False),
+        (20.0, 9.0, 0.2, False),
+        (20.0, 1600.0, 1e-4, False),  # sure in the noise, and less than the shape of either may do
+    ],
+)
+def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_shape_does(
+    d: float, difference: float, share: float, told: bool
+) -> None:
+    rival = replace(RIVAL, separation=d, difference=difference, share=share)
+    assert rival.told is told
+    assert ("the shape of either may do as much" in rival_text(rival)) is (share < 0.01)
+
+
+def test_a_law_is_not_told_from_the_one_that_its_fit_has_become() -> None:
+    rival = replace(RIVAL, member="hysteresis", name="coulomb", nested="distance 0")
+    assert not rival.told
+    assert "hysteresis with distance 0 is coulomb, and its fit is within chance of that" in rival_text(rival)
+
+
+def test_what_lies_beyond_the_usual_is_said_of_a_rival_and_of_what_leads() -> None:
+    beyond = "coefficient beyond its usual range (0 m to 2e+04 m)"
+    assert f"(cos 0.94) with its {beyond}" in rival_text(replace(RIVAL, unusual=beyond))
+    known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
+    chosen: Any = [(SimpleNamespace(effect=known), SimpleNamespace(parameters={}))]
+    said = verdict_text(
+        Verdict.AMBIGUOUS,
+        cast("ModelComparison", None),
+        chosen,
+        [],
+        leaves(0.02),
+        {},
+        unusual={known.name: beyond},
+    )
+    assert f"as well as this, but viscous_friction has its {beyond}: " in said
+    assert said.endswith("That is not all: 0.02 is left")
+
+
+def fitted(outputs: np.ndarray) -> FitResult:
+    """A fit of two equal records: extend and hold of ten samples each, one channel in mm, noise of 0.1 mm."""
+    records = tuple(
+        MeasuredRecord(
+            run="r",
+            index=index,
+            label=f"r/{index + 1}",
+            times=np.arange(20.0),
+            switch_times=np.array([0.0, 10.0]),
+            switch_half=np.zeros(2),
+            inputs=np.zeros((2, 1)),
+            values=np.zeros((20, 1)),
+            condition={"oil": oil},
+            group=index,
+            phase=np.repeat([0, 1], 10),
+            phases=("extend", "hold"),
+        )
+        for index, oil in enumerate((353.15, 293.15))
+    )
+    problem: Any = SimpleNamespace(
+        records=records,
+        ok=(np.ones((20, 1), bool),) * 2,
+        sigma=(np.full((20, 1), 1e-4),) * 2,
+        noise=SimpleNamespace(sigma=np.array([1e-4])),
+        measurements=Measurements(("position",), ("mm",), ("valve",), records, None, ("r",)),
+    )
+    both = (outputs[:, None], outputs[:, None])
+    return cast("FitResult", SimpleNamespace(problem=problem, fitted=(0, 1), outputs=both))
+
+
+def test_two_that_move_alike_and_hold_differently_differ_in_the_hold() -> None:
+    ramp, still = np.linspace(0.0, 1e-3, 10), np.zeros(10)
+    none, one = fitted(np.zeros(20)), fitted(np.concatenate([ramp, ramp]))
+    other = fitted(np.concatenate([0.9 * ramp, still + 1e-5]))
+    found = where_they_differ(none, one, other)
+    assert found is not None
+    assert (found.channel, found.phase, found.condition, found.unit) == (
+        "position",
+        "hold",
+        "oil 80 degC",
+        "mm",
+    )
+    assert found.largest == pytest.approx(-0.99)
+    alike = dict(found.alike)
+    assert alike["extend"] == pytest.approx(1.0)
+    assert alike["hold"] < 0.9
+
+
+def test_two_that_predict_the_same_differ_nowhere() -> None:
+    same = fitted(np.linspace(0.0, 1e-3, 20))
+    assert where_they_differ(fitted(np.zeros(20)), same, same) is None
+
+
+@pytest.mark.parametrize(
+    ("hidden_in", "said"),
+    [
+        ("viscous_damping", "the fitted viscous_damping imitates it to within 15 % of its size; "),
+        ("record", "what each record has of its own (its settings, zeros, times and starts) imitates it "),
+    ],
+)
+def test_an_effect_that_hides_is_said_with_what_it_hides_in(hidden_in: str, said: str) -> None:
+    ranked = Ranked("line_loss", 1.0, 1e-9, -20.0, 0.15, hidden_in, float("nan"), float("nan"), 0.1, 9.0, {})
+    found = evidence_for(cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [])
+    assert sum(said in one for one in found) == 1
+    assert not any("85 %" in one for one in found), "lengths add in squares"
