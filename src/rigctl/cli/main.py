@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
 from rigctl.cli.echo import echo
+from rigctl.cli.outlet import ON_A_BENCH, carry_out
 from rigctl.cli.overview import overview
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 
@@ -93,6 +94,13 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             # a terminal that has no '±' shows a '?' instead of a traceback
             stream.reconfigure(errors="replace")
+    if sys.argv[1:2] and sys.argv[1] in ON_A_BENCH:
+        carry_out(_carry_out)
+    else:
+        _carry_out()
+
+
+def _carry_out() -> None:
     wanted = "--json" in sys.argv[1:]
     try:
         app()

@@ -1,0 +1,146 @@
+"""Output that nobody has to wait for: a terminal that is not read holds up neither a run nor its end."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from time import monotonic
+from typing import Any, TextIO
+
+#: commands that carry something out on a bench, and whose output may be left out where nobody reads it
+ON_A_BENCH = ("run", "simulate", "resume", "jog", "off")
+_LAST_WORDS = 3.0  # s that the end waits for somebody to read what was said
+_WAITING = 1 << 20  # characters that may wait; of more, the oldest are dropped
+
+
+class Outlet(io.TextIOBase):
+    """A text stream whose `write` never waits; a thread hands on what was written.
+
+    Parameters
+    ----------
+    stream: where it goes.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._waiting: deque[str] = deque()
+        self._size = 0
+        self._busy = False
+        self._trouble: OSError | None = None
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="output", daemon=True)
+        self._thread.start()
+
+    def write(self, text: str) -> int:
+        """Take text in; what could not be handed on before is raised here, once."""
+        if not isinstance(text, str):  # how click finds out what kind of stream it is
+            raise TypeError(f"text is needed, not {type(text).__name__}")
+        with self._changed:
+            trouble, self._trouble = self._trouble, None
+            if trouble is not None:
+                raise trouble
+            self._waiting.append(text)
+            self._size += len(text)
+            while self._size > _WAITING and len(self._waiting) > 1:
+                self._size -= len(self._waiting.popleft())
+            self._changed.notify_all()
+        return len(text)
+
+    def drain(self, patience: float) -> bool:
+        """Wait until all is handed on, `patience` s at most; False when it is not.
+
+        Raises
+        ------
+        OSError
+            it could not be handed on: the other end is closed, or the disk is full.
+        """
+        with self._changed:
+            done = self._changed.wait_for(
+                lambda: self._trouble is not None or not (self._waiting or self._busy), patience
+            )
+            trouble, self._trouble = self._trouble, None
+        if trouble is not None:
+            raise trouble
+        return done
+
+    def flush(self) -> None:
+        """The thread does that."""
+
+    def writable(self) -> bool:
+        """It is."""
+        return True
+
+    def isatty(self) -> bool:
+        """Whether a terminal is at its end."""
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        """Of the stream behind it."""
+        return self._stream.fileno()
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """Of the stream behind it."""
+        return self._stream.encoding
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting)
+                text = "".join(self._waiting)
+                self._waiting.clear()
+                self._size, self._busy = 0, True
+            trouble: OSError | None = None
+            try:
+                self._stream.write(text)
+                self._stream.flush()
+            except (OSError, ValueError) as problem:  # ValueError: closed
+                trouble = problem if isinstance(problem, OSError) else OSError(str(problem))
+            with self._changed:
+                self._trouble, self._busy = trouble or self._trouble, False
+                self._changed.notify_all()
+
+
+def carry_out(work: Callable[[], None]) -> None:
+    """Do something whose output nobody has to wait for, and end the process with its exit code.
+
+    Where nobody reads the last words, the process ends without them: whatever was done is in the run's files.
+    """
+    usual = sys.stdout, sys.stderr
+    if None in usual:
+        work()
+        return
+    outlets = (Outlet(usual[0]), Outlet(usual[1]))
+    sys.stdout, sys.stderr = outlets
+    code: Any = 0
+    try:
+        work()
+    except SystemExit as end:
+        code = end.code
+    finally:
+        said, lost = _say_last_words(outlets)
+        sys.stdout, sys.stderr = usual
+        if lost or not said:  # what is left in the streams would be waited for again
+            os._exit((code if isinstance(code, int) else 1) or int(lost))
+    sys.exit(code)
+
+
+def _say_last_words(outlets: tuple[Outlet, Outlet]) -> tuple[bool, bool]:
+    """Whether all was handed on, and whether some of it is lost: a closed pipe, a full disk."""
+    give_up = monotonic() + _LAST_WORDS
+    said, lost = True, False
+    for outlet in outlets:
+        try:
+            said = outlet.drain(max(give_up - monotonic(), 0.0)) and said
+        except OSError:
+            lost = True
+        except KeyboardInterrupt:
+            said = False
+    return said, lost

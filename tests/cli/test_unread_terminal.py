@@ -1,0 +1,91 @@
+"""A terminal that nobody reads holds up neither a run nor its end."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from rigctl.cli.outlet import Outlet
+
+STEPS = "procedure: p\nrig: rigs/heater-board.yaml\nsteps:\n  - set: {heater_1: 60 %}\n  - wait: WAIT s\n"
+
+
+def simulate(folder: Path, *arguments: str, out: int, err: int) -> int:
+    (folder / "rigctl.toml").write_text("", encoding="utf-8")
+    (folder / "p.yaml").write_text(STEPS.replace("WAIT", "1"), encoding="utf-8")
+    command = [sys.executable, "-m", "rigctl", "simulate", "p.yaml", *arguments]
+    return subprocess.run(
+        command, cwd=folder, stdin=subprocess.DEVNULL, stdout=out, stderr=err, timeout=60, check=False
+    ).returncode
+
+
+def status(folder: Path) -> str:
+    (run,) = (folder / "runs").glob("2*")
+    return str(json.loads((run / "run.json").read_text(encoding="utf-8"))["status"])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe without waiting is POSIX")
+@pytest.mark.parametrize("speed", ["max", "10x"])
+def test_a_run_ends_and_its_process_exits_though_nobody_reads_what_it_says(
+    tmp_path: Path, speed: str
+) -> None:
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with pytest.raises(BlockingIOError):
+        while True:
+            os.write(writer, b"x" * 4096)
+    os.set_blocking(writer, True)
+    try:
+        assert simulate(tmp_path, "--speed", speed, out=writer, err=writer) == 0
+    finally:
+        os.close(writer)
+        os.close(reader)
+    assert status(tmp_path) == "finished"
+
+
+def test_an_answer_that_cannot_be_delivered_is_no_success(tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        assert simulate(tmp_path, "--json", out=writer, err=subprocess.DEVNULL) == 1
+    finally:
+        os.close(writer)
+    assert status(tmp_path) == "finished"
+
+
+class Stuck:
+    """A stream that takes its first text only when it is let."""
+
+    encoding = "utf-8"
+
+    def __init__(self) -> None:
+        self.go_on = threading.Event()
+        self.took: list[str] = []
+
+    def write(self, text: str) -> int:
+        self.go_on.wait(30.0)
+        self.took.append(text)
+        return len(text)
+
+    def flush(self) -> None: ...
+
+
+def test_of_more_than_can_wait_the_newest_is_kept_and_order_too() -> None:
+    stream = Stuck()
+    outlet = Outlet(stream)  # type: ignore[arg-type]
+    for number in range(300):
+        print(f"{number} " * 2000, file=outlet)
+    assert not outlet.drain(0.0)
+    stream.go_on.set()
+    assert outlet.drain(30.0)
+    said = "".join(stream.took)
+    assert said.endswith("299 " * 2000 + "\n")
+    assert len(said) < 1_300_000
+    numbers = [int(word) for word in said.split()]
+    assert numbers == sorted(numbers)
