@@ -197,6 +197,27 @@ def test_a_logger_s_own_dates_signs_and_words(empty: Path) -> None:
     assert open_run("latest").record(0).channels["drehzahl"].size == 100
 
 
+def test_a_flywheel_s_turns_are_counted_in_rpm_and_the_room_is_no_output(empty: Path) -> None:
+    """``1/min`` counts anything per minute; of a Drehzahl it is turns, and friction may act on it."""
+
+    def row(k: int) -> str:
+        speed = 900.0 * (1.0 - np.exp(-max(0, k - 10) / 15.0)) + 0.3 * np.sin(7.0 * k)
+        cells = (f"{0.2 * k:.1f}", f"{9 if k > 10 else 0}", f"{speed:.1f}", f"{21.3 + 0.1 * (k % 3):.1f}")
+        return ";".join(cells).replace(".", ",")
+
+    text = "\n".join(["Zeit;Strom;Drehzahl;Raumtemperatur", "s;A;1/min;°C", *map(row, range(120))])
+    (empty / "log.csv").write_text(text, encoding="cp1252")
+    done = answer("family", "new", "rad", "--csv", "log.csv", "--no-fit")
+    roles = {c["name"]: c["role"] for c in done["columns"]}
+    assert roles == {"strom": "input", "drehzahl": "output", "raumtemperatur": "input"}
+    assert "unit: rpm" in (empty / done["rig"]).read_text(encoding="utf-8")
+    follow(done["next"][:1])
+    assert open_run("latest").record(0).channels["drehzahl"].max() == pytest.approx(94.2, rel=0.01)  # rad/s
+    said = refusal("import", "log.csv", "--rig", done["rig"], "--columns", "Zeit=time [s]")
+    assert "may be turns or radians" in said
+    assert "--columns 'Drehzahl=" in said or "--columns 'drehzahl=" in said
+
+
 def test_names_that_mean_something_else_are_changed_and_mapped(empty: Path) -> None:
     rows = [f"{k},{k // 10 % 2},{np.sin(k):.3f},{k % 3}" for k in range(40)]
     (empty / "n.csv").write_text(

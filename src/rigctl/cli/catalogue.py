@@ -41,7 +41,7 @@ ENTRIES = (
         "calibrate", "rigctl.cli.calibrate:calibrate", BENCH, "Calibrate a channel against reference values."
     ),
     Entry("runs", "rigctl.cli.runs:app", DATA, "List, show, verify, annotate, exclude and query runs."),
-    Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV, Parquet, TDMS, MDF4 or MAT."),
+    Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV, XLSX, Parquet, TDMS, MDF4 or MAT."),
     Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data in these formats."),
     Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),

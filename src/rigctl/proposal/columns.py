@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rigctl.dataset.importing.table import Heading, Part, Source
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
-from rigctl.units import Unit, parse_unit
+from rigctl.units import Unit, is_speed_of_rotation, parse_unit
 
 Floats = NDArray[np.float64]
 Role = Literal["input", "output", "left out"]
@@ -23,6 +23,8 @@ Role = Literal["input", "output", "left out"]
 _MOST_ROWS: Final = 200_000
 _TIMES: Final = ("time", "t", "zeit", "timestamp", "time_s", "t_s", "elapsed", "elapsed_time", "seconds")
 _RECORDS: Final = ("record", "run", "experiment", "trial", "segment")
+#: words in the name of what turns
+_TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
 #: a unit that a name ends in: speed_rpm, pressure (bar)
 _IN_NAME: Final = re.compile(r"^(?P<name>.*?)[ _]*(?:\((?P<bracket>[^()]+)\)|_(?P<tail>[A-Za-z%]+))$")
 #: endings that are units, and nothing else that a name may end in
@@ -183,7 +185,19 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
     if given is not None:
         parse_unit(given)
     stated = unit is not None and given is None and _is_unit(unit)
-    return _Heading(name, given or (unit if unit and _is_unit(unit) else guessed), stated, plain)
+    found = given or (unit if unit and _is_unit(unit) else guessed)
+    if given is None and found is not None and _turns(_plain_name(plain), found):
+        return _Heading(name, "rpm", False, plain)
+    return _Heading(name, found, stated, plain)
+
+
+def _turns(name: str, unit: str) -> bool:
+    """Whether a count per minute is one of turns, by its name: ``Drehzahl [1/min]`` is in rpm."""
+    parsed = parse_unit(unit)
+    per_minute = (
+        parsed.dimension == parse_unit("1/min").dimension and parsed.factor == parse_unit("1/min").factor
+    )
+    return per_minute and not is_speed_of_rotation(unit) and any(word in name for word in _TURNING)
 
 
 def _is_unit(text: str) -> bool:

@@ -16,6 +16,8 @@ _HELD: Final = 0.9
 _LEVELS: Final = 0.1
 #: words in the name of what is given from outside although it is measured
 _OUTSIDE: Final = ("ambient", "room", "outside", "setpoint", "command", "supply", "disturbance", "load")
+#: and what it begins with in German logs: in the middle of a word they mean something else (Brennraum)
+_OUTSIDE_AT_FIRST: Final = ("umgebung", "raumtemp", "aussen", "soll")
 #: a lead must explain this much more than the next best
 _CLEAR: Final = 1.5
 _MOST_LAG: Final = 200
@@ -58,7 +60,7 @@ def _judged(column: Column, table: Table, said: str | None) -> Column:
 def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]:
     present = column.values[np.isfinite(column.values)]
     still = present.size > 0 and np.ptp(present) == 0.0
-    outside = any(word in column.name for word in _OUTSIDE)
+    outside = any(word in column.name for word in _OUTSIDE) or column.name.startswith(_OUTSIDE_AT_FIRST)
     first = table.times is None and column is table.columns[0]
     found: list[tuple[bool, Role, str]] = [
         (not present.size, "left out", "no value in it"),

@@ -133,7 +133,8 @@ def test_what_is_worth_knowing_is_said_and_kept(tmp_path: Path, board: Rig) -> N
         "not in the file: heater_2; if it stayed at one value, say so: --assume heater_2=VALUE",
         "temperature_1: the same value, 23 degC, in all 20 samples; is the sensor connected?",
         "temperature_2: 1 of 20 values are missing (5 %); they stay missing",
-        "gaps in time in 1 of 1 records; the longest: 5 s from 14 s on in record 0",
+        "gaps in time in 1 of 1 records; the longest: 5 s from 14 s on in record 0. "
+        "'--split gap' makes a record of each stretch",
     )
     events = open_run(done.path).events
     assert events[events["kind"] == "note"]["message"].tolist() == list(done.notes)

@@ -12,7 +12,7 @@ from rigctl.dataset.importing.table import Heading
 from rigctl.errors import RigctlError, nearest_name, unknown_name
 from rigctl.rig.layout import Layout
 from rigctl.rig.setting import POSITIONS
-from rigctl.units import Unit, describe, parse_unit
+from rigctl.units import Unit, describe, is_speed_of_rotation, parse_unit
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
@@ -316,7 +316,31 @@ def _unit(heading: Heading, expected: str) -> Unit:
             expected=describe(expected),
             where=heading.where,
         )
+    _require_same_rotation(heading, unit, expected)
     return unit
+
+
+def _require_same_rotation(heading: Heading, unit: Unit, expected: str) -> None:
+    """Refuse ``1/min`` for ``rpm``: turns a minute are 2π radians a minute, and a count names neither."""
+    turns, wanted = is_speed_of_rotation(unit.text), is_speed_of_rotation(expected)
+    if turns == wanted:
+        return
+    name = heading.name
+    if wanted:
+        raise RigctlError(
+            f"{name}: this counts something per time, and may be turns or radians",
+            value=unit.text,
+            expected=f"a speed of rotation: {expected}, rpm, rad/s or deg/s",
+            hint=f"Say what it is, e.g. --columns '{name}={name} [rpm]'",
+            where=heading.where,
+        )
+    raise RigctlError(
+        f"{name}: a speed of rotation, where the rig has a count per time",
+        value=unit.text,
+        expected=expected,
+        hint="Give it the unit rpm or rad/s in the rig file",
+        where=heading.where,
+    )
 
 
 def _meant(written: str, wanted: Unit) -> str:

@@ -44,7 +44,7 @@ def notes(found: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float])
         yield (
             f"gaps in time in {len(broken)} of {len(found.records)} records; the longest: "
             f"{worst.gap.length:.4g} s from {worst.gap.start:.6g} s on in "
-            f"{describe_label(worst.label)}"
+            f"{describe_label(worst.label)}. '--split gap' makes a record of each stretch"
         )
 
 
