@@ -85,7 +85,7 @@ def front_end(name: str, system: System) -> Callable[[], object]:
 
 
 def in_fresh_process(way: str, runs: int) -> float:
-    """Median seconds to compile the three functions of f, as a process that has no cache does it."""
+    """Median seconds to compile a model's seven functions, as a process that has no cache does it."""
     program = f"from benchmarks.engine.front_ends import compile_{way}; print(compile_{way}())"
     found = [
         subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
@@ -95,20 +95,17 @@ def in_fresh_process(way: str, runs: int) -> float:
 
 
 def compile_straight_line() -> float:
-    """Seconds for f, ∂f/∂y and ∂f/∂q straight to LLVM."""
+    """Seconds for a model's functions straight to LLVM."""
     import numba
 
-    from rigctl.engine.source import ARGUMENTS
-    from rigctl.engine.straight_line import body_of, signature_of
+    from rigctl.engine.straight_line import SIGNATURE, addresses_of
 
     warm_up()
     text = source_of(cylinder.build()).text
     start = time.perf_counter()
-    for name in ("rhs", "rhs_jacobian", "rhs_tangent"):
-        arguments = ", ".join(ARGUMENTS[name])
-        names = {"body": body_of(text, name)}
-        exec(f"def function({arguments}):\n    body({arguments})\n", names)
-        assert numba.cfunc(signature_of(name), error_model="numpy")(names["function"]).address
+    names = {"body": addresses_of(text)}
+    exec("def addresses(into):\n    body(into)\n", names)
+    assert numba.cfunc(SIGNATURE, error_model="numpy")(names["addresses"]).address
     return time.perf_counter() - start
 
 
@@ -119,15 +116,16 @@ def compile_statements() -> float:
     import numba
 
     from rigctl.engine.source import ARGUMENTS
-    from rigctl.engine.straight_line import signature_of
 
     warm_up()
     text = source_of(cylinder.build()).text
+    pointer = numba.types.CPointer(numba.types.float64)
     start = time.perf_counter()
-    for name in ("rhs", "rhs_jacobian", "rhs_tangent"):
+    for name, arguments in ARGUMENTS.items():
         names: dict[str, Any] = {"math": math}
-        exec(statements(text, name, ", ".join(ARGUMENTS[name])), names)
-        assert numba.cfunc(signature_of(name), error_model="numpy")(names[name]).address
+        exec(statements(text, name, ", ".join(arguments)), names)
+        signature = numba.types.void(*[pointer] * len(arguments))
+        assert numba.cfunc(signature, error_model="numpy")(names[name]).address
     return time.perf_counter() - start
 
 
@@ -152,7 +150,7 @@ def statements(text: str, name: str, arguments: str) -> str:
             lines.append(f"    t{number} = t{args[0]} ** ({args[1]})")
         else:
             lines.append(f"    t{number} = math.{operation}(t{args[0]})")
-    return "\n".join(lines)
+    return "\n".join([*lines, "    return"])
 
 
 def warm_up() -> None:

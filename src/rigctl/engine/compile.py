@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -26,18 +27,15 @@ from pathlib import Path
 
 from numba import cfunc
 
-from rigctl.engine.straight_line import body_of, signature_of
+from rigctl.engine.straight_line import SIGNATURE, addresses_of
 
-_TEXT = (Path(__file__).parent / "straight_line.txt").read_text(encoding="utf-8")
+_addresses = addresses_of((Path(__file__).parent / "straight_line.txt").read_text(encoding="utf-8"))
+
+
+@cfunc(SIGNATURE, cache=True, error_model="numpy")
+def addresses(into):
+    _addresses(into)
 '''
-_MODEL_FUNCTION = """
-_{name} = body_of(_TEXT, "{name}")
-
-
-@cfunc(signature_of("{name}"), cache=True, error_model="numpy")
-def {name}({arguments}):
-    _{name}({arguments})
-"""
 _KERNELS = '''"""Made by rigctl: the kernels, compiled; deleted and made again at will."""
 
 from numba import njit
@@ -86,12 +84,9 @@ def compile_system(system: System, *, progress: Progress | None = None) -> Compi
     """
     kernels = _load_kernels(progress)
     source = source_of(system)
-    text = _MODEL + "".join(
-        _MODEL_FUNCTION.format(name=name, arguments=", ".join(arguments))
-        for name, arguments in ARGUMENTS.items()
-    )
-    model = load_compiled("model", {"compiled.py": text, "straight_line.txt": source.text})
-    addresses = np.array([getattr(model, name).address for name in ARGUMENTS], dtype=np.int64)
+    model = load_compiled("model", {"compiled.py": _MODEL, "straight_line.txt": source.text})
+    addresses = np.zeros(len(ARGUMENTS), dtype=np.int64)
+    model.addresses.ctypes(addresses.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)))
     return CompiledSystem(system, source, addresses, kernels.integrate_record, kernels.step_to)
 
 

@@ -20,35 +20,51 @@ from numba.extending import intrinsic
 
 from rigctl.engine.source import ARGUMENTS
 
-POINTER: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+#: of `addresses`: a pointer to as many integers as there are functions
+SIGNATURE: Any = types.void(types.CPointer(types.int64))  # type: ignore[no-untyped-call]
 
 _BINARY = {"+": "fadd", "-": "fsub", "*": "fmul"}
 
 
-def signature_of(function: str) -> Any:
-    """The compiled type of a function of the model: one pointer to doubles for each of its arrays."""
-    return types.void(*[POINTER] * len(ARGUMENTS[function]))
+def addresses_of(text: str) -> Any:
+    """What writes the addresses of the functions of the straight-line code `text`, for compiled code to call.
 
+    They are compiled with it, as one module: each by itself would go through the compiler's front end, which
+    takes longer than their machine code.
+    """
 
-def body_of(text: str, function: str) -> Any:
-    """The body of `function` in the straight-line code `text`, callable from compiled code."""
-
-    def generate(_typing: Any, *arrays: Any) -> Any:
-        def build(context: Any, builder: Any, _signature: Any, pointers: Sequence[Any]) -> Any:
-            lines = _lines_of(text, function)
-            _Emitter(context, builder, dict(zip(ARGUMENTS[function], pointers, strict=True))).emit(lines)
+    def generate(_typing: Any, addresses: Any) -> Any:
+        def build(context: Any, builder: Any, _signature: Any, args: Sequence[Any]) -> Any:
+            for index, name in enumerate(ARGUMENTS):
+                function = _function(context, builder, text, name)
+                place = builder.gep(args[0], [ir.Constant(ir.IntType(64), index)])
+                builder.store(builder.ptrtoint(function, ir.IntType(64)), place)
             return context.get_dummy_value()
 
-        return types.void(*arrays), build
+        return types.void(addresses), build
 
     # numba reads from the signature how many arguments the call takes
     generate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [
             inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-            for name in ("typingctx", *ARGUMENTS[function])
+            for name in ("typingctx", "addresses")
         ]
     )
     return intrinsic(generate)
+
+
+def _function(context: Any, builder: Any, text: str, name: str) -> ir.Function:
+    """The function `name` of the code, in the module of `builder`; it takes a pointer for each array."""
+    doubles = [ir.DoubleType().as_pointer()] * len(ARGUMENTS[name])
+    module = builder.module
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), doubles), module.get_unique_name(name))
+    function.linkage = "internal"
+    within = ir.IRBuilder(function.append_basic_block("entry"))
+    _Emitter(context, within, dict(zip(ARGUMENTS[name], function.args, strict=True))).emit(
+        _lines_of(text, name)
+    )
+    within.ret_void()
+    return function
 
 
 def _lines_of(text: str, function: str) -> list[list[str]]:
