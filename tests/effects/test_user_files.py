@@ -95,6 +95,14 @@ def test_a_slot_has_variables_of_its_own() -> None:
     assert "unknown name, got 'after'" in refused(written("size*after"))
 
 
+def test_a_file_without_a_family_is_told_of_which_it_is() -> None:
+    said = refused(written(slot="flow_reading"))
+    assert "so it is of hydraulic_cylinder: 'family: FILE' says another" in said
+    named = refused(written(slot="flow_reading", more="family: hydraulic_cylinder\n"))
+    assert "unknown slot" in named
+    assert "says another" not in named
+
+
 def test_an_effect_may_act_at_several_slots() -> None:
     text = (
         "effect: weep\nsummary: Both sides weep.\n"

@@ -19,7 +19,7 @@ from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
 from rigctl.physics.families import find_family, is_family_file
-from rigctl.physics.family import ModelFamily
+from rigctl.physics.family import ModelFamily, Slot
 from rigctl.units import Quantity
 
 _ENDINGS = (".yaml", ".yml")
@@ -171,13 +171,22 @@ def _terms(
     for name, text in written.by_slot.items():
         keys = _keys(written, name)
         of_slot = ("slot",) if written.slot is not None else keys
-        slot = reader.read(of_slot, partial(family.slot, name), of_key=written.slot is None)
+        slot = reader.read(of_slot, partial(_slot, name, written, family), of_key=written.slot is None)
         if slot is None:
             continue
         place = reader.document.locate(keys)
         term = reader.read(keys, partial(read_term, text, family, slot, parameters, place))
         if term is not None:
             yield name, term
+
+
+def _slot(name: str, written: EffectFile, family: ModelFamily) -> Slot:
+    try:
+        return family.slot(name)
+    except RigctlError as problem:
+        if "family" not in written.model_fields_set:
+            problem.hint = f"The file names no family, so it is of {family.name}: 'family: FILE' says another"
+        raise
 
 
 def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) -> None:
