@@ -1,4 +1,4 @@
-"""A kill at any moment: at most a second of samples is lost, and never the folder."""
+"""A kill at any moment, or no memory left: at most a second of samples is lost, and never the folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from time import monotonic, sleep
 import numpy as np
 import pytest
 
-from dataset import endless_writer
+from dataset import endless_writer, short_of_memory
 from rigctl.dataset import open_run, verify
 
 TESTS = Path(__file__).parents[1]
@@ -64,3 +64,18 @@ def test_killed_while_it_is_made_a_folder_is_whole_or_not_there(tmp_path: Path, 
         if not folder.name.startswith("."):
             assert verify(folder).good
             assert open_run(folder).info["status"] == "interrupted"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is read from /proc")
+@pytest.mark.parametrize("left", [1_000_000, 60_000_000])
+def test_a_run_that_cannot_be_closed_for_want_of_memory_says_so_and_is_made_whole_later(
+    tmp_path: Path, left: int
+) -> None:
+    program = [sys.executable, str(short_of_memory.__file__), str(tmp_path / "runs"), str(left)]
+    environment = {**os.environ, "PYTHONPATH": str(TESTS)}
+    done = subprocess.run(program, capture_output=True, text=True, env=environment, check=False, timeout=60)
+    assert (done.returncode, "Traceback" in done.stderr) == (1, False), done.stderr
+    assert "rigctl runs verify 20261121-093000-stroke" in done.stdout
+    folder = tmp_path / "runs" / "20261121-093000-stroke"
+    assert verify(folder).condition.value == "recovered"
+    assert len(open_run(folder).signals("time")) == short_of_memory.ROWS

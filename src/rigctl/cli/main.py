@@ -108,6 +108,8 @@ def _carry_out() -> None:
         _refuse(error, as_json=wanted)
     except RecursionError:
         _refuse(RigctlError("the input is nested too deeply"), as_json=wanted)
+    except MemoryError:
+        _refuse(RigctlError("out of memory", exit_code=ExitCode.FAILED), as_json=wanted)
     except OSError as problem:  # a disk that is full or gone, anywhere
         name = Path(problem.filename) if isinstance(problem.filename, str) else None
         text = problem.strerror or str(problem)

@@ -283,11 +283,9 @@ class RunWriter:
         Raises
         ------
         RigctlError
-            the disk is full or gone; what had been written is kept, and ``rigctl runs verify`` goes on
-            from there.
+            the disk is full or gone, or memory is short; what had been written is kept, and ``rigctl runs
+            verify`` goes on from there.
         """
-        from rigctl.dataset.finalise import finalise
-
         if self._closed:
             return self.folder
         self._closed = True
@@ -300,10 +298,29 @@ class RunWriter:
             finally:
                 self._journal.close()
                 self._log.close()
-            finalise(self.folder)
+            self._make_tables()
         finally:
             self._lock.release()
         return self.folder
+
+    def _make_tables(self) -> None:
+        """Make the tables; where they cannot be made now, the journal is what they are made from later."""
+        later = f"All that was measured is in its journal: 'rigctl runs verify {self.folder.name}' makes them"
+        try:
+            from rigctl.dataset.finalise import finalise
+
+            finalise(self.folder)
+        except RigctlError as error:
+            error.hint = error.hint or later
+            raise
+        except (MemoryError, ImportError, OSError, RuntimeError) as problem:
+            # a limit of memory shows in any of these: nothing can be loaded, mapped or started any more
+            raise RigctlError(
+                f"the tables of the run could not be made: {str(problem) or 'out of memory'}",
+                hint=later,
+                where=Location(self.folder),
+                exit_code=ExitCode.FAILED,
+            ) from problem
 
     @property
     def closed(self) -> bool:
