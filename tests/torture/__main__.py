@@ -9,13 +9,14 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from torture import broken_files, corruptions, endings, guarded, switching_off
+from torture import broken_files, corruptions, endings, foreign_files, guarded, switching_off
 
 
 def main() -> None:
     asked = argparse.ArgumentParser(prog="python -m torture", description=__doc__)
     asked.add_argument("--corruptions", type=int, default=5000)
     asked.add_argument("--files", type=int, default=100_000)
+    asked.add_argument("--foreign", type=int, default=10_000)
     asked.add_argument("--endings", type=int, default=2000)
     asked.add_argument("--guarded", type=int, default=80)
     asked.add_argument("--off", type=int, default=5, help="calls of 'rigctl off' of each kind")
@@ -28,6 +29,7 @@ def main() -> None:
         found = {
             "corruptions": asdict(corruptions.torture(runs, given.corruptions, given.seed)),
             "broken_files": asdict(broken_files.torture(files, given.files, given.seed)),
+            "foreign_files": foreign_files.torture(Path(folder) / "foreign", given.foreign, given.seed),
             "endings": asdict(endings.torture(Path(folder) / "endings", given.endings, given.seed, kinds)),
             "guarded": asdict(
                 guarded.torture(
@@ -37,7 +39,8 @@ def main() -> None:
             "off": asdict(switching_off.torture(Path(folder) / "off", given.off)) if given.off else {},
         }
     print(json.dumps({"seed": given.seed, **found}, indent=1))  # noqa: T201
-    if found["endings"]["failures"] or found["guarded"]["failures"]:
+    failed = [part for part in (*found.values(), *found["foreign_files"].values()) if part.get("failures")]
+    if failed:
         sys.exit(1)
 
 

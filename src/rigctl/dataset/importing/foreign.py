@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from rigctl.dataset.importing.groups import Column, Group, GroupedFile, is_text
 from rigctl.dataset.importing.limits import OUT_OF_MEMORY
@@ -86,29 +86,34 @@ def _size(path: Path) -> int:
         raise RigctlError(f"cannot read the file: {problem.strerror}", where=Location(path)) from problem
 
 
-def _carry_out(task: Mapping[str, Any], path: Path) -> None:
-    """Run the reader; says in plain words how it failed."""
+def _start(task: Mapping[str, Any]) -> int:
+    """Carry a task out in a process of its own; its exit status."""
     # -P: nothing that lies in the working folder is imported
     command = [sys.executable, "-P", "-X", "utf8", "-m", "rigctl.dataset.importing.foreign"]
     threads = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_MAX_THREADS")
+    return subprocess.run(  # noqa: S603 - this program itself, and nothing from the file
+        command,
+        input=json.dumps(task).encode("utf-8"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **dict.fromkeys(threads, "1")},
+        timeout=_PATIENCE * task["seconds"],
+        check=False,
+    ).returncode
+
+
+def _carry_out(task: Mapping[str, Any], path: Path) -> None:
+    """Run the reader; says in plain words how it failed."""
     try:
-        done = subprocess.run(  # noqa: S603 - this program itself, and nothing from the file
-            command,
-            input=json.dumps(task).encode("utf-8"),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, **dict.fromkeys(threads, "1")},
-            timeout=_PATIENCE * task["seconds"],
-            check=False,
-        )
+        code = _start(task)
     except subprocess.TimeoutExpired as problem:
         raise _too_long(path, task["seconds"]) from problem
-    if done.returncode == 0 and (Path(task["folder"]) / _FACTS).exists():
+    if code == 0 and (Path(task["folder"]) / _FACTS).exists():
         return
     over = (-getattr(signal, "SIGXCPU", 0), -getattr(signal, "SIGKILL", 0)) if os.name == "posix" else ()
-    if done.returncode in over:
+    if code in over:
         raise _too_long(path, task["seconds"])
-    if done.returncode == OUT_OF_MEMORY:
+    if code == OUT_OF_MEMORY:
         raise RigctlError(
             f"reading it takes more than {task['memory'] / 1e9:.1f} GB of memory",
             expected="a file that is not damaged, and no larger than it looks",
@@ -117,7 +122,7 @@ def _carry_out(task: Mapping[str, Any], path: Path) -> None:
         )
     raise RigctlError(
         "the file is damaged: the program that reads this format crashed over it",
-        value=f"exit status {done.returncode}",
+        value=f"exit status {code}",
         where=Location(path),
     )
 
@@ -135,11 +140,15 @@ def _too_long(path: Path, seconds: float) -> RigctlError:
 
 def main() -> None:
     """Read the file that the task on standard input names, within its bounds."""
+    read(json.loads(sys.stdin.buffer.read()))
+
+
+def read(task: Mapping[str, Any]) -> NoReturn:
+    """Carry a task out, and end this process."""
     from importlib import import_module
 
     from rigctl.dataset.importing.limits import limit_process
 
-    task = json.loads(sys.stdin.buffer.read())
     folder = Path(task["folder"])
     try:
         limit_process(task["memory"], task["seconds"])

@@ -130,6 +130,12 @@ class GroupedFile:
         if column is None:
             return np.full(stop - start, np.nan)
         values = column.read(start, stop)
+        if len(values) != stop - start:
+            raise RigctlError(
+                f"the file is damaged: '{heading.name}' has other rows than the file says",
+                value=f"{len(values)} of {stop - start} rows",
+                where=Location(self.path),
+            )
         if heading.seconds and self.clock is not None:
             return self.clock.seconds(values)
         return as_numbers(self.path, heading.name, values)
