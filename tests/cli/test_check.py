@@ -120,6 +120,35 @@ def test_check_says_what_a_file_is(
     assert json.loads(capsys.readouterr().out)["kind"] in said
 
 
+@pytest.mark.parametrize(
+    ("channel", "family", "right"),
+    [
+        ("rpm", "rad/s", True),
+        ("1/min", "1/s", True),
+        ("1/min", "rad/s", False),
+        ("rpm", "Hz", False),
+    ],
+)
+def test_a_count_per_time_is_no_speed_of_rotation(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    channel: str,
+    family: str,
+    right: bool,
+) -> None:
+    """Both are 1/s to SI, and turns are 2π radians: a motor's model would be off by that."""
+    rate = f"states: {{speed: {{start: 0 {family}, scale: 1 {family}, rate: -speed/lag}}}}\n"
+    lag = "parameters: {lag: {value: 1 s, bounds: [0.1 s, 10 s]}}\n"
+    outputs = f"outputs: {{speed: {{unit: {family}, formula: speed}}}}\n"
+    (tmp_path / "family.yaml").write_text(f"family: wheel\n{rate}{lag}{outputs}", encoding="utf-8")
+    (tmp_path / "rig.yaml").write_text(
+        f"name: wheel\nmodel: family.yaml\nchannels: {{speed: {{unit: {channel}, quantity: other}}}}\n"
+    )
+    assert call(monkeypatch, "check", str(tmp_path / "rig.yaml")) == (0 if right else 2)
+    assert right or "rad/s" in capsys.readouterr().err
+
+
 def test_check_refuses_what_is_none_of_ours_and_what_is_wrong(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

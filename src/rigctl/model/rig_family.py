@@ -11,7 +11,7 @@ from rigctl.files.yaml import parse_document
 from rigctl.physics.families import FAMILIES, find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.rig.rig import Rig
-from rigctl.units import describe, parse_unit
+from rigctl.units import describe, is_speed_of_rotation, parse_unit
 
 #: where something of a rig file is wrong, whether its key is, and the check that refuses it
 _Check = tuple[tuple[str, ...], bool, Callable[[], object]]
@@ -73,6 +73,14 @@ def _signals(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
 def _require(what: str, unit: str, wanted: str) -> None:
     if parse_unit(unit).dimension != parse_unit(wanted).dimension:
         raise RigctlError(what, value=unit, expected=f"a unit of {describe(wanted)}")
+    if is_speed_of_rotation(unit) != is_speed_of_rotation(wanted):
+        raise RigctlError(
+            what,
+            value=unit,
+            expected="rpm, rad/s or deg/s: a count per time names neither turns nor radians"
+            if is_speed_of_rotation(wanted)
+            else "rpm or rad/s in the family file too, if it turns",
+        )
 
 
 def _constants(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
