@@ -162,7 +162,7 @@ class PageRun:
         quiet = subprocess.DEVNULL
         with subprocess.Popen(program, cwd=self._here, stdout=quiet, stderr=quiet) as process:
             try:
-                give_up = time.monotonic() + 120.0
+                give_up = time.monotonic() + 600.0
                 while _open_record(self._here) != record:
                     assert process.poll() is None, "the run ended before it could be killed"
                     assert time.monotonic() < give_up, "the record was never opened"

@@ -40,7 +40,7 @@ def begin(folder: Path, board: Served, *more: str) -> subprocess.Popen[str]:
 
 
 def ended(run: subprocess.Popen[str]) -> dict[str, Any]:
-    printed, told = run.communicate(timeout=60)
+    printed, told = run.communicate(timeout=600)
     assert printed, told
     answer: dict[str, Any] = json.loads(printed)
     return answer

@@ -30,7 +30,7 @@ def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
 
 def rigctl(folder: Path, *arguments: str) -> tuple[int, str, str]:
     with begin(folder, *arguments) as process:
-        out, err = process.communicate(timeout=120)
+        out, err = process.communicate(timeout=600)
     return process.returncode, out, err
 
 
@@ -51,7 +51,7 @@ def test_a_simulation_that_goes_on_is_ended(tmp_path: Path) -> None:
         (ended,) = told["ended"]
         assert "ending: outputs are safe first" in ended
         assert "no real one was touched" in told["known_by"]
-        answer = json.loads(run.communicate(timeout=60)[0])
+        answer = json.loads(run.communicate(timeout=600)[0])
         assert (answer["status"], answer["exit_code"]) == ("aborted", 130)
     finally:
         run.kill()

@@ -21,7 +21,7 @@ def simulate(folder: Path, *arguments: str, out: int, err: int) -> int:
     (folder / "p.yaml").write_text(STEPS.replace("WAIT", "1"), encoding="utf-8")
     command = [sys.executable, "-m", "rigctl", "simulate", "p.yaml", *arguments]
     return subprocess.run(
-        command, cwd=folder, stdin=subprocess.DEVNULL, stdout=out, stderr=err, timeout=60, check=False
+        command, cwd=folder, stdin=subprocess.DEVNULL, stdout=out, stderr=err, timeout=600, check=False
     ).returncode
 
 

@@ -63,7 +63,7 @@ def writer(tmp_path: Path, disk: Disk) -> Iterator[BackgroundWriter]:
 
 
 def wait_for(condition: Callable[[], object]) -> None:
-    give_up = time.monotonic() + 30.0
+    give_up = time.monotonic() + 600.0
     while not condition():
         assert time.monotonic() < give_up
         time.sleep(0.005)

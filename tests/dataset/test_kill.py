@@ -73,7 +73,7 @@ def test_a_run_that_cannot_be_closed_for_want_of_memory_says_so_and_is_made_whol
 ) -> None:
     program = [sys.executable, str(short_of_memory.__file__), str(tmp_path / "runs"), str(left)]
     environment = {**os.environ, "PYTHONPATH": str(TESTS)}
-    done = subprocess.run(program, capture_output=True, text=True, env=environment, check=False, timeout=60)
+    done = subprocess.run(program, capture_output=True, text=True, env=environment, check=False, timeout=600)
     assert (done.returncode, "Traceback" in done.stderr) == (1, False), done.stderr
     assert "rigctl runs verify 20261121-093000-stroke" in done.stdout
     folder = tmp_path / "runs" / "20261121-093000-stroke"

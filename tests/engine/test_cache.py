@@ -142,7 +142,7 @@ def test_processes_share_one_module(root: Path) -> None:
         "assert module.double(2.0) == 4.0\n"
     )
     processes = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(3)]
-    assert [process.wait(120) for process in processes] == [0, 0, 0]
+    assert [process.wait(600) for process in processes] == [0, 0, 0]
     only_folder(root)
 
 

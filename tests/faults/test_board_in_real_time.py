@@ -68,7 +68,7 @@ def begin(project: Path, *arguments: str) -> subprocess.Popen[str]:
 
 def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
     with begin(project, *arguments) as process:
-        out, err = process.communicate(timeout=120)
+        out, err = process.communicate(timeout=600)
     return process.returncode, out, err
 
 

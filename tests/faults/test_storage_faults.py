@@ -40,7 +40,7 @@ def test_a_runs_folder_that_is_deleted_ends_the_run_and_names_where_the_samples_
             time.sleep(4.0)
             (tmp_path / "runs").rename(tmp_path / "gone")  # in one step: the run writes files all the time
             shutil.rmtree(tmp_path / "gone", ignore_errors=True)
-            out, err = run.communicate(timeout=120)
+            out, err = run.communicate(timeout=600)
         finally:
             run.kill()
     answer = json.loads(out)

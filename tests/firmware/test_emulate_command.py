@@ -38,7 +38,7 @@ def test_any_client_can_talk_to_the_emulated_board_until_it_is_ended(
                 port.write(b"*IDN?\n")
                 assert port.readline() == b"RIGCTL,RIG-UNO,0,1.0.1\n"
             process.send_signal(end)
-            assert process.wait(60) == 0
+            assert process.wait(600) == 0
         finally:
             process.kill()
     assert not link.is_symlink()

@@ -38,7 +38,7 @@ def test_the_pyvisa_script_does_what_the_page_shows(emulation: Emulation, tmp_pa
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -285,7 +285,7 @@ def test_programs_at_the_same_time_lose_nothing(head: Path) -> None:
     running = [
         subprocess.Popen([sys.executable, "-c", program, str(head), area]) for area in ("3.1e-6", "3.2e-6")
     ]
-    assert [process.wait(120) for process in running] == [0, 0]
+    assert [process.wait(600) for process in running] == [0, 0]
     found = versions(head)
     assert [version.number for version in found] == list(range(1, 10))
     assert sorted(version.done.note for version in found) == [""] + ["3.1e-6"] * 4 + ["3.2e-6"] * 4
