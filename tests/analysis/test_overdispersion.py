@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from made_fit import made_fit, made_noise
-from rigctl.analysis.adequacy import BELOW, Adequacy, Test, error_below, variance_factor
+from rigctl.analysis.adequacy import Adequacy, Test, error_below, variance_factor
+from rigctl.analysis.levels import BELOW_NOISE
 from rigctl.analysis.nuisance_projection import _guessed_degrees
 from rigctl.noise import NoiseModel, Source
 
@@ -59,12 +60,12 @@ def test_a_guess_of_a_channel_without_a_misfit_weakens_no_other() -> None:
 
 def test_an_error_below_its_noise_is_not_called_a_misfit() -> None:
     right: Any = made_fit(made_noise(), 3)
-    assert not error_below(right, BELOW)
+    assert not error_below(right, BELOW_NOISE)
     problem = right.problem
     wide = made_noise(sigma=0.15)
     problem.noise = wide
     problem.sigma = tuple(wide.sigma_at(record.values) for record in problem.records)
-    assert error_below(replace(right), BELOW)
+    assert error_below(replace(right), BELOW_NOISE)
     rejected = {"plane": Test(99.0, 1e-9, 4)}
     assert not Adequacy(rejected).adequate
     below = Adequacy(rejected, below_noise=True)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.stats import chi2, f
 
-from rigctl.analysis.adequacy import LEVEL, Test, chi2_tail
+from rigctl.analysis.adequacy import Test, chi2_tail
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import cone, screen, tail
@@ -102,8 +103,8 @@ def test_a_table_that_a_test_passes_has_no_excess(known: int) -> None:
     """By the same distribution as the p-value: noise of few degrees of freedom explains more than χ² does."""
     for statistic in (15.0, 30.0, 60.0, 200.0, 2000.0):
         p = chi2_tail(statistic, 10, known)
-        assert (Test(statistic, p, 10, known=known).excess > 0.0) is (p < LEVEL)
-    assert Test(1e6, 0.0, 10, known=known).excess == pytest.approx(1e6 - 10 * f.isf(LEVEL, 10, known))
+        assert (Test(statistic, p, 10, known=known).excess > 0.0) is (p < ALPHA)
+    assert Test(1e6, 0.0, 10, known=known).excess == pytest.approx(1e6 - 10 * f.isf(ALPHA, 10, known))
 
 
 def test_of_records_the_excess_is_beyond_the_spread_of_chi_squared() -> None:

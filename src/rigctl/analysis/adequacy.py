@@ -11,19 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.levels import ALPHA, BELOW_NOISE, QUANTILE
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.score_test import Screening
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
-
-#: the chance of calling a right model wrong
-LEVEL = 0.01
-#: an error of less than this share of the noise is below it, whatever the fitted unknowns took
-BELOW = 0.9
-#: so many spreads above its mean a statistic is no chance any more, at `LEVEL`
-_SURE = 2.33
 
 
 @dataclass(frozen=True)
@@ -50,13 +44,13 @@ class Test:
         """What of the statistic chance does not explain, in χ²; 0 where it has no degrees of freedom.
 
         Of a table, whose noise is known from few rows, chance explains
-        ``freedom·F⁻¹(1 − LEVEL; freedom, known)``.
+        ``freedom·F⁻¹(1 − ALPHA; freedom, known)``.
         """
         if not self.freedom:
             return 0.0
         if self.known:
             return max(0.0, self.statistic - self.freedom * _quantile(self.freedom, self.known))
-        return max(0.0, self.statistic - self.freedom - _SURE * self.spread)
+        return max(0.0, self.statistic - self.freedom - QUANTILE * self.spread)
 
 
 @dataclass(frozen=True)
@@ -84,8 +78,8 @@ class Adequacy:
 
     @property
     def agrees(self) -> bool:
-        """True when no test rejects: p_value is not below `LEVEL`."""
-        return self.p_value >= LEVEL
+        """True when no test rejects: p_value is not below `ALPHA`."""
+        return self.p_value >= ALPHA
 
     @property
     def adequate(self) -> bool:
@@ -103,14 +97,14 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     )
     if found.agrees or projected.linearisation.fit.problem.measurements.table:
         return found
-    return replace(found, below_noise=error_below(projected.linearisation.fit, BELOW))
+    return replace(found, below_noise=error_below(projected.linearisation.fit, BELOW_NOISE))
 
 
 def error_below(fit: FitResult, share: float) -> bool:
     """Whether every channel's error is at most this share of its noise.
 
-    A right model's is as large as the noise, as far as that is known: below `BELOW` the noise is not what it
-    was taken for.
+    A right model's is as large as the noise, as far as that is known: below `BELOW_NOISE` the noise is not
+    what it was taken for.
     """
     return all(error.nrmse <= share for error in fit.errors.values())
 
@@ -172,10 +166,10 @@ def chi2_tail(statistic: float, freedom: int, known: int = 0) -> float:
 
 
 def _quantile(freedom: int, known: int) -> float:
-    """Of F(freedom, known), what chance exceeds with probability `LEVEL`."""
+    """Of F(freedom, known), what chance exceeds with probability `ALPHA`."""
     from scipy.special import fdtri
 
-    return float(fdtri(freedom, known, 1.0 - LEVEL))
+    return float(fdtri(freedom, known, 1.0 - ALPHA))
 
 
 def _outer(regions: Floats, plane: Floats) -> Floats:

@@ -13,17 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.levels import FOLD_LOSS, FOLD_SEEN, FOLDS_GAIN
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.nuisance_projection import HIDDEN
 
 Floats = NDArray[np.float64]
-
-#: so many standard deviations of all gains together are no chance, each record standing in several folds
-_SURE = 3.0
-#: a fold that loses by more of its own than this was predicted wrongly
-_WRONG = -3.0
-#: an effect that is not larger than this in the records that are left, in sigmas, has no size there
-_SEEN = 2.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +49,7 @@ class HeldOut:
         conditions only gains there alone, and its gains scatter by as much as they are.
         """
         steady = self.mean > 2.0 * self.error
-        return self.folds >= 2 and (steady or (self.sure > _SURE and self.least > _WRONG))
+        return self.folds >= 2 and (steady or (self.sure > FOLDS_GAIN and self.least > FOLD_LOSS))
 
 
 def held_out_gain(
@@ -120,7 +114,7 @@ def _determined(lin: Linearisation, inside: Sequence[int], places: Sequence[int]
     if rest:
         left = left - scaled[:, rest] @ np.linalg.lstsq(scaled[:, rest], left, rcond=1e-8)[0]
     if not lin.fit.problem.measurements.table:
-        return float(np.linalg.norm(left @ (lengths[places] * sizes))) > _SEEN
+        return float(np.linalg.norm(left @ (lengths[places] * sizes))) > FOLD_SEEN
     whole = np.vstack([one.nuisance for one in lin.records])[:, places]
     shares = np.linalg.norm(left, axis=0) * lengths[places]
     return bool(np.all(shares > HIDDEN * np.linalg.norm(whole, axis=0)))

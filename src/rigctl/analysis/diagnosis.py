@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigctl.analysis.adequacy import LEVEL, variance_factor
+from rigctl.analysis.adequacy import variance_factor
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import HeldOut, held_out_gain
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
+from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
 from rigctl.analysis.refit import Trial
@@ -156,7 +157,7 @@ def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
     None where another test rejects as well: what that sees no effect has explained.
     """
     tests = search.before.adequacy.tests
-    rejecting = {name for name, test in tests.items() if len(tests) * test.p_value < LEVEL}
+    rejecting = {name for name, test in tests.items() if len(tests) * test.p_value < ALPHA}
     refitted = {trial.effects[0] for trial in search.trials.values() if len(trial.effects) == 1}
     tried = [one for one in ranking if one.effect in refitted and one.size > 0.0]
     return min(tried, key=lambda one: one.delta_bic, default=None) if rejecting == {"score"} else None

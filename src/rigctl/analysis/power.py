@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+from rigctl.analysis.levels import SEEN_IN_LIBRARY
 from rigctl.analysis.nuisance_projection import Projected
-
-#: sigmas at which an effect is all but sure to be found at the family's level
-_SEEN = 4.5
 
 
 def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
@@ -17,7 +15,7 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
             parameter = candidate.parameter(name)
             typical = abs(parameter.start - parameter.at_null)
             size = float(projected.lengths[lin.starts[place] + column]) * typical
-            seen[candidate.name] = seen.get(candidate.name, False) or size >= _SEEN
+            seen[candidate.name] = seen.get(candidate.name, False) or size >= SEEN_IN_LIBRARY
     return tuple(name for name, found in seen.items() if not found)
 
 

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import LEVEL, chance_text, chi2_tail
+from rigctl.analysis.adequacy import chance_text, chi2_tail
+from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import free_unknowns
 from rigctl.engine.least_squares import Refused
 from rigctl.engine.least_squares.unknown import prior_rows
@@ -89,12 +90,12 @@ class RecordQuantity:
     @property
     def exceeds(self) -> bool:
         """The records use more than the prior allows."""
-        return self.p_value * self.count < LEVEL
+        return self.p_value * self.count < ALPHA
 
     @property
     def follows(self) -> bool:
         """It follows an operating variable."""
-        return self.over_p_value * self.count < LEVEL
+        return self.over_p_value * self.count < ALPHA
 
     @property
     def values(self) -> Floats:

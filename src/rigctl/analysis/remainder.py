@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.levels import REMAINDER_TREND
 from rigctl.analysis.refit import Trial
 from rigctl.analysis.search import Search
 from rigctl.analysis.slot_evidence import slot_evidence
@@ -14,8 +15,6 @@ from rigctl.analysis.trends import Trend, trends
 
 #: an effect that takes up less than this share of what is left does not say where that is
 _MOST = 0.5
-#: a change of what is left over an operating variable that is no chance, in standard deviations
-_GROWS = 5.0
 
 
 @dataclass(frozen=True)
@@ -114,5 +113,5 @@ def _next(search: Search, best: Trial, excess: float) -> tuple[str, str, float]:
 
 
 def _steepest(found: tuple[Trend, ...]) -> Trend | None:
-    grown = [trend for trend in found if abs(trend.z) > _GROWS]
+    grown = [trend for trend in found if abs(trend.z) > REMAINDER_TREND]
     return max(grown, key=lambda trend: abs(trend.z), default=None)

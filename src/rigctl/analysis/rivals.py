@@ -9,16 +9,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from rigctl.analysis.levels import AT_LIMIT, LEAST_DIFFERENCE, LEAST_SEPARATION, REFIT_SCATTER, TOLERANCE
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import Trial
 from rigctl.analysis.search import Search
-from rigctl.analysis.separability import (
-    LEAST_DIFFERENCE,
-    LEAST_SEPARATION,
-    TOLERANCE,
-    consistent_gain,
-    cosine,
-)
+from rigctl.analysis.separability import consistent_gain, cosine
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text
@@ -28,10 +23,6 @@ from rigctl.units import parse_unit
 #: a phase in which an effect does less than this share of all that it does has no likeness
 _SHOWS = 0.01
 _MOST_VARIABLES = 2
-#: twice the standard deviation of a separation that is read from refits
-_CHANCE = 1.0
-#: standard deviations within which a parameter is not told from the value that makes its effect another one
-_LIMIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +99,7 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
         explained = search.explained(best, member)
         for trial, cos, d in tried:
             # the refits also know sizes that physics does not allow, and tell it up to chance
-            told = max(d, _by_refit(trial, best) - _CHANCE)
+            told = max(d, _by_refit(trial, best) - REFIT_SCATTER)
             if not search.at(best).adequacy.agrees:
                 # neither is right, and the noise no longer tells the chance of a difference
                 told = min(told, consistent_gain(best.fit, trial.fit, len(tried)))
@@ -141,7 +132,7 @@ def _nested(fit: FitResult, effect: Effect, other: str) -> str:
     }
     for name, limit, law in effect.becomes:
         own = qualified(effect.name, name)
-        if law == other and own in known and abs(known[own] - limit) <= _LIMIT * fit.std.get(own, 0.0):
+        if law == other and own in known and abs(known[own] - limit) <= AT_LIMIT * fit.std.get(own, 0.0):
             return f"{name} {limit:g}"
     return ""
 

@@ -4,8 +4,8 @@ Two questions are kept apart. Whether a set is all of it is asked of the noise: 
 the tests reject what is left, however small its share. Whether an effect is the right one is asked of the
 share that it leaves, as none of a library has a bench's exact shape: a set that leaves more than hardly
 anything (`SHAPE`) may be it in another shape, a part of it, or a stand-in, and is not named. A second effect
-that is little beside the first (`_SLIGHT`) may be the first one's shape, unless it explains what that left
-nearly to the noise (`_WHOLE`).
+that is little beside the first (`SLIGHT`) may be the first one's shape, unless it explains what that left
+nearly to the noise (`WHOLE`).
 
 Every question about a refitted set is answered from its linearisation (`Point`). All pairs of effects are
 looked at on the linearised problem, as two may only pay together.
@@ -25,17 +25,24 @@ from numpy.typing import NDArray
 from rigctl.analysis.adequacy import Adequacy, adequacy
 from rigctl.analysis.candidates import Candidate, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.levels import (
+    ALIKE,
+    FAR,
+    FAR_SHARE,
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    SHAPE,
+    SLIGHT,
+    TOLERANCE,
+    UNSEEN,
+    WHOLE,
+    WORTH,
+)
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.refit import Alone, Trial, alone, near_best, plain, refit
 from rigctl.analysis.score_test import Score, Screening, cone, screen
-from rigctl.analysis.separability import (
-    LEAST_DIFFERENCE,
-    LEAST_SEPARATION,
-    TOLERANCE,
-    cosine,
-    separation,
-)
+from rigctl.analysis.separability import cosine, separation
 from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -202,22 +209,7 @@ def _name(projected: Projected, column: int) -> str:
 #: told what is being done
 Tell = Callable[[str], None]
 
-#: the share of a squared misfit that an effect of the right cause may leave by not having the bench's exact
-#: shape: a sixth of its size
-SHAPE = 0.03
-#: a member of a pair that explains less than this share of what both explain may be the shape of the other
-_SLIGHT = 0.15
-#: but not one beside which less than this share stays of what it explains, with what the tests do not see
-_WHOLE = 0.1
-#: what the tests do not see, in χ²: 4.5 sigmas of the best score
-_UNSEEN = 20.0
 _BEST = 3
-#: rivals more alike than this are refitted
-_ALIKE = 0.5
-#: but not those that the signatures separate by more than this: no refit brings them back
-_FAR = 3.0 * LEAST_SEPARATION
-#: nor, of a large effect, by more than this share of its size: slopes say no more than that of it
-_FAR_SHARE = 0.2
 #: never more refits of rivals than these
 _MOST_RIVALS = 7
 _PAIRS = 2
@@ -225,8 +217,6 @@ _SWAPS = 3
 #: never more effects in a set than these: three that are not missing explain almost anything together, and
 #: where three are, the loop finds them one after the other
 _TOGETHER = 2
-#: a set of another size must be better by this to be looked at, in χ²
-_WORTH = 6.0
 
 
 @dataclass
@@ -385,7 +375,7 @@ class Search:
         near = [
             one
             for one in close.values()
-            if (one[0] > _ALIKE or one[2] < LEAST_SEPARATION) and one[2] < max(_FAR, _FAR_SHARE * size)
+            if (one[0] > ALIKE or one[2] < LEAST_SEPARATION) and one[2] < max(FAR, FAR_SHARE * size)
         ]
         near.sort(key=lambda one: -one[0])
         found = []
@@ -453,7 +443,7 @@ class Search:
     @staticmethod
     def _near(cos: float, size: float) -> bool:
         """Whether two signatures are so alike that a refit must tell which is right."""
-        return cos > _ALIKE and separation(size, cos) < max(_FAR, _FAR_SHARE * size)
+        return cos > ALIKE and separation(size, cos) < max(FAR, FAR_SHARE * size)
 
     def _pairs(self, best: Trial) -> Trial:
         """The best pairs of the linear problem, with what the best single effect asks for and without it.
@@ -472,9 +462,9 @@ class Search:
             (pair.gain, [lin.candidates[k] for k in pair.places])
             for pair in pair_gains(self.before.projected)
         ]
-        better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + _WORTH]
+        better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + WORTH]
         own = set(best.effects)
-        without = [chosen for gain, chosen in pairs if gain > _WORTH and not {c.name for c in chosen} & own]
+        without = [chosen for gain, chosen in pairs if gain > WORTH and not {c.name for c in chosen} & own]
         for chosen in better + [one for one in without[: _PAIRS if own else 0] if one not in better]:
             self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
             self._try(chosen, self.none)
@@ -498,7 +488,7 @@ class Search:
         found = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             candidate = here.linearisation.candidates[score.candidate]
-            for member in best.candidates if score.gain > _WORTH else ():
+            for member in best.candidates if score.gain > WORTH else ():
                 self.tell(f"Refitting with {candidate.name} for {member.name}")
                 rest = tuple(one for one in best.candidates if one is not member)
                 found.append(self._try((*rest, candidate), best))
@@ -509,7 +499,7 @@ class Search:
         here = self.at(best)
         tried = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
-            if score.gain > _WORTH:
+            if score.gain > WORTH:
                 candidate = here.linearisation.candidates[score.candidate]
                 self.tell(f"Refitting with {', '.join([*best.effects, candidate.name])}")
                 tried.append(self._try((*best.candidates, candidate), best))
@@ -529,7 +519,7 @@ class Search:
                 slight = [
                     one
                     for one in shorter
-                    if one.chi2 - best.chi2 < _SLIGHT * reached and not self._whole(best, one)
+                    if one.chi2 - best.chi2 < SLIGHT * reached and not self._whole(best, one)
                 ]
                 if not slight:
                     break
@@ -563,7 +553,7 @@ class Search:
         The shape of another effect is followed by a second one only roughly, and the rest of it is seen.
         """
         explained = without.chi2 - best.chi2
-        return self.excess(best) + _UNSEEN < _WHOLE * explained
+        return self.excess(best) + UNSEEN < WHOLE * explained
 
     def _simplest(self, best: Trial) -> Trial:
         """Of sets that differ by less than shapes may, the one with the fewest parameters."""

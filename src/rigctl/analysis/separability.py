@@ -7,19 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.levels import LEAST_DIFFERENCE, TOLERANCE
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
-
-#: least separation at which the right one of two wins 99 times in 100
-LEAST_SEPARATION = 2.33
-#: least difference of mBIC at which one of two is a hundred times as probable
-LEAST_DIFFERENCE = 9.2
-#: no model has a bench's exact shape: two that differ by less than this share of an effect's size are alike,
-#: however small the noise is
-TOLERANCE = 0.1
 
 
 def cosine(projected: Projected, one: int, other: int) -> float:

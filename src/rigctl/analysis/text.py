@@ -5,15 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from rigctl.analysis.adequacy import BELOW, chance_text, error_below
+from rigctl.analysis.adequacy import chance_text, error_below
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import HeldOut
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.levels import (
+    ALIKE,
+    ALPHA,
+    BELOW_NOISE,
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    ODDS,
+    SHAPE,
+    TOLERANCE,
+)
 from rigctl.analysis.remainder import Remainder, share_text
 from rigctl.analysis.rivals import Differs, Rival
-from rigctl.analysis.search import SHAPE
-from rigctl.analysis.separability import LEAST_DIFFERENCE, LEAST_SEPARATION, TOLERANCE
 from rigctl.effects.declaration import Effect
 from rigctl.effects.record_level import RECORD
 from rigctl.units import parse_unit
@@ -24,8 +32,6 @@ _HIDDEN = 0.3
 _MOVED = 0.02
 #: phases in which two effects are less alike by this are told
 _UNLIKE = 0.15
-#: an effect that is told apart is worth a word where its signature is more alike than this
-_ALIKE = 0.5
 
 
 def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
@@ -65,7 +71,7 @@ def verdict_text(
     described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
     if verdict is Verdict.MISSING_EFFECT:
         text = described
-        alike = [rival for rival in rivals if rival.cos > _ALIKE]
+        alike = [rival for rival in rivals if rival.cos > ALIKE]
         if alike:
             text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
         return text if left is None else f"{text}. That is not all: {left.statement}"
@@ -79,13 +85,13 @@ def verdict_text(
 def whether_at_all(before: ModelComparison) -> str:
     """Why a misfit that no effect explains need not mean that something is missing; "" where it does.
 
-    An error below `BELOW` ends a search before it begins; one merely within the noise is asked first whether
-    an effect explains it, and is held against the model only then.
+    An error below `BELOW_NOISE` ends a search before it begins; one merely within the noise is asked first
+    whether an effect explains it, and is held against the model only then.
     """
     guessed = [channel.name for channel in before.fit.problem.noise.channels if channel.guessed]
     if guessed:
         return f"these data do not tell the noise of {', '.join(guessed)}"
-    if error_below(before.fit, BELOW):
+    if error_below(before.fit, BELOW_NOISE):
         return "the error of every channel is below its noise, which is not what it was taken for"
     if error_below(before.fit, 1.0):
         return "the error of every channel is within its noise"
@@ -214,7 +220,8 @@ def evidence_for(
     name = candidate.name
     found = [_size(ranked)]
     if ranked.delta_bic < 0.0:
-        found.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it (9.2 is odds of 100 to 1)")
+        odds = f"{LEAST_DIFFERENCE} is odds of {ODDS} to 1"
+        found.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it ({odds})")
     else:
         found.append(f"against {name}: mBIC rises by {ranked.delta_bic:.1f} with it")
     if check is not None and check.folds >= 2:
@@ -231,7 +238,7 @@ def evidence_for(
         )
     own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
     found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.told]
-    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told and rival.cos > _ALIKE][:1]
+    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told and rival.cos > ALIKE][:1]
     return found
 
 
@@ -245,7 +252,7 @@ def _size(ranked: Ranked) -> str:
     """How far it stands out of the noise, and whether it did so in the model as it is."""
     p = ranked.score_p_value
     text = f"for {ranked.effect}: it stands out of the noise by {ranked.size:.1f} sigma"
-    if p > 0.01:
+    if p > ALPHA:
         return f"{text}, but only beside the others: on the model as it is its score is nothing (p = {p:.2g})"
     return f"{text} ({chance_text(p)} for the largest of the whole library)"
 

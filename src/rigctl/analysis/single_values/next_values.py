@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import LEVEL
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import alone
 from rigctl.analysis.score_test import Score
@@ -287,7 +287,7 @@ def _repeats(before: ModelComparison, score: Score) -> int:
     if not channel.degrees:
         return 0
     for count in range(2, _MOST_REPEATS + 1):
-        needed = float(t.isf(0.5 * LEVEL, channel.degrees + rows * (count - 1)) + norm.isf(_MISSED))
+        needed = float(t.isf(0.5 * ALPHA, channel.degrees + rows * (count - 1)) + norm.isf(_MISSED))
         if score.z * math.sqrt(count) > needed:
             return count
     return 0

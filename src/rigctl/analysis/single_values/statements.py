@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.adequacy import LEVEL, Adequacy, chance_text, chi2_tail
+from rigctl.analysis.adequacy import Adequacy, chance_text, chi2_tail
+from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.score_test import Score, Screening
@@ -221,11 +222,11 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
         return [f"{many}, and the noise is only guessed: no verdict is surer than that guess"]
     from scipy.stats import t
 
-    needed = float(t.isf(0.5 * LEVEL, degrees))
+    needed = float(t.isf(0.5 * ALPHA, degrees))
     return [
         f"{many} leave {left} to judge by, and their noise is itself known to about "
         f"{100 / math.sqrt(2 * degrees):.0f} % only: an effect would have to stand out by {needed:.1f} sigma "
-        f"to be told, where {t.isf(0.5 * LEVEL, 1e9):.1f} would do if the noise were known"
+        f"to be told, where {t.isf(0.5 * ALPHA, 1e9):.1f} would do if the noise were known"
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.record_level import RecordQuantity
 from rigctl.report.analysis.bars import Bar, bars
@@ -121,8 +122,8 @@ def _places(model: ModelComparison) -> list[Markup]:
                 prose(plain_name(place.label)),
                 place.share_of_error / largest,
                 f"{100 * place.share_of_error:.0f} %",
-                "more than chance" if place.p_value < 0.01 else "could be chance",
-                0 if place.p_value < 0.01 else 7,
+                "more than chance" if place.p_value < ALPHA else "could be chance",
+                0 if place.p_value < ALPHA else 7,
             )
             for place in places
         ]
