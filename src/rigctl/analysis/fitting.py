@@ -16,7 +16,7 @@ from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import make_problem
 from rigctl.model.measured.hold_out import chosen, held_out
-from rigctl.model.measured.noise import DataNoise, noise_of, with_spikes_off_model
+from rigctl.model.measured.noise import DataNoise, noise_of, with_motion_off, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
@@ -117,17 +117,37 @@ def fit_model(
     if not refit:
         problem = problem.with_shared([one for one in problem.shared if one.name not in model.fitted])
     found = fit(problem, held_out, refit=bool(problem.shared))
-    errors = [found.normalised_error(place) for place in range(len(measurements.records))]
-    cleaned = with_spikes_off_model(noise, measurements, errors)
-    if cleaned is None:
-        return found
-    begun = dict(zip((unknown.name for unknown in found.problem.shared), found.values, strict=True))
-    again = make_problem(model, measurements, cleaned.model, cleaned.ok, progress=tell)
-    shared = [one for one in again.shared if refit or one.name not in model.fitted]
+    for learn in (_spikes_off, _motion_off):
+        cleaned = learn(found, noise)
+        if cleaned is not None:
+            noise = cleaned
+            found = _fit_to_noise(found, noise, refit=refit, tell=tell)
+    return found
+
+
+def _spikes_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
+    errors = [found.normalised_error(place) for place in range(len(found.problem.records))]
+    return with_spikes_off_model(noise, found.problem.measurements, errors)
+
+
+def _motion_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
+    residuals = [
+        np.where(good, outputs - record.values, np.nan)
+        for good, outputs, record in zip(noise.ok, found.outputs, found.problem.records, strict=True)
+    ]
+    return with_motion_off(noise, found.problem.measurements, residuals)
+
+
+def _fit_to_noise(before: FitResult, noise: DataNoise, *, refit: bool, tell: Tell) -> FitResult:
+    """The fit made again in another noise, begun where it ended."""
+    problem = before.problem
+    begun = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
+    again = make_problem(problem.model, problem.measurements, noise.model, noise.ok, progress=tell)
+    shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
     again = again.with_shared(
         started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))
     )
-    return fit(again, held_out, refit=bool(again.shared), local=found.local)
+    return fit(again, before.held_out, refit=bool(again.shared), local=before.local)
 
 
 def require_free_parameters(model: Model) -> None:

@@ -19,7 +19,14 @@ HIDDEN = 1e-3
 _RANK = 1e-8
 #: degrees of freedom that a guess of the noise is worth, by where it comes from: a rig file's number is good
 #: to a quarter, a share of the readings to a half
-_WORTH: dict[Source, int] = {"rig": 8, "quiet": 4, "differences": 4, "replicates": 4, "assumed": 2}
+_WORTH: dict[Source, int] = {
+    "rig": 8,
+    "quiet": 4,
+    "residuals": 4,
+    "differences": 4,
+    "replicates": 4,
+    "assumed": 2,
+}
 #: at the end of a table's fit, squares that the unknowns could still take away: by steps so large that the
 #: linear problem does not hold for them, or past their bounds
 _STUCK = 9.0

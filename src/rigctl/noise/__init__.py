@@ -7,7 +7,7 @@ from rigctl.noise.record import NoiseRecord
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
-from rigctl.noise.statements import recounted
+from rigctl.noise.statements import channel_statement, model_statement, recounted
 from rigctl.noise.whitening import Whitener, whiten
 
 __all__ = [
@@ -18,11 +18,13 @@ __all__ = [
     "Scatter",
     "Source",
     "Whitener",
+    "channel_statement",
     "estimate_noise",
     "estimate_scatter",
     "find_edges",
     "find_spikes",
     "find_spikes_in_records",
+    "model_statement",
     "recounted",
     "row_noise",
     "same_reading",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigctl.noise.variance import VarianceLaw, smooth_course
 
 #: where a channel's noise was learned, best first
-Source = Literal["replicates", "quiet", "differences", "rig", "assumed"]
+Source = Literal["replicates", "quiet", "residuals", "differences", "rig", "assumed"]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from rigctl.noise.noise_model import ChannelNoise, NoiseModel
 _FROM = {
     "replicates": "differences between replicates and quiet stretches",
     "quiet": "quiet stretches of the records",
+    "residuals": "what the model leaves of the records within short windows",
     "differences": "differences between neighbouring samples, which cannot tell correlation",
     "rig": "the rig file: the data could not tell",
     "assumed": "nothing but a guess: the data could not tell and the rig file does not say",

@@ -15,9 +15,11 @@ from rigctl.noise import (
     NoiseModel,
     NoiseRecord,
     RowNoise,
+    channel_statement,
     estimate_noise,
     find_edges,
     find_spikes_in_records,
+    model_statement,
     recounted,
     row_noise,
     spikes_of,
@@ -29,6 +31,10 @@ from rigctl.units import show
 _LEAST_JUMP = 0.1
 #: a channel with one spike in so many readings has a habit of them; normal noise has one in 150 000
 _SPIKY = 1000
+#: noise with a correlation above this may be a signal
+_SLOW = 0.9
+#: a model whose error is less than this share of the noise shows that the noise is not what it was taken for
+_BELOW = 0.9
 
 
 @dataclass(frozen=True)
@@ -127,6 +133,54 @@ def with_spikes_off_model(
     model = recounted(noise.model, [int(count) for count in known + counts.sum(axis=0)], edges)
     ok = tuple(good & ~mask for good, mask in zip(noise.ok, spikes, strict=True))
     return replace(noise, model=model, ok=ok, masked=None if noise.masked is None else noise.masked + counts)
+
+
+def with_motion_off(
+    noise: DataNoise, measurements: Measurements, residuals: Sequence[NDArray[np.float64]]
+) -> DataNoise | None:
+    """With noise learned from what a model leaves, of channels whose motion passed for noise; None if none.
+
+    Stretches that never rest, or move slowly, show noise that is too wide: a model's error is then smaller
+    than it, and nothing can be told. Within windows of 40 samples a model's residuals are noise and a smooth
+    rest, which their trend takes out, so that an effect that is missing does not widen what is learned. Only
+    a guess, or noise that is mostly as slow as a signal, is replaced, and only by a narrower one.
+
+    Parameters
+    ----------
+    residuals: (n, outputs) of each record, model less reading, SI; NaN where no reading counts.
+    """
+    if measurements.table:
+        return None
+    channels = noise.model.channels
+    errors = [np.concatenate([one[:, c] for one in residuals]) for c in range(len(channels))]
+    doubtful = [
+        (channel.guessed or channel.correlation > _SLOW)
+        and not (channel.step or channel.law or channel.share)
+        and bool(np.isfinite(error).any())
+        and float(np.sqrt(np.nanmean(error**2))) < _BELOW * channel.sigma
+        for channel, error in zip(channels, errors, strict=True)
+    ]
+    if not any(doubtful):
+        return None
+    records = [
+        NoiseRecord(record.times, error, record.group, record.phase.astype(np.intp))
+        for record, error in zip(measurements.records, residuals, strict=True)
+    ]
+    spikes = [np.zeros(error.shape, bool) for error in residuals]
+    learned = estimate_noise(records, measurements.outputs, spikes=spikes).channels
+    replaced = [
+        _of_residuals(old, new) if doubt and not new.guessed and new.sigma < _BELOW * old.sigma else old
+        for doubt, old, new in zip(doubtful, channels, learned, strict=True)
+    ]
+    if all(new is old for new, old in zip(replaced, channels, strict=True)):
+        return None
+    model = replace(noise.model, channels=tuple(replaced), statement=model_statement(replaced))
+    return replace(noise, model=model)
+
+
+def _of_residuals(old: ChannelNoise, new: ChannelNoise) -> ChannelNoise:
+    found = replace(new, source="residuals", masked=old.masked, edges=old.edges, law=None)
+    return found.stated(channel_statement(found, None))
 
 
 def _spans(measurements: Measurements) -> NDArray[np.float64]:
