@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rigctl.model.measured.noise import noise_of, with_spikes_off_model
+from rigctl.model.measured.noise import noise_of, with_motion_off, with_spikes_off_model
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 
 
@@ -96,3 +96,26 @@ def test_spikes_in_motion_show_beside_a_model_and_only_where_the_channel_has_spi
         assert sum(int((~good[30:270]).sum()) for good in found.ok) == pytest.approx(45, abs=4)
         assert all(good[440:461].all() for good in found.ok)
         assert f"{found.model.channels[0].masked} spikes masked" in found.model.statement
+
+
+def test_noise_of_a_bench_that_never_rests_is_learned_from_what_its_model_leaves() -> None:
+    rng = np.random.default_rng(3)
+    sigma, at = 1e-2, np.arange(400)
+    moving = [np.sin(at / 6.0 + 2.0 * k) + 0.5 * np.sin(at / 3.3 + k) for k in range(4)]
+    lacks = 3.0 * sigma * np.sin(at / 60.0)  # an effect that is missing is smooth within a window
+    given = [one + sigma * rng.standard_normal(at.size) for one in moving]
+    measurements = measured([record(k, values) for k, values in enumerate(given)])
+    noise = noise_of(measurements)
+    before = noise.model.channels[0]
+    assert before.guessed or before.correlation > 0.9
+    assert before.sigma > 2.0 * sigma
+    residuals = [(one + lacks - values)[:, None] for one, values in zip(moving, given, strict=True)]
+    found = with_motion_off(noise, measurements, residuals)
+    assert found is not None
+    channel = found.model.channels[0]
+    assert channel.sigma == pytest.approx(sigma, rel=0.08)
+    assert (channel.source, channel.guessed) == ("residuals", False)
+    assert "from what the model leaves" in found.model.statement
+    # a model that leaves as much as the noise is no reason to doubt it
+    wrong = [residual + 2.0 * before.sigma for residual in residuals]
+    assert with_motion_off(noise, measurements, wrong) is None
