@@ -44,6 +44,9 @@ steps:
       - extend: {for: 0.3 s}
       - retract: {for: 0.3 s}
 """
+HEATING = (
+    "procedure: heating\nsteps:\n  - set: {heater: on}\n  - wait: 1 h\n"  #: read ten times a second only
+)
 
 
 def carry_out(text: str, rig: Rig, backend: Backend, folder: Path) -> None:
@@ -77,7 +80,7 @@ def ending(seed: int, folder: Path) -> tuple[float, int]:
         backend.open()
         timer = threading.Timer(random.Random(seed).uniform(0.8, 2.0), press)
         timer.start()
-        carry_out(MOVING, rig, backend, folder)
+        carry_out(HEATING if seed % 2 else MOVING, rig, backend, folder)
     after = [(at, levels) for at, levels in edges if at > sent[0]]
     dark = next((index for index, (_, levels) in enumerate(after) if not any(levels)), len(after))
     switched_on = sum(any(levels) for _, levels in after[dark:])

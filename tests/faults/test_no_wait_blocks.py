@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bench_stand import Stand
+from bench_stand import ScriptedClock, Stand
 from rigctl.backends.registry import create_backend
 from rigctl.clock import ScaledClock
 from rigctl.dataset import open_run, verify
@@ -57,6 +57,19 @@ def test_a_signal_ends_a_wait_for_an_actuator_to_rest(stand: Stand) -> None:
     assert last - pressed < (
         0.6 if stand.kind == "lines" else 0.12
     )  # a sample of that board takes up to 0.5 s
+
+
+@pytest.mark.parametrize("kind", ["simulated", EMULATED])
+def test_a_signal_is_seen_between_two_samples(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between records the bench is read ten times a second: a signal does not wait for the next sample."""
+    clock = ScriptedClock(speed=1.0)  # virtual, with slices in which to look
+    stand = Stand(kind, Workshop(tmp_path), monkeypatch, clock=clock)
+    stand.signal_at(2.0213)
+    done = stand.run("steps:\n  - set: {heater: on}\n  - wait: 60 s\n")
+    assert done.result.status == "aborted"
+    assert max(time for time, _, _ in stand.seen) - 2.0213 < 0.035
 
 
 def test_samples_go_on_while_an_actuator_rests_and_it_is_switched_when_it_has(stand: Stand) -> None:

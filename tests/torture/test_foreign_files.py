@@ -11,9 +11,8 @@ if sys.platform == "win32":
 from torture.foreign_files import torture
 
 
-def test_damaged_files_of_other_programs_are_a_run_or_one_message(tmp_path: Path) -> None:
-    found = torture(tmp_path, 80, seed=1, kinds=("csv", "mf4"))
-    for kind in ("csv", "mf4"):
-        assert found[kind]["failures"] == []
-        assert found[kind]["read"] + found[kind]["refused"] == 40
-        assert found[kind]["read"] > 3
+def test_damaged_files_of_another_program_are_a_run_or_one_message(tmp_path: Path) -> None:
+    found = torture(tmp_path, 32, seed=1, kinds=("mf4",))["mf4"]
+    assert found["failures"] == []
+    assert found["read"] + found["refused"] == 32
+    assert found["read"] > 3

@@ -16,6 +16,7 @@ from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
 
+_SIGNAL = 0.02  # s of wall time that a signal may have to wait where no sample comes meanwhile
 #: s from which two times of a sampling grid are different
 _SLACK = 1e-9
 
@@ -55,7 +56,7 @@ class Driver:
         self._secure = secure
         self._tick = tick
         self._response = response
-        self._slice = RESPONSE * self._clock.speed  # s of bench time
+        self._slice = _SIGNAL * self._clock.speed  # s of bench time
         self._next_look = 0.0  # wall time
         self._signals_seen = 0
         self._pause: tuple[Control, Order] | None = None

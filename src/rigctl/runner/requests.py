@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from rigctl.runner.view import View
 
-#: s of wall time that a signal or a key may have to wait
+#: s of wall time that a key or another terminal may have to wait
 RESPONSE = 0.1
 
 
