@@ -57,7 +57,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     by_file: dict[str, list[pytest.Item]] = {}
     for item in items:
-        by_file.setdefault(item.path.relative_to(here).as_posix(), []).append(item)
+        by_file.setdefault(Path(os.path.relpath(item.path, here)).as_posix(), []).append(item)
     dealt: list[list[pytest.Item]] = [[] for _ in range(workers)]
     for place, name in enumerate(name for name in LONGEST if name in by_file):
         dealt[place % workers] += by_file.pop(name)
