@@ -22,12 +22,16 @@ from rigctl.validation.work import diagnose_scenario
 
 @dataclass(frozen=True)
 class Expected:
-    """A trial of the list: what is hidden, how large (SI), and what a diagnosis must say of it."""
+    """A trial of the list: what is hidden, how large (SI), and what a diagnosis must say of it.
+
+    `first` heads the ranking, where the list says so: a stand-in that comes near and must not be named.
+    """
 
     scenario: Scenario
     amplitudes: tuple[float, ...]
     verdict: str
     classes: frozenset[frozenset[str]]
+    first: str | None
 
 
 def listed(line: dict[str, Any]) -> Expected:
@@ -42,7 +46,7 @@ def listed(line: dict[str, Any]) -> Expected:
         pressures=(20.0, 50.0),
     )
     classes = frozenset(frozenset(group) for group in line["classes"])
-    return Expected(scenario, tuple(line["amplitudes"]), line["verdict"], classes)
+    return Expected(scenario, tuple(line["amplitudes"]), line["verdict"], classes, line.get("first"))
 
 
 LIST = [
@@ -56,6 +60,7 @@ def test_a_campaign_gets_the_verdict_that_is_expected_of_it(expected: Expected) 
         found = diagnose_scenario(expected.scenario, expected.amplitudes)
     classes = frozenset(frozenset(group) for group in found.classes)
     assert (found.verdict.value, classes) == (expected.verdict, expected.classes)
+    assert expected.first in (None, *(one.effect for one in found.ranking[:1]))
     outcome = Outcome(expected.scenario, found.verdict.value, found.effects, found.classes)
     assert outcome.right == outcome.accepted, "what is named is hidden, or is undecided with it"
 

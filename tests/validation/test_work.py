@@ -45,13 +45,6 @@ def test_two_that_look_like_a_third_are_both_named(effects: tuple[str, str], cha
     assert min(outcome.beside) > 20.0
 
 
-def test_a_stand_in_that_leaves_a_tenth_is_not_named() -> None:
-    hidden = (Wanted("spring_load", 30.0),)
-    outcome = carry_out(replace(SMALL, kind="removed", hidden=hidden, chamber_pressures=True))
-    assert outcome.first == "constant_load"
-    assert outcome.verdict == "outside_library"
-
-
 def test_an_effect_that_a_fitted_parameter_imitates_nearly_whole_is_found() -> None:
     """The throttle's opening does all but the smallest part of what the position sensor's gain does."""
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("position_gain", 12.0, -1),)))
