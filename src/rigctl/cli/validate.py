@@ -109,11 +109,11 @@ def _outcomes(
     *,
     resume: bool,
 ) -> Sequence[TrialOutcome[AnyTrial]]:
-    from rigctl.validation.judged import judged_version
+    from rigctl.method_version import METHOD_VERSION
     from rigctl.validation.parallel import run_scenarios
     from rigctl.validation.store import ResultStore
 
-    store = ResultStore(path, judged_version(), read)
+    store = ResultStore(path, f"method {METHOD_VERSION}", read)
     if not resume and store.outcomes(trials):
         raise RigctlError(
             "results of this version are there already",

@@ -1,0 +1,13 @@
+"""The version of the method that verdicts are reached by: kept rates and stored fits are of one version.
+
+It is raised when code that decides changes so that a verdict, a probability or a size could come out
+differently; moving or describing code does not change it. ``tests/test_method_version.py`` fails when such
+code has changed and nothing was said: ``python tools/method_version.py`` says which way to go.
+"""
+
+from __future__ import annotations
+
+#: raised by one when a verdict may come out differently
+METHOD_VERSION = 1
+#: of the deciding code of this version, as ``tools/method_version.py`` works it out
+FINGERPRINT = "9fa629bd3d6f"

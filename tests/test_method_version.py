@@ -1,0 +1,68 @@
+"""The version of the method: code that decides does not change without a word, and the rest may."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from rigctl.method_version import FINGERPRINT, METHOD_VERSION
+
+TOOL = Path(__file__).parent.parent / "tools" / "method_version.py"
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("method_version_tool", TOOL)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_deciding_code_has_not_changed_without_a_word(tool: ModuleType) -> None:
+    assert METHOD_VERSION >= 1
+    assert tool.fingerprint() == FINGERPRINT, (
+        "code that decides has changed: run 'python tools/method_version.py --changed' if a verdict may come "
+        "out differently (and validate again), or '--same' if it cannot"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "same"),
+    [
+        ("levels.py", "#: the chance of calling", "#: how often it calls", True),  # a comment
+        ("adequacy.py", '"""Does the model agree', '"""Whether the model agrees', True),  # a docstring
+        ("levels.py", "ALPHA: Final = 0.01", "ALPHA: Final = 0.02", False),
+        ("adequacy.py", "self.p_value >= ALPHA", "self.p_value > ALPHA", False),
+    ],
+)
+def test_words_do_not_count_and_numbers_do(
+    tool: ModuleType, tmp_path: Path, name: str, old: str, new: str, same: bool
+) -> None:
+    before = _copied(tool, tmp_path, name)
+    path = next(tmp_path.rglob(name))
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    assert (tool.fingerprint(tmp_path) == before) is same
+
+
+def test_a_function_that_moves_to_another_file_is_the_same(tool: ModuleType, tmp_path: Path) -> None:
+    before = _copied(tool, tmp_path, "adequacy.py")
+    path = next(tmp_path.rglob("adequacy.py"))
+    path.rename(path.with_name("agreement.py"))
+    assert tool.fingerprint(tmp_path) == before
+
+
+def _copied(tool: ModuleType, folder: Path, name: str) -> str:
+    """A tree with this one file in it, and its fingerprint."""
+    path = next(p for package in tool.PACKAGES for p in (tool.ROOT / package).rglob(name))
+    copy = folder / path.relative_to(tool.ROOT)
+    copy.parent.mkdir(parents=True)
+    shutil.copy(path, copy)
+    found: str = tool.fingerprint(folder)
+    return found

@@ -1,0 +1,112 @@
+"""Say whether code that decides has changed since the method's version was declared.
+
+python tools/method_version.py             says what the fingerprint is, and whether it is the declared one
+python tools/method_version.py --changed   verdicts may come out differently: the next version
+python tools/method_version.py --same      they cannot (a rewording, a renaming): the fingerprint alone
+
+The fingerprint is of the syntax trees of every function, class and constant of the packages that a verdict
+goes through, without docstrings, comments, imports and annotations, in an order that does not depend on the
+files they stand in.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent / "src" / "rigctl"
+DECLARED = ROOT / "method_version.py"
+#: packages that a verdict goes through, from the file that was imported to the words of the answer
+PACKAGES = (
+    "analysis",
+    "dataset/importing",
+    "effects",
+    "engine",
+    "families",
+    "model",
+    "noise",
+    "physics",
+)
+
+
+def fingerprint(root: Path = ROOT) -> str:
+    """Twelve digits that stay the same until deciding code changes."""
+    found = sorted(
+        sha256(text.encode()).hexdigest()
+        for package in PACKAGES
+        for path in (root / package).rglob("*.py")
+        for text in _statements(path)
+    )
+    return sha256("".join(found).encode()).hexdigest()[:12]
+
+
+def _statements(path: Path) -> Iterator[str]:
+    """Each statement of a module that does something, as its syntax tree."""
+    for statement in ast.parse(path.read_text(encoding="utf-8")).body:
+        if not isinstance(statement, ast.Import | ast.ImportFrom) and not _for_types(statement) | _is_text(
+            statement
+        ):
+            yield ast.dump(_Bare().visit(statement))
+
+
+def _for_types(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.If) and ast.unparse(statement.test) == "TYPE_CHECKING"
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    return (
+        isinstance(statement, ast.Expr)
+        and isinstance(statement.value, ast.Constant)
+        and isinstance(statement.value.value, str)
+    )
+
+
+class _Bare(ast.NodeTransformer):
+    """Takes docstrings, imports and annotations out of functions and classes."""
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            kept = [
+                one for one in body if not _is_text(one) and not isinstance(one, ast.Import | ast.ImportFrom)
+            ]
+            node.body = kept or [ast.Pass()]  # type: ignore[attr-defined]
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            node.returns = None
+        if isinstance(node, ast.arg):
+            node.annotation = None
+        return super().visit(node)
+
+
+def declare(*, changed: bool) -> str:
+    """Write the fingerprint, and with `changed` the next version; returns the line that stands there now."""
+    text = DECLARED.read_text(encoding="utf-8")
+    version = int(re.search(r"^METHOD_VERSION = (\d+)$", text, re.MULTILINE)[1]) + int(changed)  # type: ignore[index]
+    text = re.sub(r"^METHOD_VERSION = \d+$", f"METHOD_VERSION = {version}", text, flags=re.MULTILINE)
+    text = re.sub(r'^FINGERPRINT = ".*"$', f'FINGERPRINT = "{fingerprint()}"', text, flags=re.MULTILINE)
+    DECLARED.write_text(text, encoding="utf-8")
+    return f"version {version}, fingerprint {fingerprint()}"
+
+
+def main() -> int:
+    """Say it, or write it."""
+    parser = argparse.ArgumentParser(description="The version of the method that verdicts are reached by.")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--changed", action="store_true", help="verdicts may come out differently")
+    which.add_argument("--same", action="store_true", help="they cannot")
+    asked = parser.parse_args()
+    if asked.changed or asked.same:
+        print(declare(changed=asked.changed))
+        return 0
+    same = f'FINGERPRINT = "{fingerprint()}"' in DECLARED.read_text(encoding="utf-8")
+    print("as declared" if same else "deciding code has changed: --changed or --same says how")
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
