@@ -48,8 +48,8 @@ def fit(
     if not runs:
         raise RigctlError("a fit needs a run")
     require_free_parameters(model)
-    data = read_runs(model, runs, hold_out=hold_out, only=only, tell=on_progress)
-    return fit_to_data(model, data, tell=on_progress)
+    data = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=on_progress)
+    return fit_to_data(model, data, on_progress=on_progress)
 
 
 def run(

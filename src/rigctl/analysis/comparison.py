@@ -8,7 +8,7 @@ from dataclasses import replace
 from rigctl.analysis.adequacy import Adequacy, adequacy, chance_text
 from rigctl.analysis.candidates import candidates, data_ranges
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
-from rigctl.analysis.fitting import Data, Tell, fit_to_data, read_runs, tell_nobody
+from rigctl.analysis.fitting import Data, OnProgress, fit_to_data, no_progress, read_runs
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.localisation import Place, cell_map, localise, worst_stretches
 from rigctl.analysis.nuisance_projection import project
@@ -39,7 +39,7 @@ def compare(
     only: str | None = None,
     refit: bool = True,
     excluded: Collection[str] = (),
-    tell: Tell | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Comparison:
     """Compare each model with the usable records of `runs`.
 
@@ -49,7 +49,7 @@ def compare(
     only: a condition that chooses the records to look at; the noise is learned from all.
     refit: fit each model's free parameters first, without changing its file; False takes them as they are.
     excluded: effects of the library that are not to be looked at.
-    tell: told what is being done, for a progress line.
+    on_progress: called with what is being done, for a progress line.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def compare(
     """
     if not runs or not models:
         raise RigctlError("a comparison needs a run and a model")
-    said = tell or tell_nobody
+    said = on_progress or no_progress
     found: list[ModelComparison] = []
     notes: list[str] = []
     labels: tuple[str, ...] = ()
@@ -68,13 +68,13 @@ def compare(
     for model in models:
         key = (model.family.name, model.rig.name if model.rig else "")
         if key not in read:
-            read[key] = read_runs(model, runs, hold_out=hold_out, only=only, tell=said)
+            read[key] = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=said)
         data = read[key]
         labels = tuple(data.measurements.records[k].label for k in data.held_out)
         choice = data.choice
-        fitted = fit_to_data(model, data, refit=refit, tell=said)
+        fitted = fit_to_data(model, data, refit=refit, on_progress=said)
         said(f"Looking where {model.name} fails")
-        found.append(judge(fitted, model.name, excluded=excluded, tell=said))
+        found.append(judge(fitted, model.name, excluded=excluded, on_progress=said))
         notes += _notes(fitted)
     return Comparison(
         runs=tuple(run.id for run in runs),
@@ -92,7 +92,7 @@ def judge(
     *,
     excluded: Collection[str] = (),
     locate: bool = True,
-    tell: Tell | None = None,
+    on_progress: OnProgress | None = None,
 ) -> ModelComparison:
     """Test a fitted model, and say where it fails.
 
@@ -101,7 +101,7 @@ def judge(
     excluded: effects of the library that are not to be looked at.
     locate: False leaves the places of the error, its directions and the equations out: the tests alone.
     """
-    whole = fitted.problem.rebuilt(fitted.model, library=True, progress=tell)
+    whole = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
     linearisation = linearise(fitted, whole, candidates(fitted.model, excluded, ranges))
     projected = project(linearisation)

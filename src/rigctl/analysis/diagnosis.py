@@ -22,7 +22,7 @@ from rigctl.analysis.refit import Trial
 from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
-from rigctl.analysis.search import Search, Tell
+from rigctl.analysis.search import OnProgress, Search
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import drift_text, evidence_for, verdict_text, whether_at_all
@@ -46,7 +46,7 @@ def diagnose(
     only: str | None = None,
     most: int = 2,
     excluded: Collection[str] = (),
-    tell: Tell | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Diagnosis:
     """Diagnose a model on the usable records of `runs`; see `Diagnosis`.
 
@@ -63,9 +63,16 @@ def diagnose(
         as `rigctl.analysis.comparison.compare`; or the model has nothing to fit.
     """
     require_free_parameters(model)
-    compared = compare(runs, [model], hold_out=hold_out, only=only, excluded=excluded, tell=tell)
+    compared = compare(
+        runs, [model], hold_out=hold_out, only=only, excluded=excluded, on_progress=on_progress
+    )
     return diagnose_comparison(
-        compared.models[0], compared.runs, compared.held_out, compared.notes, most=most, tell=tell
+        compared.models[0],
+        compared.runs,
+        compared.held_out,
+        compared.notes,
+        most=most,
+        on_progress=on_progress,
     )
 
 
@@ -77,10 +84,10 @@ def diagnose_comparison(
     notes: Sequence[str] = (),
     *,
     most: int = 2,
-    tell: Tell | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Diagnosis:
     """Diagnose a model that has been compared with data."""
-    search = Search(before, before.whole, most=most, tell=tell or (lambda _: None))
+    search = Search(before, before.whole, most=most, on_progress=on_progress or (lambda _: None))
     best = search.none if before.adequate else search.best()
     rivals = find_rivals(search, best)
     close = [rival for rival in rivals if not rival.told]

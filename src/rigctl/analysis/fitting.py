@@ -21,11 +21,11 @@ from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 
-#: told what is being done
-Tell = Callable[[str], None]
+#: called with what is being done, in words
+OnProgress = Callable[[str], None]
 
 
-def tell_nobody(_: str) -> None:
+def no_progress(_: str) -> None:
     """For work that nobody waits for."""
 
 
@@ -52,7 +52,7 @@ def read_runs(
     *,
     hold_out: str | None = None,
     only: str | None = None,
-    tell: Tell = tell_nobody,
+    on_progress: OnProgress = no_progress,
 ) -> Data:
     """The usable records of `runs` as `model`, and every other of its family and rig, sees them.
 
@@ -66,7 +66,7 @@ def read_runs(
     RigctlError
         the runs are not of the model's bench, or a condition chooses none or all of the records.
     """
-    tell("Reading the records")
+    on_progress("Reading the records")
     measurements = read_measurements(model, runs)
     noise = noise_of(measurements)
     units = variable_units(measurements)
@@ -80,7 +80,9 @@ def read_runs(
     return Data(measurements, noise, held_out(measurements, hold_out, units, only), choice)
 
 
-def fit_to_data(model: Model, data: Data, *, refit: bool = True, tell: Tell = tell_nobody) -> FitResult:
+def fit_to_data(
+    model: Model, data: Data, *, refit: bool = True, on_progress: OnProgress = no_progress
+) -> FitResult:
     """Fit a model's free parameters; `refit` False takes them as they are.
 
     Raises
@@ -88,15 +90,19 @@ def fit_to_data(model: Model, data: Data, *, refit: bool = True, tell: Tell = te
     RigctlError
         too few values for the parameters, or a model that cannot be simulated.
     """
-    tell(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
-    return fit_model(model, data.measurements, data.noise, data.held_out, refit=refit, tell=tell)
+    on_progress(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
+    return fit_model(
+        model, data.measurements, data.noise, data.held_out, refit=refit, on_progress=on_progress
+    )
 
 
-def fit_again(before: FitResult, model: Model, *, refit: bool = True, tell: Tell = tell_nobody) -> FitResult:
+def fit_again(
+    before: FitResult, model: Model, *, refit: bool = True, on_progress: OnProgress = no_progress
+) -> FitResult:
     """Fit another model to the data of `before`, with the same noise and the same records held out."""
     problem = before.problem
     data = DataNoise(problem.noise, problem.ok)
-    return fit_model(model, problem.measurements, data, before.held_out, refit=refit, tell=tell)
+    return fit_model(model, problem.measurements, data, before.held_out, refit=refit, on_progress=on_progress)
 
 
 @one_thread()
@@ -107,13 +113,13 @@ def fit_model(
     held_out: Sequence[int] = (),
     *,
     refit: bool = True,
-    tell: Tell = tell_nobody,
+    on_progress: OnProgress = no_progress,
 ) -> FitResult:
     """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`.
 
     Without `refit` what is the logger's and not the model's, how late it writes switches, is fitted still.
     """
-    problem = make_problem(model, measurements, noise.model, noise.ok, progress=tell)
+    problem = make_problem(model, measurements, noise.model, noise.ok, progress=on_progress)
     if not refit:
         problem = problem.with_shared([one for one in problem.shared if one.name not in model.fitted])
     found = fit(problem, held_out, refit=bool(problem.shared))
@@ -121,7 +127,7 @@ def fit_model(
         cleaned = learn(found, noise)
         if cleaned is not None:
             noise = cleaned
-            found = _fit_to_noise(found, noise, refit=refit, tell=tell)
+            found = _fit_to_noise(found, noise, refit=refit, on_progress=on_progress)
     return found
 
 
@@ -138,11 +144,11 @@ def _motion_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
     return with_motion_off(noise, found.problem.measurements, residuals)
 
 
-def _fit_to_noise(before: FitResult, noise: DataNoise, *, refit: bool, tell: Tell) -> FitResult:
+def _fit_to_noise(before: FitResult, noise: DataNoise, *, refit: bool, on_progress: OnProgress) -> FitResult:
     """The fit made again in another noise, begun where it ended."""
     problem = before.problem
     begun = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
-    again = make_problem(problem.model, problem.measurements, noise.model, noise.ok, progress=tell)
+    again = make_problem(problem.model, problem.measurements, noise.model, noise.ok, progress=on_progress)
     shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
     again = again.with_shared(
         started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))

@@ -20,7 +20,7 @@ from rigctl.analysis.comparison_result import Comparison, ModelComparison, in_un
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.remedies import Remedy, remedies, still_missing
-from rigctl.analysis.search import Tell
+from rigctl.analysis.search import OnProgress
 from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text
@@ -385,7 +385,9 @@ def _errors(found: Unseen, one: Remedy) -> str:
 _FEW = 4
 
 
-def unseen(compared: Comparison, model: ModelComparison, *, tell: Tell | None = None) -> tuple[Unseen, ...]:
+def unseen(
+    compared: Comparison, model: ModelComparison, *, on_progress: OnProgress | None = None
+) -> tuple[Unseen, ...]:
     """Judge `model` on the records that `compared` left out: held out, and not chosen.
 
     Raises
@@ -393,7 +395,7 @@ def unseen(compared: Comparison, model: ModelComparison, *, tell: Tell | None = 
     RigctlError
         the model cannot be simulated there.
     """
-    said = tell or (lambda _: None)
+    said = on_progress or (lambda _: None)
     problem, choice = model.fit.problem, compared.choice
     inside = [problem.records[k] for k in model.fit.fitted]
     found = []

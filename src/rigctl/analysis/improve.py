@@ -16,7 +16,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_again
 from rigctl.analysis.held_out import Unseen, unseen
 from rigctl.analysis.refit import Trial, refit
-from rigctl.analysis.search import Search, Tell
+from rigctl.analysis.search import OnProgress, Search
 from rigctl.analysis.text import effect_text
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError
@@ -167,7 +167,7 @@ def improve(
     *,
     most: int = 4,
     excluded: Collection[str] = (),
-    tell: Tell | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Improvement:
     """Add to a model what it lacks, one step after the other, each saved as the file's next version.
 
@@ -186,16 +186,16 @@ def improve(
     RigctlError
         a version cannot be saved, or as `rigctl.analysis.comparison.judge`.
     """
-    said = tell or (lambda _: None)
+    said = on_progress or (lambda _: None)
     here, steps, source = compared.models[0], list[Step](), path
     while True:
         room = most - sum(len(step.effects) for step in steps)
         found = diagnose_comparison(
-            here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), tell=tell
+            here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), on_progress=on_progress
         )
         plan = _plan(found, room)
         if not plan:
-            elsewhere = unseen(compared, here, tell=tell)
+            elsewhere = unseen(compared, here, on_progress=on_progress)
             return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
         for chosen in plan:
             said(f"Adding {', '.join(chosen.effects)}")
@@ -279,10 +279,12 @@ def _why(found: Diagnosis, room: int) -> Ended:
     return Ended.MAX_EFFECTS if len(found.best.candidates) > room else Ended.NOTHING_HELPS
 
 
-def _compared(here: ModelComparison, trial: Trial, excluded: Collection[str], tell: Tell) -> ModelComparison:
+def _compared(
+    here: ModelComparison, trial: Trial, excluded: Collection[str], on_progress: OnProgress
+) -> ModelComparison:
     """The model with a trial's effects on the same data."""
-    fitted = fit_again(here.fit, trial.fit.model, tell=tell)
-    return judge(fitted, here.name, excluded=excluded, tell=tell)
+    fitted = fit_again(here.fit, trial.fit.model, on_progress=on_progress)
+    return judge(fitted, here.name, excluded=excluded, on_progress=on_progress)
 
 
 def _saved(

@@ -94,7 +94,7 @@ def find_rivals(search: Search, best: Trial) -> list[Rival]:
     """Of every member of the best set, the effects that look like it."""
     found = []
     for member in best.candidates:
-        search.tell(f"What could be taken for {member.name}")
+        search.on_progress(f"What could be taken for {member.name}")
         tried = search.rivals(best, member)
         explained = search.explained(best, member)
         for trial, cos, d in tried:

@@ -207,7 +207,7 @@ def _name(projected: Projected, column: int) -> str:
 
 
 #: told what is being done
-Tell = Callable[[str], None]
+OnProgress = Callable[[str], None]
 
 _BEST = 3
 #: never more refits of rivals than these
@@ -235,7 +235,7 @@ class Search:
     before: ModelComparison
     whole: Problem
     most: int = _TOGETHER
-    tell: Tell = field(default=lambda _: None)
+    on_progress: OnProgress = field(default=lambda _: None)
     trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
     alone: dict[str, Alone | None] = field(default_factory=dict)
     aside: Trial | None = None
@@ -414,7 +414,7 @@ class Search:
         for effect in chosen[: None if self._few else _BEST + _MOST_RIVALS]:
             score = by_name[effect]
             if score.gain > 0.0 or self._few:
-                self.tell(f"Refitting with {effect}")
+                self.on_progress(f"Refitting with {effect}")
                 self._try((lin.candidates[score.candidate],), self.none)
 
     def promised(self, score: Score) -> float:
@@ -435,7 +435,7 @@ class Search:
         """Those that come near the best when each is fitted in the equations of the whole library."""
         scores = {score.effect: score for score in self.before.screening.scores}
         for effect in effects:
-            self.tell(f"Asking what {effect} could do alone")
+            self.on_progress(f"Asking what {effect} could do alone")
             candidate = self.before.linearisation.candidates[scores[effect].candidate]
             self.alone[effect] = alone(self.before, candidate, from_null=scores[effect].gain > 0.0)
         return near_best(self.alone)
@@ -466,7 +466,7 @@ class Search:
         own = set(best.effects)
         without = [chosen for gain, chosen in pairs if gain > WORTH and not {c.name for c in chosen} & own]
         for chosen in better + [one for one in without[: _PAIRS if own else 0] if one not in better]:
-            self.tell(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+            self.on_progress(f"Refitting with {chosen[0].name} and {chosen[1].name}")
             self._try(chosen, self.none)
         if best.candidates:
             self._forward(best)
@@ -489,7 +489,7 @@ class Search:
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             candidate = here.linearisation.candidates[score.candidate]
             for member in best.candidates if score.gain > WORTH else ():
-                self.tell(f"Refitting with {candidate.name} for {member.name}")
+                self.on_progress(f"Refitting with {candidate.name} for {member.name}")
                 rest = tuple(one for one in best.candidates if one is not member)
                 found.append(self._try((*rest, candidate), best))
         return [trial for trial in found if trial is not None]
@@ -501,7 +501,7 @@ class Search:
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             if score.gain > WORTH:
                 candidate = here.linearisation.candidates[score.candidate]
-                self.tell(f"Refitting with {', '.join([*best.effects, candidate.name])}")
+                self.on_progress(f"Refitting with {', '.join([*best.effects, candidate.name])}")
                 tried.append(self._try((*best.candidates, candidate), best))
         return self._least([one for one in tried if one is not None]) if any(tried) else None
 

@@ -106,7 +106,7 @@ def compare(
     require_page(output, force=force)
     models = open_models(model)
     opened = open_runs(runs, models[0], assume)
-    with telling("nothing was saved") as tell:
+    with telling("nothing was saved") as on_progress:
         found, versions = compare_with_versions(
             opened,
             models,
@@ -114,7 +114,7 @@ def compare(
             hold_out=hold_out,
             only=only,
             refit=fit,
-            tell=tell,
+            on_progress=on_progress,
         )
     if output is not None:
         from rigctl.report.analysis import comparison_sections, history_sections

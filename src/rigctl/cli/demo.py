@@ -106,12 +106,12 @@ def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improv
     from rigctl.cli.telling import telling
     from rigctl.model import load_model
 
-    with telling() as tell:
-        compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, tell=tell)
+    with telling() as on_progress:
+        compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, on_progress=on_progress)
     console.print(f"[bold]3[/] The textbook model against what was measured: {escape(str(path))}")
     console.print(f"  {escape(compared.models[0].statement)}", soft_wrap=True)
-    with telling() as tell:
-        improved = improve(compared, path, tell=tell)
+    with telling() as on_progress:
+        improved = improve(compared, path, on_progress=on_progress)
     console.print(f"[bold]4[/] What it lacks, added and judged where the fit never looked ({_HELD_OUT})")
     if not console.stderr:
         show_improvement(improved)

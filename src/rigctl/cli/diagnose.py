@@ -78,14 +78,14 @@ def diagnose(
     path = own_model(model) if apply else model
     choice = DataOptions(only, hold_out, assume or ())
     kept = "each step that was saved before stays" if apply else "nothing was saved"
-    with telling(kept) as tell:
-        compared = _compared(runs, path, choice, tell)
+    with telling(kept) as on_progress:
+        compared = _compared(runs, path, choice, on_progress)
         if apply:
-            done = improve(compared, path, most=most, tell=tell)
+            done = improve(compared, path, most=most, on_progress=on_progress)
         else:
             (before,) = compared.models
             found = diagnose_comparison(
-                before, compared.runs, compared.held_out, compared.notes, most=most, tell=tell
+                before, compared.runs, compared.held_out, compared.notes, most=most, on_progress=on_progress
             )
     if output is not None:
         _write_page(open_runs(runs), output, compared, done if apply else found, path, force=force)
@@ -148,7 +148,7 @@ def _compared(
     runs: list[str],
     path: Path,
     choice: DataOptions,
-    tell: Callable[[str], None],
+    on_progress: Callable[[str], None],
 ) -> Comparison:
     """The model fitted to the runs; one with nothing to fit is refused before any work."""
     from rigctl.analysis.comparison import compare
@@ -158,4 +158,4 @@ def _compared(
     (model,) = open_models([path])
     require_free_parameters(model)
     opened = open_runs(runs, model, choice.assume)
-    return compare(opened, [model], hold_out=choice.hold_out, only=choice.only, tell=tell)
+    return compare(opened, [model], hold_out=choice.hold_out, only=choice.only, on_progress=on_progress)

@@ -98,11 +98,14 @@ def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult
     if table.path is None:
         raise RigctlError("there are no data")
     rig = load_rig(root / proposal.rig)
-    with tempfile.TemporaryDirectory(prefix="rigctl-") as folder, telling("the files are there") as tell:
+    with (
+        tempfile.TemporaryDirectory(prefix="rigctl-") as folder,
+        telling("the files are there") as on_progress,
+    ):
         done = import_file(table.path, rig, Path(folder), columns=columns)
         model = load_model(root / proposal.model)
-        data = read_runs(model, [open_run(done.path)], tell=tell)
-        return fit_to_data(model, data, tell=tell)
+        data = read_runs(model, [open_run(done.path)], on_progress=on_progress)
+        return fit_to_data(model, data, on_progress=on_progress)
 
 
 def _draw(proposal: Proposal, root: Path, found: FitResult | None) -> Path | None:

@@ -79,13 +79,13 @@ def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
 def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
     wanted.changed(model)  # refused before any work
     runs = open_runs(wanted.runs, model, wanted.assume)
-    with telling("nothing was saved") as tell:
+    with telling("nothing was saved") as on_progress:
         refit = wanted.fit and wanted.kind != "fit"
-        data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, tell=tell)
-        before = fit_to_data(model, data, refit=refit, tell=tell)
+        data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, on_progress=on_progress)
+        before = fit_to_data(model, data, refit=refit, on_progress=on_progress)
         made = wanted.changed(before.model)
-        tell(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
-        after = fit_again(before, made, refit=wanted.fit, tell=tell)
+        on_progress(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
+        after = fit_again(before, made, refit=wanted.fit, on_progress=on_progress)
     done = Change(
         wanted.kind,
         effect=wanted.effect,

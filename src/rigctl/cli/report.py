@@ -115,13 +115,13 @@ def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[S
     from rigctl.cli.telling import telling
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
-    with telling("nothing was saved") as tell:
-        found, versions = compare_with_versions(runs, models, tell=tell)
+    with telling("nothing was saved") as on_progress:
+        found, versions = compare_with_versions(runs, models, on_progress=on_progress)
         compared = comparison_sections(found)
         path = models[-1].path
         if path is not None:
             compared += history_sections(path, versions)
         if not diagnose:
             return compared
-        missing = diagnose_comparison(found.models[0], found.runs, notes=found.notes, tell=tell)
+        missing = diagnose_comparison(found.models[0], found.runs, notes=found.notes, on_progress=on_progress)
         return [*diagnosis_sections(missing), *compared]
