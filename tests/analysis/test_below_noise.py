@@ -18,7 +18,7 @@ from rigctl.analysis.diagnosis import _factor, _ranked, _score_beside, _verdict,
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.improve import Ended, Improvement, _plan, _why
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import Search
@@ -44,12 +44,14 @@ def member(name: str) -> Candidate:
     return cast("Candidate", SimpleNamespace(name=name, effect=LEAK, columns=(f"{name}.x",), shapes={}))
 
 
-def searched(adequacy: Adequacy, chosen: tuple[Candidate, ...], fit: Any = None) -> tuple[Search, Trial]:
+def searched(
+    adequacy: Adequacy, chosen: tuple[Candidate, ...], fit: Any = None
+) -> tuple[Search, RefittedSet]:
     """A search whose set of 600 in χ² leaves what these tests say."""
     before: Any = SimpleNamespace(adequacy=Adequacy(REJECTS), adequate=False)
     search = Search(before, cast("Any", None))
-    search.none = Trial((), cast("FitResult", None), 1500.0, 0)
-    best = Trial(chosen, cast("FitResult", fit), 900.0, len(chosen))
+    search.none = RefittedSet((), cast("FitResult", None), 1500.0, 0)
+    best = RefittedSet(chosen, cast("FitResult", fit), 900.0, len(chosen))
     here: Any = SimpleNamespace(
         adequacy=adequacy,
         linearisation=SimpleNamespace(candidates=()),
@@ -80,7 +82,7 @@ def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() 
     search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
     assert search.sure(best)
     left = Remainder(0.007, 2.0, 0.004, "", "", "", "0.7 % of the misfit is left", below_noise=True)
-    best = cast("Trial", SimpleNamespace(candidates=best.candidates, unusual={}, chi2=best.chi2))
+    best = cast("RefittedSet", SimpleNamespace(candidates=best.candidates, unusual={}, chi2=best.chi2))
     assert _verdict(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
     assert _verdict(search, best, [], {}, left) is Verdict.AMBIGUOUS
     chosen: Any = [(SimpleNamespace(effect=LEAK), SimpleNamespace(parameters={}))]

@@ -12,9 +12,9 @@ import pytest
 
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.cross_validation import HeldOut
+from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.rivals import Differs, Rival, where_they_differ
 from rigctl.analysis.text import (
@@ -30,7 +30,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.physics.families import find_family
 
-NO_TRIAL = cast("Trial", None)
+NO_TRIAL = cast("RefittedSet", None)
 WHERE = Differs(
     "position", "extend", "oil 80 degC, supply 50 bar", -0.22, "mm", (("retract", 0.96), ("hold", 0.2))
 )
@@ -95,7 +95,7 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
     known = library(find_family("hydraulic_cylinder"))
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
-    checks = {name: HeldOut(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
+    checks = {name: CrossValidation(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
     return verdict_text(verdict, cast("ModelComparison", None), chosen, rivals, leaves(left), checks)
 
 
@@ -180,13 +180,13 @@ def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_sh
     d: float, difference: float, share: float, told: bool
 ) -> None:
     rival = replace(RIVAL, separation=d, difference=difference, share=share)
-    assert rival.told is told
+    assert rival.separable is told
     assert ("the shape of either may do as much" in rival_text(rival)) is (share < 0.01)
 
 
 def test_a_law_is_not_told_from_the_one_that_its_fit_has_become() -> None:
     rival = replace(RIVAL, member="hysteresis", name="coulomb", nested="distance 0")
-    assert not rival.told
+    assert not rival.separable
     assert "hysteresis with distance 0 is coulomb, and its fit is within chance of that" in rival_text(rival)
 
 

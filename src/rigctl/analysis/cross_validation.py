@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class CrossValidation:
     """The check by leaving out.
 
     Attributes
@@ -57,7 +57,7 @@ def held_out_gain(
     columns: Sequence[str],
     values: Sequence[float] | Floats,
     held: Sequence[Floats] | None = None,
-) -> HeldOut:
+) -> CrossValidation:
     """Leave-out gains of the effect parameters `columns`, which are among the nuisances of `lin`.
 
     Parameters
@@ -85,8 +85,8 @@ def held_out_gain(
         before, after = before + float(without @ without), after + float(with_it @ with_it)
         rows += sum(lin.records[k].count for k in outside)
     if len(gains) < 2 or not rows:
-        return HeldOut(math.nan, math.nan, 0.0, 0.0, len(gains))
-    return HeldOut(
+        return CrossValidation(math.nan, math.nan, 0.0, 0.0, len(gains))
+    return CrossValidation(
         before=math.sqrt(before / rows),
         after=math.sqrt(after / rows),
         mean=float(np.mean(gains)),

@@ -12,13 +12,13 @@ from rigctl.analysis.adequacy import variance_factor
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.cross_validation import HeldOut, held_out_gain
+from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
 from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
@@ -90,7 +90,7 @@ def diagnose_comparison(
     search = Search(before, before.whole, most=most, on_progress=on_progress or (lambda _: None))
     best = search.none if before.adequate else search.best()
     rivals = find_rivals(search, best)
-    close = [rival for rival in rivals if not rival.told]
+    close = [rival for rival in rivals if not rival.separable]
     ranking = _ranking(search, best)
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
     ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
@@ -138,9 +138,9 @@ def diagnose_comparison(
 
 def _verdict(
     search: Search,
-    best: Trial,
+    best: RefittedSet,
     close: Sequence[Rival],
-    checks: dict[str, HeldOut | None],
+    checks: dict[str, CrossValidation | None],
     left: Remainder | None,
 ) -> Verdict:
     if search.before.adequate:
@@ -170,7 +170,7 @@ def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
     return min(tried, key=lambda one: one.delta_bic, default=None) if rejecting == {"score"} else None
 
 
-def _ranking(search: Search, best: Trial) -> list[Ranked]:
+def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
     """Effects with their probabilities over all sets that were looked at, "none" among them."""
     trials = [search.none, *search.trials.values()]
     refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
@@ -208,13 +208,13 @@ def _ranking(search: Search, best: Trial) -> list[Ranked]:
     return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.effect not in own, one.delta_bic))
 
 
-def _factor(search: Search, best: Trial) -> float:
+def _factor(search: Search, best: RefittedSet) -> float:
     """By how much differences of mBIC count less: 1 where the best set leaves noise alone."""
     here = search.at(best) if best.candidates else search.before
     return 1.0 if here.adequacy.agrees else variance_factor(best.fit)
 
 
-def _score_beside(search: Search, best: Trial, name: str) -> Score:
+def _score_beside(search: Search, best: RefittedSet, name: str) -> Score:
     """The score of a member of the best set that the model as it is shows nothing of: beside the others."""
     (member,) = (one for one in best.candidates if one.name == name)
     projected = search.at(best).without(member)
@@ -233,7 +233,7 @@ def _score_beside(search: Search, best: Trial, name: str) -> Score:
     )
 
 
-def _ranked(search: Search, best: Trial, score: Score, probability: float) -> Ranked:
+def _ranked(search: Search, best: RefittedSet, score: Score, probability: float) -> Ranked:
     name = score.effect
     trial, without = _trial_of(search, best, name)
     if trial is None or without is None:
@@ -269,7 +269,7 @@ def _ranked(search: Search, best: Trial, score: Score, probability: float) -> Ra
     )
 
 
-def _trial_of(search: Search, best: Trial, name: str) -> tuple[Trial | None, Trial | None]:
+def _trial_of(search: Search, best: RefittedSet, name: str) -> tuple[RefittedSet | None, RefittedSet | None]:
     """The set in which an effect is judged, and the same without it: the best one where it is a member."""
     if name in best.effects:
         rest = tuple(one for one in best.effects if one != name)
@@ -284,7 +284,7 @@ def _trial_of(search: Search, best: Trial, name: str) -> tuple[Trial | None, Tri
     return (min(single, key=search.mbic), search.none) if single else (None, None)
 
 
-def found_parameters(trial: Trial, candidate: Candidate) -> dict[str, FoundParameter]:
+def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, FoundParameter]:
     """An effect's parameters as fitted, in the units they are shown in."""
     found = {}
     fitted = {unknown.name for unknown in trial.fit.problem.shared}
@@ -313,13 +313,13 @@ def _linear_parameters(candidate: Candidate, sizes: Sequence[float]) -> dict[str
     return found
 
 
-def _nrmse(trial: Trial) -> float:
+def _nrmse(trial: RefittedSet) -> float:
     errors = trial.fit.errors.values()
     count = sum(one.count for one in errors)
     return math.sqrt(sum(one.nrmse**2 * one.count for one in errors) / count) if count else 0.0
 
 
-def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
+def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossValidation | None:
     """The leave-out check of one member of the best set, at its fit."""
     here = search.at(best)
     lin = here.linearisation
@@ -328,7 +328,7 @@ def _check(search: Search, best: Trial, candidate: Candidate) -> HeldOut | None:
     return held_out_gain(lin, candidate.columns, best.sizes(candidate), here.held(candidate))
 
 
-def _with_check(ranked: Ranked, check: HeldOut | None) -> Ranked:
+def _with_check(ranked: Ranked, check: CrossValidation | None) -> Ranked:
     return (
         ranked if check is None else replace(ranked, heldout_before=check.before, heldout_after=check.after)
     )
@@ -379,7 +379,7 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
     ]
 
 
-def _drift(before: ModelComparison, best: Trial) -> list[Drift]:
+def _drift(before: ModelComparison, best: RefittedSet) -> list[Drift]:
     if not best.candidates:
         return []
     family = before.fit.problem.model.family

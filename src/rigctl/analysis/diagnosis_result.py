@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.notebook import as_html, one_line
 
@@ -185,8 +185,8 @@ class Diagnosis:
     held_out: tuple[str, ...]
     notes: tuple[str, ...]
     before: ModelComparison = field(repr=False)
-    best: Trial = field(repr=False)
-    trials: tuple[Trial, ...] = field(repr=False)
+    best: RefittedSet = field(repr=False)
+    trials: tuple[RefittedSet, ...] = field(repr=False)
     p_value_after: float = math.nan
     excluded: tuple[Exclusion, ...] = ()
     excluded_because: tuple[str, ...] = ()

@@ -15,7 +15,7 @@ from rigctl.analysis.diagnosis import diagnose_comparison, found_parameters
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_again
 from rigctl.analysis.held_out import Unseen, unseen
-from rigctl.analysis.refit import Trial, refit
+from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.search import OnProgress, Search
 from rigctl.analysis.text import effect_text
 from rigctl.model.fit.model_error import model_error
@@ -209,7 +209,7 @@ def improve(
 class _Choice:
     """An addition: `effects` are those that are new in `trial`."""
 
-    trial: Trial
+    trial: RefittedSet
     effects: tuple[str, ...]
     delta_bic: float
     reason: str
@@ -242,13 +242,13 @@ def _plan(found: Diagnosis, room: int) -> list[_Choice]:
     ]
 
 
-def _single(found: Diagnosis, member: Candidate) -> Trial | None:
+def _single(found: Diagnosis, member: Candidate) -> RefittedSet | None:
     """One member of the best set by itself, refitted unless it was already."""
     known = [trial for trial in found.trials if trial.candidates == (member,)]
     return known[0] if known else refit(found.before.fit, (member,))
 
 
-def _reason(found: Diagnosis, trial: Trial, effects: tuple[str, ...], difference: float) -> str:
+def _reason(found: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], difference: float) -> str:
     """Why `effects` are added, which are new in `trial`."""
     described = ". ".join(
         effect_text(candidate.effect, found_parameters(trial, candidate))
@@ -280,7 +280,7 @@ def _why(found: Diagnosis, room: int) -> Ended:
 
 
 def _compared(
-    here: ModelComparison, trial: Trial, excluded: Collection[str], on_progress: OnProgress
+    here: ModelComparison, trial: RefittedSet, excluded: Collection[str], on_progress: OnProgress
 ) -> ModelComparison:
     """The model with a trial's effects on the same data."""
     fitted = fit_again(here.fit, trial.fit.model, on_progress=on_progress)

@@ -138,7 +138,7 @@ _ROOM = 1e-6
 
 
 @dataclass(frozen=True)
-class Trial:
+class RefittedSet:
     """A set of effects on top of the model, refitted together with the model's own parameters.
 
     Attributes
@@ -186,10 +186,10 @@ class Trial:
         )
 
 
-def plain(fitted: FitResult) -> Trial:
+def plain(fitted: FitResult) -> RefittedSet:
     """The model itself, as it was fitted."""
     solution = fitted.solution
-    return Trial((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
+    return RefittedSet((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
 
 
 def refit(
@@ -199,7 +199,7 @@ def refit(
     *,
     cost: float = _COST,
     usual: bool = False,
-) -> Trial | None:
+) -> RefittedSet | None:
     """Fit the model's parameters and those of `chosen`; None when that cannot be done.
 
     Effects that `begin` does not have begin at their null, where the misfit is what it was: begun at the
@@ -230,7 +230,7 @@ def refit(
     found = _again(found, in_order(found, chosen), cost, forced=True)
     assert found.solution is not None  # noqa: S101 - there is something to fit
     columns = more + sum(len(candidate.columns) for candidate in chosen)
-    return Trial(tuple(chosen), found, 2.0 * found.solution.cost, columns)
+    return RefittedSet(tuple(chosen), found, 2.0 * found.solution.cost, columns)
 
 
 def _refined(found: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:

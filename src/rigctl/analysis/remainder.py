@@ -8,7 +8,7 @@ from typing import Any
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.levels import REMAINDER_TREND
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.analysis.slot_evidence import slot_evidence
 from rigctl.analysis.trends import Trend, trends
@@ -56,7 +56,7 @@ class Remainder:
         }
 
 
-def remainder(search: Search, best: Trial) -> Remainder | None:
+def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     """What the best set leaves; None where there is no set, or the tests find nothing any more."""
     if not best.candidates:
         return None
@@ -102,7 +102,7 @@ def _size_text(excess: float) -> str:
     return f"{math.sqrt(excess):.0f} sigma" if excess >= 1.0 else "less than a sigma"
 
 
-def _next(search: Search, best: Trial, excess: float) -> tuple[str, str, float]:
+def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, float]:
     """(name, slot, share) of the effect that takes most of what is left up; "" where none pays."""
     found = search.beside(best)
     if not found or excess <= 0.0:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rigctl.analysis.levels import AT_LIMIT, LEAST_DIFFERENCE, LEAST_SEPARATION, REFIT_SCATTER, TOLERANCE
 from rigctl.analysis.localisation import variable_units
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.analysis.separability import consistent_gain, cosine
 from rigctl.effects.declaration import Effect, qualified
@@ -65,7 +65,7 @@ class Rival:
 
     member: str
     name: str
-    trial: Trial = field(repr=False)
+    trial: RefittedSet = field(repr=False)
     cos: float
     separation: float
     difference: float
@@ -75,7 +75,7 @@ class Rival:
     nested: str = ""
 
     @property
-    def told(self) -> bool:
+    def separable(self) -> bool:
         """True when these data tell the two apart, and by more than two shapes of one effect may differ."""
         return (
             self.separation >= LEAST_SEPARATION
@@ -90,7 +90,7 @@ class Rival:
         return self.share < TOLERANCE**2
 
 
-def find_rivals(search: Search, best: Trial) -> list[Rival]:
+def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     """Of every member of the best set, the effects that look like it."""
     found = []
     for member in best.candidates:
@@ -137,7 +137,7 @@ def _nested(fit: FitResult, effect: Effect, other: str) -> str:
     return ""
 
 
-def _aside(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
+def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
     """The better set that was put aside for a size beyond what is usual: a rival, however alike they are."""
     trial = search.aside
     if trial is None:
@@ -160,7 +160,7 @@ def _aside(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
     ]
 
 
-def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
+def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
     """The best of the other effects that were refitted by themselves: told apart, and worth a word."""
     others = [
         trial
@@ -181,10 +181,10 @@ def _known(search: Search, best: Trial, seen: Collection[str]) -> list[Rival]:
     share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
     unusual = trial.unusual.get(other.name, "")
     rival = Rival(member.name, other.name, trial, cos, told, difference, differs, share, unusual)
-    return [rival] if rival.told else []
+    return [rival] if rival.separable else []
 
 
-def _by_refit(trial: Trial, best: Trial) -> float:
+def _by_refit(trial: RefittedSet, best: RefittedSet) -> float:
     """The separation as the refits have it: ``sqrt(Δχ²)/2``, with a standard deviation of ½.
 
     Δχ² is about 4d², and scatters by 4d.
@@ -192,12 +192,12 @@ def _by_refit(trial: Trial, best: Trial) -> float:
     return 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
 
 
-def classes_of(best: Trial, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:
+def classes_of(best: RefittedSet, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:
     """Each member with the rivals that are not told from it."""
     return tuple(
         (
             name,
-            *dict.fromkeys(rival.name for rival in rivals if rival.member == name and not rival.told),
+            *dict.fromkeys(rival.name for rival in rivals if rival.member == name and not rival.separable),
         )
         for name in best.effects
     )

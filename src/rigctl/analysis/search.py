@@ -40,7 +40,7 @@ from rigctl.analysis.levels import (
 )
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import Projected, project
-from rigctl.analysis.refit import Alone, Trial, alone, near_best, plain, refit
+from rigctl.analysis.refit import Alone, RefittedSet, alone, near_best, plain, refit
 from rigctl.analysis.score_test import Score, Screening, cone, screen
 from rigctl.analysis.separability import cosine, separation
 from rigctl.model.fit.problem import Problem
@@ -58,7 +58,7 @@ class Point:
     excluded: effects that are not to be looked at.
     """
 
-    trial: Trial
+    trial: RefittedSet
     whole: Problem = field(repr=False)
     excluded: Collection[str] = ()
 
@@ -236,14 +236,16 @@ class Search:
     whole: Problem
     most: int = _TOGETHER
     on_progress: OnProgress = field(default=lambda _: None)
-    trials: dict[tuple[str, ...], Trial] = field(default_factory=dict)
+    trials: dict[tuple[str, ...], RefittedSet] = field(default_factory=dict)
     alone: dict[str, Alone | None] = field(default_factory=dict)
-    aside: Trial | None = None
+    aside: RefittedSet | None = None
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
-    _rivals: dict[tuple[tuple[str, ...], str], list[tuple[Trial, float, float]]] = field(default_factory=dict)
+    _rivals: dict[tuple[tuple[str, ...], str], list[tuple[RefittedSet, float, float]]] = field(
+        default_factory=dict
+    )
 
     @cached_property
-    def none(self) -> Trial:
+    def none(self) -> RefittedSet:
         """The model as it is."""
         return plain(self.before.fit)
 
@@ -271,11 +273,11 @@ class Search:
         """What mBIC asks of one effect more."""
         return len(candidate.columns) * math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
 
-    def mbic(self, trial: Trial) -> float:
+    def mbic(self, trial: RefittedSet) -> float:
         """The criterion of a trial."""
         return trial.mbic(self.samples, self.library)
 
-    def best(self) -> Trial:
+    def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
         if not self.before.screening.scores:
             return self.none
@@ -284,14 +286,14 @@ class Search:
         found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
         return self._usual_first(found)
 
-    def left(self, trial: Trial) -> float:
+    def left(self, trial: RefittedSet) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""
         if not trial.candidates:
             return 0.0 if self.before.adequacy.agrees else 1.0
         excess = self.excess(trial)
         return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
 
-    def excess(self, trial: Trial) -> float:
+    def excess(self, trial: RefittedSet) -> float:
         """What stays with a set, in χ²; 0 when the tests find nothing any more.
 
         Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
@@ -307,42 +309,42 @@ class Search:
         )
         return max(promised, *(test.excess for test in here.adequacy.tests.values()))
 
-    def _below_noise(self, trial: Trial) -> bool:
+    def _below_noise(self, trial: RefittedSet) -> bool:
         """Whether to look for no more beside a set: what it leaves is smaller than the noise.
 
         The tests then say nothing of what it leaves, neither that something is missing nor that nothing is.
         """
         return bool(trial.candidates) and self.at(trial).adequacy.below_noise
 
-    def explained(self, trial: Trial, member: Candidate) -> float:
+    def explained(self, trial: RefittedSet, member: Candidate) -> float:
         """The rise of χ² without one of a set's effects; 0 where the rest cannot be fitted."""
         rest = tuple(one for one in trial.candidates if one is not member)
         without = self._try(rest, trial) if rest else self.none
         return 0.0 if without is None else max(without.chi2 - trial.chi2, 0.0)
 
-    def known(self, chosen: Sequence[Candidate]) -> Trial | None:
+    def known(self, chosen: Sequence[Candidate]) -> RefittedSet | None:
         """The set as it was fitted; None where it was not."""
         return self.trials.get(_key(chosen))
 
-    def sure(self, trial: Trial) -> bool:
+    def sure(self, trial: RefittedSet) -> bool:
         """Whether the effects of a set are the right ones, by what they leave: hardly anything."""
         return bool(trial.candidates) and self.left(trial) <= SHAPE
 
-    def beside(self, trial: Trial) -> list[Trial]:
+    def beside(self, trial: RefittedSet) -> list[RefittedSet]:
         """The sets that were tried and hold one effect more, the best first."""
         own = set(trial.effects)
         more = [one for one in self.trials.values() if own < set(one.effects)]
         paying = [one for one in more if self.mbic(one) < self.mbic(trial)]
         return sorted((one for one in paying if len(one.effects) == len(own) + 1), key=self.mbic)
 
-    def at(self, trial: Trial) -> Point:
+    def at(self, trial: RefittedSet) -> Point:
         """The linearisation and the tests at a trial's fit."""
         key = _key(trial.candidates)
         if key not in self._points:
             self._points[key] = Point(trial, self.whole, self.before.excluded)
         return self._points[key]
 
-    def rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
+    def rivals(self, trial: RefittedSet, member: Candidate) -> list[tuple[RefittedSet, float, float]]:
         """(rival set, cosine, separation d) of the sets that have another effect in `member`'s place.
 
         Those that are alike or close are refitted; the others are told apart already.
@@ -352,7 +354,7 @@ class Search:
             self._rivals[key] = self._find_rivals(trial, member)
         return self._rivals[key]
 
-    def _find_rivals(self, trial: Trial, member: Candidate) -> list[tuple[Trial, float, float]]:
+    def _find_rivals(self, trial: RefittedSet, member: Candidate) -> list[tuple[RefittedSet, float, float]]:
         rest = tuple(one for one in trial.candidates if one is not member)
         without = self.none if not rest else self._try(rest, trial)
         if without is None:
@@ -393,7 +395,7 @@ class Search:
         """A table: its few rows are quickly refitted, and tell many effects apart by refits alone."""
         return self.before.fit.problem.measurements.table
 
-    def _far(self, rival: Trial, best: Trial) -> bool:
+    def _far(self, rival: RefittedSet, best: RefittedSet) -> bool:
         """Of a table, both fitted to it: the other is a hundred times as probable."""
         return self.mbic(rival) - self.mbic(best) >= LEAST_DIFFERENCE
 
@@ -445,7 +447,7 @@ class Search:
         """Whether two signatures are so alike that a refit must tell which is right."""
         return cos > ALIKE and separation(size, cos) < max(FAR, FAR_SHARE * size)
 
-    def _pairs(self, best: Trial) -> Trial:
+    def _pairs(self, best: RefittedSet) -> RefittedSet:
         """The best pairs of the linear problem, with what the best single effect asks for and without it.
 
         Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
@@ -472,7 +474,7 @@ class Search:
             self._forward(best)
         return self._least([best, *self.trials.values()])
 
-    def _exchanged(self, best: Trial) -> Trial:
+    def _exchanged(self, best: RefittedSet) -> RefittedSet:
         """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
         for _ in range(_SWAPS):
             if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2 or self._below_noise(best):
@@ -483,7 +485,7 @@ class Search:
             best = self._swapped(self._backward(found))
         return best
 
-    def _exchanges(self, best: Trial) -> list[Trial]:
+    def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
         here = self.at(best)
         found = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
@@ -494,7 +496,7 @@ class Search:
                 found.append(self._try((*rest, candidate), best))
         return [trial for trial in found if trial is not None]
 
-    def _forward(self, best: Trial) -> Trial | None:
+    def _forward(self, best: RefittedSet) -> RefittedSet | None:
         """`best` and one effect more: the ones that its own linearisation promises most of."""
         here = self.at(best)
         tried = []
@@ -505,7 +507,7 @@ class Search:
                 tried.append(self._try((*best.candidates, candidate), best))
         return self._least([one for one in tried if one is not None]) if any(tried) else None
 
-    def _backward(self, best: Trial) -> Trial:
+    def _backward(self, best: RefittedSet) -> RefittedSet:
         """Without the members that do not pay for themselves, or explain no more than a shape may."""
         while len(best.candidates) > 1:
             tried = [
@@ -527,7 +529,7 @@ class Search:
             best = found
         return best
 
-    def _usual_first(self, best: Trial) -> Trial:
+    def _usual_first(self, best: RefittedSet) -> RefittedSet:
         """A set with a size beyond what is usual leads only where no set without one is sure.
 
         Which of the two it is, is for the verdict to leave open: the other one is its rival.
@@ -547,7 +549,7 @@ class Search:
                 return trial
         return best
 
-    def _whole(self, best: Trial, without: Trial) -> bool:
+    def _whole(self, best: RefittedSet, without: RefittedSet) -> bool:
         """Whether the effect that `without` lacks explains nearly all of what that left, and is no shape.
 
         The shape of another effect is followed by a second one only roughly, and the rest of it is seen.
@@ -555,7 +557,7 @@ class Search:
         explained = without.chi2 - best.chi2
         return self.excess(best) + UNSEEN < WHOLE * explained
 
-    def _simplest(self, best: Trial) -> Trial:
+    def _simplest(self, best: RefittedSet) -> RefittedSet:
         """Of sets that differ by less than shapes may, the one with the fewest parameters."""
         for member in best.candidates:
             limit = TOLERANCE**2 * self.explained(best, member)
@@ -568,7 +570,7 @@ class Search:
                 return min(alike, key=lambda one: (one.parameters, one.chi2))
         return best
 
-    def _swapped(self, best: Trial) -> Trial:
+    def _swapped(self, best: RefittedSet) -> RefittedSet:
         """With a member replaced by a rival where that explains more: what came first need not be right."""
         for _ in range(_SWAPS):
             sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
@@ -578,7 +580,7 @@ class Search:
             best = self._backward(found)
         return best
 
-    def _try(self, chosen: Sequence[Candidate], begin: Trial) -> Trial | None:
+    def _try(self, chosen: Sequence[Candidate], begin: RefittedSet) -> RefittedSet | None:
         """The set fitted, beginning at another one's fit; each set once."""
         key = _key(chosen)
         if key not in self.trials:
@@ -589,7 +591,7 @@ class Search:
             self.trials[key] = found
         return self.trials[key]
 
-    def _least(self, trials: Iterable[Trial]) -> Trial:
+    def _least(self, trials: Iterable[RefittedSet]) -> RefittedSet:
         return min(trials, key=self.mbic)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from rigctl.analysis.adequacy import chance_text, error_below
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.cross_validation import HeldOut
+from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.levels import (
     ALIKE,
@@ -51,7 +51,7 @@ def verdict_text(
     chosen: Sequence[tuple[Candidate, Ranked]],
     rivals: Sequence[Rival],
     left: Remainder | None,
-    checks: Mapping[str, HeldOut | None],
+    checks: Mapping[str, CrossValidation | None],
     seen: Ranked | None = None,
     unusual: Mapping[str, str] | None = None,
     doubt: str = "",
@@ -76,7 +76,7 @@ def verdict_text(
             text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
         return text if left is None else f"{text}. That is not all: {left.statement}"
     if verdict is Verdict.AMBIGUOUS:
-        close = [rival for rival in rivals if not rival.told]
+        close = [rival for rival in rivals if not rival.separable]
         text = _ambiguous_text(described, close, checks, unusual or {}, left)
         return text if left is None else f"{text}. That is not all: {left.statement}"
     return _outside_text(described, left, checks, seen, doubt)
@@ -101,7 +101,7 @@ def whether_at_all(before: ModelComparison) -> str:
 def _outside_text(
     described: str,
     left: Remainder | None,
-    checks: Mapping[str, HeldOut | None],
+    checks: Mapping[str, CrossValidation | None],
     seen: Ranked | None,
     doubt: str,
 ) -> str:
@@ -135,7 +135,7 @@ def _outside_text(
 def _ambiguous_text(
     described: str,
     close: Sequence[Rival],
-    checks: Mapping[str, HeldOut | None],
+    checks: Mapping[str, CrossValidation | None],
     unusual: Mapping[str, str],
     left: Remainder | None,
 ) -> str:
@@ -158,7 +158,7 @@ def _ambiguous_text(
     return ". ".join([text, *(_begun_high(one) for one in (*map(rival_text, close), *doubts))])
 
 
-def _failed_text(checks: Mapping[str, HeldOut | None]) -> str:
+def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
     """Which effects failed the check by leaving out; "" for none."""
     failed = [name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed]
     if not failed:
@@ -180,7 +180,7 @@ def rival_text(rival: Rival) -> str:
             f"; the two differ most in {where.channel}{' in ' if where.phase else ''}{where.phase}, by up to "
             f"{abs(where.largest):.2g} {where.unit}{most}"
         )
-    if rival.told:
+    if rival.separable:
         return f"{text}, and these data tell them apart (d = {rival.separation:.1f})"
     return f"{text}, and these data do not tell them apart ({_lacking(rival)})"
 
@@ -214,7 +214,7 @@ def _alike_text(where: Differs) -> str:
 
 
 def evidence_for(
-    candidate: Candidate, ranked: Ranked, check: HeldOut | None, rivals: Sequence[Rival]
+    candidate: Candidate, ranked: Ranked, check: CrossValidation | None, rivals: Sequence[Rival]
 ) -> list[str]:
     """A sentence for each thing that speaks for an effect or against it."""
     name = candidate.name
@@ -237,8 +237,10 @@ def evidence_for(
             f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on those {100 * ranked.kappa:.0f} %"
         )
     own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
-    found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.told]
-    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.told and rival.cos > ALIKE][:1]
+    found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.separable]
+    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.separable and rival.cos > ALIKE][
+        :1
+    ]
     return found
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.refit import Trial, plain, refit
+from rigctl.analysis.refit import RefittedSet, plain, refit
 from rigctl.analysis.separability import separation
 from rigctl.analysis.unexplained import Unexplained
 from rigctl.model.fit.fit import FitResult
@@ -106,5 +106,5 @@ def _fall(left: FitResult, candidate: Candidate) -> float | None:
     return None if found is None else _below(plain(left), found)
 
 
-def _below(without: Trial, with_it: Trial) -> float:
+def _below(without: RefittedSet, with_it: RefittedSet) -> float:
     return max(0.0, without.chi2 - with_it.chi2)

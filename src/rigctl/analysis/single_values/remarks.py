@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Exclusion, Ranked, Verdict
-from rigctl.analysis.refit import Alone, Trial
+from rigctl.analysis.refit import Alone, RefittedSet
 from rigctl.analysis.rivals import Rival, classes_of
 from rigctl.analysis.single_values.exclusions import exclusion_text, exclusions, main_trend
 from rigctl.analysis.single_values.next_values import next_against_chance, next_channels, next_rows
@@ -34,7 +34,7 @@ class TableRemarks:
 
 def table_remarks(
     before: ModelComparison,
-    best: Trial,
+    best: RefittedSet,
     rivals: Sequence[Rival],
     verdict: Verdict,
     ranking: Sequence[Ranked],
@@ -53,7 +53,7 @@ def table_remarks(
     single = len(best.candidates) <= 1
     excluded = exclusions(before, kept, best.chi2, alone) if single else ()
     members = dict.fromkeys(best.effects[:1], best.fit)
-    members |= {rival.name: rival.trial.fit for rival in rivals if not rival.told}
+    members |= {rival.name: rival.trial.fit for rival in rivals if not rival.separable}
     return TableRemarks(
         statement=_ambiguous(before, best, rivals, ranking) if verdict is Verdict.AMBIGUOUS else "",
         excluded=excluded,
@@ -63,10 +63,10 @@ def table_remarks(
 
 
 def _ambiguous(
-    before: ModelComparison, best: Trial, rivals: Sequence[Rival], ranking: Sequence[Ranked]
+    before: ModelComparison, best: RefittedSet, rivals: Sequence[Rival], ranking: Sequence[Ranked]
 ) -> str:
     """All that explain a table, in one sentence each; "" where it is no matter of single effects."""
-    close = [rival for rival in rivals if not rival.told]
+    close = [rival for rival in rivals if not rival.separable]
     if len(best.candidates) != 1 or not close:
         return ""
     by_name = {one.effect: one for one in ranking}

@@ -7,7 +7,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Ranked
-from rigctl.analysis.refit import Trial
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.text import parameters_text
 from rigctl.effects.record_level import RECORD
 from rigctl.report.analysis.bars import Bar, bars
@@ -111,9 +111,9 @@ def signature_plot(diagnosis: Diagnosis) -> Plot | None:
     return Plot("signatures", caption, "time in the record [s]", tuple(panels))
 
 
-def _candidates(diagnosis: Diagnosis) -> list[Trial]:
+def _candidates(diagnosis: Diagnosis) -> list[RefittedSet]:
     """The best set, then the other refitted sets in the order of their misfit; each set once."""
-    found: dict[tuple[str, ...], Trial] = {}
+    found: dict[tuple[str, ...], RefittedSet] = {}
     if diagnosis.best.candidates:
         found[tuple(sorted(diagnosis.best.effects))] = diagnosis.best
     for trial in sorted(diagnosis.trials, key=lambda one: one.chi2):
