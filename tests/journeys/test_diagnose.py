@@ -65,7 +65,7 @@ def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
         "ΔmBIC",
         "+ for valve_leakage",
         "100.0 %",
-        "say nothing of",
+        "not testable with these data",
     ):
         assert words in shown
     assert not Path("models/.history/hl32-textbook").exists()  # without --apply nothing is written

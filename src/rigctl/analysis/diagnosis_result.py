@@ -156,7 +156,7 @@ class Diagnosis:
     classes: groups of names that these data cannot tell apart; each holds one of `effects`.
     indistinguishable: pairs of such names.
     ranking: the most probable first.
-    untestable: effects that these data say nothing of, with what would make them testable.
+    untestable: effects that are not testable with these data, with what would make them so.
     drift: of the fitted parameters.
     slot: the equation that wants a term most, "" when none does.
     statement: in words; `evidence` a sentence each for and against.

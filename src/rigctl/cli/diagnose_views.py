@@ -125,13 +125,13 @@ def _change(one: Drift) -> str:
 
 
 def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
-    """Effects that these data say nothing of, by what would make them testable."""
+    """Effects that are not testable with these data, by what would make them so."""
     out = console()
     by_need: dict[str, list[str]] = {}
     for name, needs in found:
         by_need.setdefault(needs, []).append(name)
     if by_need:
-        out.print("  [bold]these data say nothing of[/]")
+        out.print("  [bold]not testable with these data[/]")
     for needs, names in by_need.items():
         out.print(f"  {escape(', '.join(names))}: needs {escape(needs)}", soft_wrap=True)
 
