@@ -78,6 +78,16 @@ def test_two_tanks_from_a_file_to_a_comparison(empty: Path) -> None:
     assert {"upper", "lower"} == set(compared["channels"])
 
 
+def test_a_folder_that_is_no_project_becomes_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    pump_curve(tmp_path / "log.csv")
+    done = answer("family", "new", "pump", "--csv", "log.csv", "--input", "flow", "--no-fit")
+    assert (tmp_path / "rigctl.toml").exists()
+    follow(done["next"][:1])
+    assert refusal("family", "new", "pump", "--csv", "log.csv")
+    told("family", "new", "other", "--template", "heater")  # and the marker stays as it is
+
+
 def test_the_readme_of_a_minimal_project_can_be_followed(empty: Path) -> None:
     text = steps("time [s],push [V],sensor [V]", lambda t: 3.0 * (1.0 - np.exp(-max(t - 2.0, 0.0) / 1.7)))
     (empty / "log.csv").write_text(text, encoding="utf-8")

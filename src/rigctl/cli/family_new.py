@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.init import mark_project
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -98,7 +99,9 @@ def new(
         table = with_roles(read_table(find_file(csv), units), inputs or (), outputs or (), leave or ())
     proposal = propose(called, table, template)
     root = find_project().root
-    written = _write(root, proposal.files)
+    # files name each other from the project's root: without a project they would not be found
+    marker = mark_project(root)
+    written = [*_write(root, proposal.files), *([marker] if marker is not None else [])]
     try:
         _check(root, proposal)
     except RigctlError:

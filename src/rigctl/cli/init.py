@@ -102,6 +102,22 @@ def create_project(directory: Path, *, minimal: bool = False) -> list[Path]:
     return list(contents)
 
 
+def mark_project(directory: Path) -> Path | None:
+    """Make a folder a project by its ``rigctl.toml`` alone; None where it is one already."""
+    from rigctl.files.write import write_text
+
+    marker = directory / "rigctl.toml"
+    if marker.exists():
+        return None
+    try:
+        write_text(marker, _MINIMAL_MARKER)
+    except OSError as problem:
+        raise RigctlError(
+            "cannot write the project folder", value=str(problem.strerror), where=Location(directory)
+        ) from problem
+    return marker
+
+
 def init(
     directory: Annotated[
         Path, typer.Argument(help="The folder to make; the current one if none is named.")
