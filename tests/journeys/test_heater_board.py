@@ -58,7 +58,8 @@ def test_what_was_found_while_heating_holds_while_cooling(found: dict[str, Any])
     assert cooling["where"].startswith("heater_1 0 %")
     for channel in ("temperature_1", "temperature_2"):
         seen = cooling["channels"][channel]
-        assert seen["rmse"] < 1.2 * seen["fitted_rmse"]
+        # most spikes come while a heater is on: with them masked, the error is smaller there
+        assert seen["rmse"] < 1.4 * seen["fitted_rmse"]
     assert "10 records with heater_1 0 %" in cooling["statement"]
 
 

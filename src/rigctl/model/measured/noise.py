@@ -154,7 +154,8 @@ def with_motion_off(
     channels = noise.model.channels
     errors = [np.concatenate([one[:, c] for one in residuals]) for c in range(len(channels))]
     doubtful = [
-        (channel.guessed or channel.correlation > _SLOW)
+        channel.source == "quiet"  # what the data do not show at all, a model's residuals do not either
+        and (channel.guessed or channel.correlation > _SLOW)
         and not (channel.step or channel.law or channel.share)
         and bool(np.isfinite(error).any())
         and float(np.sqrt(np.nanmean(error**2))) < _BELOW * channel.sigma
