@@ -126,13 +126,21 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
 
 
 def _nested(fit: FitResult, effect: Effect, other: str) -> str:
-    """The parameter whose limit makes `effect` the other one, if its fit lies within chance of that limit."""
-    known = {
-        unknown.name: float(value) for unknown, value in zip(fit.problem.shared, fit.values, strict=True)
-    }
+    """The parameter whose limit makes `effect` the other one, if its fit lies within chance of that limit.
+
+    A fit that ended at its bound on that side wanted to go there.
+    """
+    known = {u.name: (u, float(value)) for u, value in zip(fit.problem.shared, fit.values, strict=True)}
     for name, limit, law in effect.becomes:
         own = qualified(effect.name, name)
-        if law == other and own in known and abs(known[own] - limit) <= AT_LIMIT * fit.std.get(own, 0.0):
+        if law != other or own not in known:
+            continue
+        unknown, value = known[own]
+        beyond = (
+            unknown.lower if limit <= unknown.lower else unknown.upper if limit >= unknown.upper else None
+        )
+        stopped = own in fit.at_bound and beyond is not None and math.isclose(value, beyond, rel_tol=1e-6)
+        if stopped or abs(value - limit) <= AT_LIMIT * fit.std.get(own, 0.0):
             return f"{name} {limit:g}"
     return ""
 
