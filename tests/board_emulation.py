@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
+from rigctl.backends.arduino.wiring import wiring_of
 from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.backends.emulated.image import read_intel_hex, shipped_image
 from rigctl.backends.emulated.pty_bridge import PtyBridge
-from rigctl.backends.serial.wiring import wiring_of
 from rigctl.backends.simulated.create import prepare
 from rigctl.clock import real_clock
 from rigctl.rig import Rig

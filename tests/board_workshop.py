@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.emulated import create as creation
 from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.backends.emulated.port import EmulatedPort
-from rigctl.backends.serial.bench import SerialBench
 from rigctl.clock import Clock, VirtualClock
 from rigctl.dataset import open_run, verify
 from rigctl.errors import ExitCode
@@ -84,7 +84,7 @@ class BoardWorkshop:
     def rig(self) -> Rig:
         return load_rig(shipped("rigs", "hl32-bench-uno.yaml"))
 
-    def bench(self, **options: object) -> SerialBench:
+    def bench(self, **options: object) -> ArduinoBench:
         """A bench on the board, not yet open."""
 
         def disturbed(board: EmulatedBoard, clock: Clock, origin: float, link: Any) -> DisturbedPort:

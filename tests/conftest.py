@@ -96,7 +96,7 @@ def end_guards(folder: Path) -> None:
 
 def wait_for_guards() -> None:
     """Let no guard that a test in this process has left to itself outlive the tests."""
-    guard_port = sys.modules.get("rigctl.backends.lines.guard_port")
+    guard_port = sys.modules.get("rigctl.backends.transport.guard_port")
     for process in guard_port._GOING_ON if guard_port else ():
         try:
             process.wait(10.0)

@@ -18,7 +18,7 @@ from typing import Any
 
 from rigctl.backends.emulated.create import make_board
 from rigctl.backends.emulated.pty_bridge import PtyBridge
-from rigctl.backends.serial.create import create
+from rigctl.backends.serial_port import create
 from rigctl.clock import real_clock
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
@@ -33,7 +33,7 @@ RIG = shipped("rigs", "hl32-bench-uno.yaml")
 
 _HEATS = """
 import sys, time
-from rigctl.backends.serial.create import create
+from rigctl.backends.serial_port import create
 from rigctl.clock import real_clock
 from rigctl.rig import load_rig
 bench = create(load_rig(sys.argv[1]), real_clock(), {"port": sys.argv[2]})

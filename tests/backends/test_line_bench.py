@@ -11,8 +11,8 @@ import pytest
 
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.lines.bench import LineBench
-from rigctl.backends.lines.guard_port import GuardActed
 from rigctl.backends.protocol import Sample
+from rigctl.backends.transport.guard_port import GuardActed
 from rigctl.clock import VirtualClock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped

@@ -15,8 +15,8 @@ import pytest
 
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.lines.bench import LineBench
-from rigctl.backends.lines.frames import Frame, FrameReader
 from rigctl.backends.registry import create_backend
+from rigctl.backends.transport.guard_frames import Frame, FrameReader
 from rigctl.clock import real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
@@ -133,7 +133,7 @@ def test_the_guard_ends_with_the_bench_and_lets_the_port_go(board: Served) -> No
     for _ in range(2):
         with opened(board.url) as bench:
             assert bench.identity["port"] == board.url
-            process = bench._talk.port._process  # type: ignore[union-attr]
+            process = bench._contact.port._process  # type: ignore[union-attr]
         assert process.returncode == 0
 
 
@@ -142,7 +142,7 @@ def test_a_guard_that_is_killed_is_replaced_with_outputs_off(board: Served) -> N
         bench.start(5.0)
         bench.command("heater_1", 0.5).wait()
         assert bench.next_sample(2.0)
-        bench._talk.port._process.kill()  # type: ignore[union-attr]
+        bench._contact.port._process.kill()  # type: ignore[union-attr]
         notices = []
 
         def back() -> bool:
@@ -168,7 +168,7 @@ def test_a_port_that_vanishes_and_returns(board: Served) -> None:
             notices.extend(bench.take_notices())
             return any(text in notice.message for notice in notices)
 
-        wait_for(lambda: told("the line to the device is lost"))
+        wait_for(lambda: told("contact with the device is lost"))
         board.unplugged = False
         wait_for(lambda: told("the device is back"))
         sample = bench.next_sample(2.0)
@@ -212,7 +212,7 @@ def test_what_drives_nothing_needs_no_guard(board: Served) -> None:
     try:
         bench.start(5.0)
         assert bench.next_sample(2.0)
-        assert type(bench._talk.port).__name__ == "PyserialPort"  # type: ignore[attr-defined]
+        assert type(bench._contact.port).__name__ == "PyserialPort"  # type: ignore[attr-defined]
         assert threading.active_count() == before
     finally:
         bench.close()

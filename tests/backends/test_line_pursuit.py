@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.backends.lines import pursuit
-from rigctl.backends.lines.duty import SafeOrder
-from rigctl.backends.lines.guard import Orders
-from rigctl.backends.lines.pursuit import Notice, Pursuit, pursuits, take_over
-from rigctl.backends.serial.port import Port, PortLost
+from rigctl.backends.transport import pursuit
+from rigctl.backends.transport.duty import SafeOrder
+from rigctl.backends.transport.guard import Orders
+from rigctl.backends.transport.port import Port, PortLost
+from rigctl.backends.transport.pursuit import Notice, Pursuit, pursuits, take_over
 from rigctl.clock import VirtualClock
 from tclab_board import MemoryPort, Sketch
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from rigctl.backends.serial.clock_map import ClockMap
+from rigctl.backends.arduino.clock_map import ClockMap
 
 ROLL_OVER = 1 << 32
 

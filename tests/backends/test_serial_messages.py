@@ -7,7 +7,7 @@ from binascii import crc_hqx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.backends.serial.messages import LineReader, Reading, Reply, Switched, parse_line, with_checksum
+from rigctl.backends.arduino.messages import LineReader, Reading, Reply, Switched, parse_line, with_checksum
 
 
 def line(text: str) -> bytes:

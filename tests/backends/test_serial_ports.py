@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import pytest
 
 from rigctl.backends.lines.probe import probe
-from rigctl.backends.serial import ports
-from rigctl.backends.serial.port import PortLost
-from rigctl.backends.serial.pyserial_port import PyserialPort
+from rigctl.backends.transport import serial_ports as ports
+from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.pyserial_port import PyserialPort
 from rigctl.clock import VirtualClock
 from rigctl.errors import RigctlError
 from tclab_board import VERSION, MemoryPort, Sketch

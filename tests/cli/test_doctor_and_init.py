@@ -73,7 +73,7 @@ def test_doctor_fails_when_something_is_broken(monkeypatch: pytest.MonkeyPatch) 
 def test_doctor_lists_ports_and_what_to_do_about_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from rigctl.backends.serial import ports
+    from rigctl.backends.transport import serial_ports as ports
 
     uno = ports.PortInfo("/dev/ttyACM0", "ttyACM0", 0x2341, 0x43, "85", "Arduino Uno", True)
     barred = ports.PortInfo(

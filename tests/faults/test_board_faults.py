@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from board_workshop import BoardWorkshop, Script, sample_times
+from rigctl.backends.arduino.messages import parse_line
 from rigctl.backends.emulated.image import shipped_image
-from rigctl.backends.serial.messages import parse_line
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from run_workshop import Done, Workshop

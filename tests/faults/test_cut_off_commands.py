@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 
 from rigctl.backends.lines.bench import LineBench
-from rigctl.backends.serial.port import PortLost
+from rigctl.backends.transport.port import PortLost
 from rigctl.clock import VirtualClock
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.backends.lines.pursuit import Notice
+from rigctl.backends.transport.pursuit import Notice
 from rigctl.files.shipped import shipped
 from tclab_board import Served
 

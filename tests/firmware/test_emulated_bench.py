@@ -7,25 +7,25 @@ from itertools import pairwise
 
 import pytest
 
+from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.emulated import library
 from rigctl.backends.emulated.create import create
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import Notice, Sample
-from rigctl.backends.serial.bench import SerialBench
 from rigctl.clock import VirtualClock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig
 
-Make = Callable[..., SerialBench]
+Make = Callable[..., ArduinoBench]
 
 
 @pytest.fixture
 def make_bench(uno_rig: Rig) -> Iterator[Make]:
     """Makes and opens an emulated bench with the plain plant."""
-    made: list[SerialBench] = []
+    made: list[ArduinoBench] = []
 
-    def make(**options: object) -> SerialBench:
+    def make(**options: object) -> ArduinoBench:
         made.append(create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1, **options}))
         made[-1].open()
         return made[-1]
@@ -35,7 +35,7 @@ def make_bench(uno_rig: Rig) -> Iterator[Make]:
         one.close()
 
 
-def read_until(bench: SerialBench, time: float) -> list[Sample]:
+def read_until(bench: ArduinoBench, time: float) -> list[Sample]:
     samples: list[Sample] = []
     while bench.clock.now() < time:
         sample = bench.next_sample(0.1)
@@ -92,8 +92,8 @@ def test_a_pulse_is_timed_by_the_board_and_stamped_within_the_stated_uncertainty
     assert end.time == pytest.approx(_switch_times(bench)[1], abs=receipt.uncertainty)
 
 
-def _switch_times(bench: SerialBench) -> list[float]:
-    port = bench._board.line.port  # type: ignore[union-attr]
+def _switch_times(bench: ArduinoBench) -> list[float]:
+    port = bench._contact.line.port  # type: ignore[union-attr]
     return list(port._board.valve_times)  # type: ignore[attr-defined]
 
 
@@ -158,7 +158,7 @@ def test_a_board_that_restarts_mid_record_is_noticed_and_taken_up_again(make_ben
     bench = make_bench()
     bench.start(100.0)
     read_until(bench, 2.0)
-    bench._board.line.port._board.avr.reset()  # type: ignore[union-attr, attr-defined]
+    bench._contact.line.port._board.avr.reset()  # type: ignore[union-attr, attr-defined]
     read_until(bench, 4.0)
     notices = bench.take_notices()
     assert any("restarted" in n.message for n in notices)
@@ -184,7 +184,7 @@ def test_no_sample_is_lost_on_a_line_that_is_95_percent_full(
     bench = make_bench(baud=baud, noise="off")
     bench.start(float(rate))
     read_until(bench, 10.6)  # from now on the board's microseconds have eight digits
-    port = bench._board.line.port  # type: ignore[union-attr]
+    port = bench._contact.line.port  # type: ignore[union-attr]
     arrived: list[bytes] = []
 
     def counted(until: float) -> bytes:

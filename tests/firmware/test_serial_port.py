@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from board_emulation import Emulation
+from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.serial.bench import SerialBench
-from rigctl.backends.serial.create import create
+from rigctl.backends.serial_port import create
 from rigctl.clock import ScaledClock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
@@ -26,7 +26,7 @@ def emulation(uno_rig: Rig, tmp_path: Path) -> Iterator[Emulation]:
 
 
 @contextmanager
-def opened(rig: Rig, port: Path, **options: object) -> Iterator[SerialBench]:
+def opened(rig: Rig, port: Path, **options: object) -> Iterator[ArduinoBench]:
     bench = create(rig, ScaledClock(), {"port": str(port), **options})
     bench.open()
     try:
@@ -35,7 +35,7 @@ def opened(rig: Rig, port: Path, **options: object) -> Iterator[SerialBench]:
         bench.close()
 
 
-def wait_for(condition: Callable[[], bool], bench: SerialBench) -> None:
+def wait_for(condition: Callable[[], bool], bench: ArduinoBench) -> None:
     """Read samples until it is so; the timeout of the tests is the limit."""
     while not condition():
         bench.next_sample(0.05)
@@ -106,7 +106,7 @@ def test_a_killed_host_leaves_the_outputs_off(uno_rig: Rig, emulation: Emulation
     bench.open()
     bench.command("heater", 1.0).wait()
     assert emulation.board.outputs[0]
-    bench._board.line.port.close()  # type: ignore[union-attr]  # as the kernel does for a dead process
+    bench._contact.line.port.close()  # type: ignore[union-attr]  # as the kernel does for a dead process
     began = emulation.board.time
     while emulation.board.outputs[0]:
         threading.Event().wait(0.01)

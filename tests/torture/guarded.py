@@ -70,7 +70,7 @@ def _guard_of(host: int) -> int:
             command = (entry / "cmdline").read_bytes()
         except OSError:
             continue
-        if parent == host and b"rigctl.backends.lines.guard" in command:
+        if parent == host and b"rigctl.backends.transport.guard" in command:
             return int(entry.name)
     raise AssertionError("no guard")
 

@@ -14,7 +14,7 @@ from rigctl.rig import Rig
 _MODULES: Mapping[str, str] = {
     "emulated": "rigctl.backends.emulated.create",
     "replay": "rigctl.backends.replay.create",
-    "serial": "rigctl.backends.serial.create",
+    "serial": "rigctl.backends.serial_port",
     "simulated": "rigctl.backends.simulated.create",
 }
 

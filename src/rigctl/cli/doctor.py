@@ -17,7 +17,7 @@ from rigctl.cli.echo import echo_json
 from rigctl.cli.finding import Finding
 
 if TYPE_CHECKING:
-    from rigctl.backends.serial.ports import PortInfo
+    from rigctl.backends.transport.serial_ports import PortInfo
 
 
 #: import name, extra, what it is for
@@ -119,7 +119,7 @@ def doctor(
 
       rigctl doctor --port /dev/ttyACM0
     """
-    from rigctl.backends.serial.ports import list_ports
+    from rigctl.backends.transport.serial_ports import list_ports
     from rigctl.cli.doctor_bench import ask_port, ports_document
 
     ports = list_ports()

@@ -13,12 +13,12 @@ from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.backends.lines.probe import Found
-    from rigctl.backends.serial.ports import PortInfo
+    from rigctl.backends.transport.serial_ports import PortInfo
 
 
 def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
     """Every port with what is most likely behind it; one of USB that may not be opened is not well."""
-    from rigctl.backends.serial.ports import missing_port_fix
+    from rigctl.backends.transport.serial_ports import missing_port_fix
 
     if not any(port.vendor is not None for port in ports):
         detail = "no USB port is there: no board is plugged in, or the system does not see it"
@@ -40,7 +40,7 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
 
 def guard_findings() -> Iterator[Finding]:
     """Guards that are still trying, or have given up, to make a device safe."""
-    from rigctl.backends.lines.pursuit import pursuits
+    from rigctl.backends.transport.pursuit import pursuits
 
     for notice in pursuits():
         fix = "switch the device off by hand, at its supply; then 'rigctl off' takes this guard's place"
@@ -55,8 +55,8 @@ def ports_document(ports: Sequence[PortInfo]) -> list[dict[str, Any]]:
 def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
     """Open a port, ask who is there, and measure the line."""
     from rigctl.backends.lines.probe import probe
-    from rigctl.backends.serial.port import PortLost
-    from rigctl.backends.serial.pyserial_port import PyserialPort
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.backends.transport.pyserial_port import PyserialPort
     from rigctl.clock import real_clock
 
     clock = real_clock()

@@ -170,7 +170,7 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
 
 def say_guards() -> None:
     """Say on stderr, in red, which guards are still trying to make a device safe."""
-    from rigctl.backends.lines.pursuit import pursuits
+    from rigctl.backends.transport.pursuit import pursuits
 
     for notice in pursuits():
         typer.secho(f"OUTPUTS MAY BE ON: {notice}", fg=typer.colors.RED, bold=True, err=True)
@@ -212,8 +212,8 @@ def open_rig_at(port: str) -> Rig:
         nobody answers, or somebody who is not known.
     """
     from rigctl.backends.lines.probe import probe
-    from rigctl.backends.serial.port import PortLost
-    from rigctl.backends.serial.pyserial_port import PyserialPort
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.backends.transport.pyserial_port import PyserialPort
     from rigctl.clock import real_clock
     from rigctl.files.shipped import shipped
     from rigctl.rig import load_rig

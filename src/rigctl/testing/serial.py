@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from rigctl.backends.lines.bench import LineBench
-from rigctl.backends.serial.port import PortLost
+from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock, VirtualClock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig

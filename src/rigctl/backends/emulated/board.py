@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
+from rigctl.backends.arduino.wiring import BITS, Wiring
 from rigctl.backends.emulated.avr import FREQUENCY, SUPPLY_MV, Avr
-from rigctl.backends.serial.wiring import BITS, Wiring
 from rigctl.backends.simulated.device import Device
 from rigctl.rig import Rig
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from rigctl.backends.arduino.bench import ArduinoBench
+from rigctl.backends.arduino.wiring import wiring_of
 from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.backends.emulated.image import read_intel_hex, shipped_image
 from rigctl.backends.emulated.library import load_libraries
 from rigctl.backends.emulated.port import EmulatedPort
 from rigctl.backends.options import read_flag, refuse_unknown
 from rigctl.backends.protocol import Backend
-from rigctl.backends.serial.bench import SerialBench
-from rigctl.backends.serial.create import BAUD
-from rigctl.backends.serial.port import Port
-from rigctl.backends.serial.wiring import wiring_of
+from rigctl.backends.serial_port import BAUD
 from rigctl.backends.simulated.create import OPTIONS as OF_THE_BENCH
 from rigctl.backends.simulated.create import Prepared, prepare
 from rigctl.backends.simulated.link import Link
+from rigctl.backends.transport.port import Port
 from rigctl.clock import Clock
 from rigctl.rig import Rig
 
@@ -71,9 +71,9 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
             kind="emulated",
             identity=bench.identity,
             by_hand=by_hand,
-            without_host=SerialBench.without_host,
+            without_host=ArduinoBench.without_host,
         )
-    return SerialBench(
+    return ArduinoBench(
         rig,
         clock,
         connect,

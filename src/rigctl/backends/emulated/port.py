@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rigctl.backends.emulated.board import SLICE, EmulatedBoard
-from rigctl.backends.serial.port import PortLost
 from rigctl.backends.simulated.link import Link
+from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
 

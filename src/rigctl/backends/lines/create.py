@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from rigctl.backends.lines.bench import LineBench
-from rigctl.backends.lines.duty import Duty
-from rigctl.backends.lines.guard import Orders
-from rigctl.backends.lines.pursuit import LASTS
 from rigctl.backends.lines.setting import Setter
-from rigctl.backends.serial.port import Port
+from rigctl.backends.transport.duty import Duty
+from rigctl.backends.transport.guard import Orders
+from rigctl.backends.transport.port import Port
+from rigctl.backends.transport.pursuit import LASTS
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Rig
 
@@ -25,10 +25,10 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, url: str, baud: int) -> Lin
 
     def connect() -> Port:
         if orders.safe:
-            from rigctl.backends.lines.guard_port import GuardedPort
+            from rigctl.backends.transport.guard_port import GuardedPort
 
             return GuardedPort(orders, clock, duty)
-        from rigctl.backends.serial.pyserial_port import PyserialPort
+        from rigctl.backends.transport.pyserial_port import PyserialPort
 
         return PyserialPort(url, baud, clock, lines.frame)
 

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rigctl.backends.conversation import Conversation
 from rigctl.backends.lines.meaning import Meaning
-from rigctl.backends.lines.talk import Answer, Refused, Talk
-from rigctl.backends.protocol import Notice
+from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Query, Rig
 from rigctl.rig.line_pattern import read_number
@@ -38,17 +38,17 @@ class PolledSample:
 class Poll:
     """The queries of a device, each at its own rate."""
 
-    def __init__(self, rig: Rig, lines: Lines, clock: Clock) -> None:
+    def __init__(self, rig: Rig, lines: Lines, clock: Clock, outbox: Outbox) -> None:
         self._rig = rig
         self._queries = lines.queries
         self._meaning = Meaning(rig, lines)
         self._clock = clock
+        self._outbox = outbox
         self._values: dict[str, float] = {}
         self._due = [-math.inf] * len(lines.queries)
-        self._silenced: set[int] = set()  # queries whose trouble has been told
+        self._silenced: set[int] = set()  # queries whose trouble has been said
         self._stray = 0
         self.states_read: set[str] = set()  #: actuators whose state was read since the line was opened
-        self._notices: list[Notice] = []
 
     def forget(self, talk: Talk) -> None:
         """Ask everything anew, on a line that has just been opened."""
@@ -57,11 +57,6 @@ class Poll:
         self._due = [-math.inf] * len(self._queries)
         self._stray = talk.stray
 
-    def take_notices(self) -> list[Notice]:
-        """What was odd since the last call."""
-        taken, self._notices = self._notices, []
-        return taken
-
     def asking(self, talk: Talk, commanded: Mapping[str, float]) -> Conversation[PolledSample]:
         """Ask what is due now.
 
@@ -69,7 +64,7 @@ class Poll:
 
         Raises
         ------
-        Refused
+        WrongAnswer
             a question that reads nothing, so that it only asks whether all is well, is answered otherwise.
         PortLost
             the device does not answer.
@@ -88,7 +83,7 @@ class Poll:
             if answer is not None:
                 answers.append(answer)
                 self._take(answer, commanded, changed)
-        self._tell_stray(talk)
+        self._note_stray(talk)
         first = min((answer.sent for answer in answers), default=now)
         last = max((answer.received for answer in answers), default=now)
         values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
@@ -97,14 +92,14 @@ class Poll:
     def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
         try:
             answer = yield from talk.asking(query, fits=self._numbers)
-        except Refused as error:
+        except WrongAnswer as error:
             if not query.places:
                 raise
             for place in query.places:
                 self._values.pop(place, None)
             if index not in self._silenced:
                 self._silenced.add(index)
-                self._notices.append(Notice(self._clock.now(), "fault", str(error)))
+                self._outbox.notice("fault", str(error))
             return None
         self._silenced.discard(index)
         return answer
@@ -127,9 +122,9 @@ class Poll:
             if state != commanded[name]:
                 changed[name] = state
 
-    def _tell_stray(self, talk: Talk) -> None:
+    def _note_stray(self, talk: Talk) -> None:
         more = talk.stray - self._stray
         self._stray = talk.stray
         if more > 0:
             message = f"{more} lines that nobody asked for"
-            self._notices.append(Notice(self._clock.now(), "note", message, {"lines": more}))
+            self._outbox.notice("note", message, lines=more)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 
-from rigctl.backends.lines.talk import Refused, Talk
-from rigctl.backends.serial.port import Port, PortLost
+from rigctl.backends.lines.talk import Talk, WrongAnswer
+from rigctl.backends.transport.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
 
@@ -85,7 +85,7 @@ def _ask(talk: Talk, question: str) -> str | None:
     exchange = Exchange.model_validate({"send": question, "reply": "{identity}"})
     try:
         found = talk.ask(exchange, tries=1).found["identity"]
-    except Refused:
+    except WrongAnswer:
         return None
     return found if found and found.casefold() != question.casefold() else None
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from rigctl.backends.conversation import Conversation
-from rigctl.backends.lines.duty import SafeOrder
 from rigctl.backends.lines.meaning import Meaning
-from rigctl.backends.lines.talk import Answer, Refused, Talk
+from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
 from rigctl.backends.protocol import CommandReceipt
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.duty import SafeOrder
 from rigctl.rig import Exchange, Lines, Rig
 from rigctl.rig.line_pattern import VALUE
 
@@ -22,7 +22,7 @@ class SafeCommand:
     Parameters
     ----------
     exchange, text: what is sent, and what answers it.
-    require: raises `Refused` where an answer says that something else was set.
+    require: raises `WrongAnswer` where an answer says that something else was set.
     """
 
     exchange: Exchange
@@ -43,7 +43,7 @@ class Setter:
 
         Raises
         ------
-        Refused
+        WrongAnswer
             the device does not do it, or does something else.
         PortLost
             it does not answer.
@@ -55,8 +55,8 @@ class Setter:
         if self._lines.confirm is not None:
             try:
                 yield from talk.asking(self._lines.confirm, tries=1)
-            except Refused as refused:
-                raise Refused(text, refused.answer) from None
+            except WrongAnswer as refused:
+                raise WrongAnswer(text, refused.answer) from None
         middle, half = 0.5 * (answer.sent + answer.received), 0.5 * (answer.received - answer.sent)
         return CommandReceipt(middle, actuator, value, half)
 
@@ -64,7 +64,7 @@ class Setter:
         """Where an answer repeats the value, it must be the one that was commanded."""
         echoed = answer.found.get(VALUE)
         if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
-            raise Refused(text, echoed, self._rig.actuators[actuator].show(value))
+            raise WrongAnswer(text, echoed, self._rig.actuators[actuator].show(value))
 
     def orders(self) -> tuple[SafeOrder, ...]:
         """The same for the guard, who knows nothing of the rig: bytes, and what confirms them."""

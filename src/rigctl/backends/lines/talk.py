@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from rigctl.backends.conversation import Conversation, carry_through
-from rigctl.backends.serial.port import NoAnswer, Port
+from rigctl.backends.transport.conversation import Conversation, carry_through
+from rigctl.backends.transport.port import NoAnswer, Port, Refused
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
 
@@ -20,8 +20,8 @@ _QUIET = 0.1  # s
 _LONGEST_NOISE = 1.0  # s that a device may go on talking before it is no device of lines
 
 
-class Refused(Exception):
-    """The device answered that it does not do it, or not what the rig file expects."""
+class WrongAnswer(Refused):
+    """The device answered with an error, or not what the rig file expects."""
 
     def __init__(self, command: str, answer: str, expected: str | None = None) -> None:
         text = f"the device answers {answer!r} to {command!r}"
@@ -91,7 +91,7 @@ class Talk:
 
         Raises
         ------
-        Refused
+        WrongAnswer
             it answers with an error, or again and again with what was not expected.
         PortLost
             it does not answer (`NoAnswer`), or the port is gone.
@@ -117,7 +117,7 @@ class Talk:
                 return Answer(found, sent, self._clock.now())
             wrong = " / ".join(found.values())
         if wrong:
-            raise Refused(command, wrong, " / ".join(exchange.reply))
+            raise WrongAnswer(command, wrong, " / ".join(exchange.reply))
         raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
 
     def idle(self, until: float) -> None:
@@ -140,7 +140,7 @@ class Talk:
                 return None, ""
             if any(error.match(line) is not None for error in self._lines.error_patterns):
                 self._in_step = True
-                raise Refused(command, line)
+                raise WrongAnswer(command, line)
             matched = pattern.match(line)
             if matched is None:
                 return None, line

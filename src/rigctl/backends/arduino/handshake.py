@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rigctl.backends.conversation import Conversation
-from rigctl.backends.serial.board import Board
-from rigctl.backends.serial.line import Line, Refused
-from rigctl.backends.serial.port import NoAnswer, PortLost
+from rigctl.backends.arduino.board import Board
+from rigctl.backends.arduino.line import Line
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.port import NoAnswer, PortLost, Refused
 from rigctl.errors import ExitCode, RigctlError
 
 MAKER, KIND = "RIGCTL", "RIG-UNO"
@@ -13,7 +13,7 @@ VERSION = "1"  #: of the protocol: the firmware's first number
 _ASK_AGAIN = 0.25  # s
 
 
-def greeting(line: Line, patience: float) -> Conversation[Board]:
+def handshake(line: Line, patience: float) -> Conversation[Board]:
     """Ask who is there until somebody answers; a board that starts anew needs about 2 s.
 
     Parameters

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rigctl.backends.conversation import Conversation
-from rigctl.backends.lines.talk import Refused, Talk
-from rigctl.backends.serial.port import NoAnswer, PortLost
+from rigctl.backends.lines.talk import Talk, WrongAnswer
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.port import NoAnswer, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Lines
@@ -14,7 +14,7 @@ from rigctl.rig import Lines
 _FIRST_SILENCE = 0.3  # s that a device needs to throw away half a command
 
 
-def greeting(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[str, str]]:
+def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[str, str]]:
     """Ask who is there until somebody answers, and what that one says of itself.
 
     A device that cannot say who it is must answer the first query instead.
@@ -35,7 +35,7 @@ def greeting(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[str
     while True:
         try:
             answer = yield from talk.asking(question, tries=1)
-        except Refused as error:
+        except WrongAnswer as error:
             if clock.now() < give_up:
                 continue
             raise RigctlError(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rigctl.backends.arduino.bench import ArduinoBench
+from rigctl.backends.arduino.wiring import wiring_of
 from rigctl.backends.options import read_flag, refuse_unknown
 from rigctl.backends.protocol import Backend
-from rigctl.backends.serial.bench import SerialBench
-from rigctl.backends.serial.port import Port
-from rigctl.backends.serial.wiring import wiring_of
+from rigctl.backends.transport.port import Port
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
@@ -49,11 +49,11 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
         return line_bench(rig, lines, clock, port, baud)
 
     def connect() -> Port:
-        from rigctl.backends.serial.pyserial_port import PyserialPort
+        from rigctl.backends.transport.pyserial_port import PyserialPort
 
         return PyserialPort(port, baud, clock)
 
     clear = read_flag("clear_trips", options.get("clear_trips"), default=False)
-    return SerialBench(
+    return ArduinoBench(
         rig, clock, connect, wiring_of(rig, options), kind="serial", baud=baud, clear_trips=clear
     )

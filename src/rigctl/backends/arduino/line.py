@@ -6,23 +6,15 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import count
 
-from rigctl.backends.conversation import Conversation, carry_through
-from rigctl.backends.serial.messages import LineReader, Reading, Reply, Switched, with_checksum
-from rigctl.backends.serial.port import NoAnswer, Port
+from rigctl.backends.arduino.messages import LineReader, Reading, Reply, Switched, with_checksum
+from rigctl.backends.transport.conversation import Conversation, carry_through
+from rigctl.backends.transport.port import NoAnswer, Port, Refused
 from rigctl.clock import Clock
 
 ANSWER = 0.4  #: s for an answer
 TRIES = 3
 _BITS = 10  # start, eight, stop
 DAMAGED = (-360, -363)  #: a wrong checksum, lost characters: nothing was carried out
-
-
-class Refused(Exception):
-    """The board did not carry out a command; SCPI's number and text."""
-
-    def __init__(self, command: str, number: int, text: str) -> None:
-        super().__init__(f"the board refuses '{command}': {text} ({number})")
-        self.number = number
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +37,7 @@ class Answer:
 
 @dataclass(slots=True)
 class Question:
-    """One command that was sent once; `answer` comes when it is polled in."""
+    """One command that was sent once; `answer` comes when it is taken in."""
 
     command: str
     tag: int
@@ -64,7 +56,8 @@ class Question:
             return None
         number = _error_number(self.answer.text)
         if number is not None:
-            raise Refused(self.command, number, self.answer.text.partition(",")[2].strip('"'))
+            text = self.answer.text.partition(",")[2].strip('"')
+            raise Refused(f"the board refuses '{self.command}': {text} ({number})")
         return self.answer
 
 
@@ -98,7 +91,7 @@ class Line:
         """Lines that arrived damaged; counts up."""
         return self._reader.damaged
 
-    def poll(self, until: float) -> bool:
+    def take(self, until: float) -> bool:
         """Take in what arrives by bench time `until`; False when nothing did."""
         data = self.port.read(until)
         if not data:
@@ -157,7 +150,7 @@ class Line:
 
     def ask(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> str:
         """The board's answer, waited for; raises as `asking` does."""
-        return carry_through(self.asking(command, timeout, tries), self.poll).text
+        return carry_through(self.asking(command, timeout, tries), self.take).text
 
     def _answer(self, question: Question, reply: Reply) -> Answer:
         now = self.clock.now()

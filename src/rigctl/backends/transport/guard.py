@@ -2,10 +2,10 @@
 
 It passes bytes both ways, and makes outputs safe when nothing is heard of rigctl for too long, or when rigctl
 is gone, however it ended. It knows nothing of the bench but the bytes that make it safe. Where the
-device does not confirm that it is safe, the guard goes on trying, see `rigctl.backends.lines.pursuit`.
+device does not confirm that it is safe, the guard goes on trying, see `rigctl.backends.transport.pursuit`.
 
-``python -P -m rigctl.backends.lines.guard PORT`` where PORT is the TCP port at which rigctl waits for it; the
-secret that shows who it is comes on stdin.
+``python -P -m rigctl.backends.transport.guard PORT`` where PORT is the TCP port at which rigctl waits for it;
+the secret that shows who it is comes on stdin.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from rigctl.backends.lines.duty import Outputs, SafeOrder
-from rigctl.backends.lines.frames import Frame, FrameReader, send_frame
-from rigctl.backends.lines.pursuit import Pursuit, take_over
-from rigctl.backends.serial.port import PortLost
-from rigctl.backends.serial.pyserial_port import PyserialPort
+from rigctl.backends.transport.duty import Outputs, SafeOrder
+from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
+from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.pursuit import Pursuit, take_over
+from rigctl.backends.transport.pyserial_port import PyserialPort
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Sequence
 
-from rigctl.backends.protocol import CommandReceipt, Notice, Sample
-from rigctl.backends.serial.board import Board, trip_causes
-from rigctl.backends.serial.messages import Reading, Switched
-from rigctl.backends.serial.translation import Translation
+from rigctl.backends.arduino.board import Board, trip_causes
+from rigctl.backends.arduino.messages import Reading, Switched
+from rigctl.backends.arduino.translation import Translation
+from rigctl.backends.protocol import CommandReceipt, Sample
+from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
 
 _NUMBERS = 1 << 16
@@ -17,30 +16,25 @@ _FIRST_NUMBERS = 4096  # of a stream that has just begun: 2 s at the highest rat
 _NOTHING_ELSE = 5  # damaged lines, and no whole one between them
 
 
-class Intake:
-    """Checks sequence numbers, puts the board's times on the bench's clock, and keeps what came.
+class Receiver:
+    """Checks sequence numbers, puts the board's times on the bench's clock, and fills the outbox.
 
     Attributes
     ----------
-    samples, receipts, notices: what has not been fetched yet.
-    commanded: what each actuator was told last, SI; what the board reports is entered here as well.
     tripped: why the board has switched off; empty while it has not.
     heard: when the stream was heard last, s.
     wanted: whether anybody has asked for samples.
     restarting: whether the board has been asked to begin its stream anew, and has not answered yet.
     """
 
-    def __init__(self, translation: Translation, clock: Clock) -> None:
+    def __init__(self, translation: Translation, clock: Clock, outbox: Outbox) -> None:
         self._translation = translation
         self._clock = clock
+        self._outbox = outbox
         self._sequence: int | None = None
         self._damaged = self._damaged_when_heard = 0
         self._told_of_damage = False
         self._last_time = -math.inf
-        self.samples: deque[Sample] = deque()
-        self.receipts: list[CommandReceipt] = []
-        self.notices: list[Notice] = []
-        self.commanded: dict[str, float] = {}
         self.tripped = ""
         self.heard = 0.0
         self.wanted = False
@@ -64,10 +58,10 @@ class Intake:
             self._take_reading(board, line.readings.popleft())
         if line.damaged > self._damaged:
             more, self._damaged = line.damaged - self._damaged, line.damaged
-            self.notice("note", f"{more} damaged line{'' if more == 1 else 's'} left out", lines=more)
+            self._outbox.notice("note", f"{more} damaged line{'' if more == 1 else 's'} left out", lines=more)
             if not self._told_of_damage and line.damaged - self._damaged_when_heard >= _NOTHING_ELSE:
                 self._told_of_damage = True
-                self.notice("fault", "what arrives from the board are damaged lines only")
+                self._outbox.notice("fault", "what arrives from the board are damaged lines only")
 
     def take_switched(self, board: Board, event: Switched) -> None:
         """A switch that nobody here has just commanded: the end of a pulse, or a trip."""
@@ -80,24 +74,8 @@ class Intake:
         if actuator is None:
             return
         value = self._translation.value(actuator, event.value)
-        self.commanded[actuator] = value
-        self.receipts.append(CommandReceipt(time, actuator, value, board.clock_map.uncertainty))
-
-    def notice(self, kind: str, message: str, *, time: float | None = None, **fields: object) -> None:
-        """Something that belongs into the run's events, now unless another time is given."""
-        self.notices.append(Notice(self._clock.now() if time is None else time, kind, message, fields))
-
-    def gap(self, missing: int, *, cause: str = "", switched_off: Sequence[str] = ()) -> None:
-        """Samples that will not come, and what was switched off meanwhile without being told to."""
-        now = self._clock.now()
-        text = f"{missing} sample{'' if missing == 1 else 's'} missing before {now:.3f} s"
-        if cause:
-            text += f": {cause}"
-        if not switched_off:
-            self.notice("gap", text, samples=missing)
-            return
-        text += f"; meanwhile {', '.join(switched_off)} went to the safe state"
-        self.notice("gap", text, samples=missing, switched_off=list(switched_off))
+        self._outbox.commanded[actuator] = value
+        self._outbox.receipts.append(CommandReceipt(time, actuator, value, board.clock_map.uncertainty))
 
     def damage_since_heard(self, board: Board) -> str:
         """What has arrived instead of samples, for a message."""
@@ -113,7 +91,7 @@ class Intake:
         text = ", ".join(trip_causes(causes))
         if text != self.tripped:
             self.tripped = text
-            self.notice("alarm", f"the board has tripped: {text}", time=time, trips=causes)
+            self._outbox.notice("alarm", f"the board has tripped: {text}", time=time, trips=causes)
 
     def _take_reading(self, board: Board, reading: Reading) -> None:
         self.heard = self._clock.now()
@@ -125,10 +103,10 @@ class Intake:
         if old and self.restarting and reading.sequence < _FIRST_NUMBERS and time > self._last_time:
             old, step = False, 1  # begun anew, and the answer that says so is late or lost
         if old:
-            self.notice("note", f"sample {reading.sequence} came twice or late, left out")
+            self._outbox.notice("note", f"sample {reading.sequence} came twice or late, left out")
             return
         if step > 1:
-            self.gap(step - 1)
+            self._outbox.gap(step - 1)
         self._sequence = reading.sequence
         if reading.trips:
             self._trip(time, reading.trips)
@@ -136,6 +114,6 @@ class Intake:
             return
         self._last_time = time
         translation = self._translation
-        self.samples.append(
-            Sample(time, translation.values(reading), translation.commands(reading, self.commanded))
+        self._outbox.samples.append(
+            Sample(time, translation.values(reading), translation.commands(reading, self._outbox.commanded))
         )

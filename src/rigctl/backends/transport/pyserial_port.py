@@ -6,7 +6,7 @@ import errno
 from contextlib import suppress
 from typing import Any
 
-from rigctl.backends.serial.port import PortLost
+from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 

@@ -10,10 +10,10 @@ import subprocess
 import sys
 from contextlib import suppress
 
-from rigctl.backends.lines.duty import Duty, Outputs
-from rigctl.backends.lines.frames import Frame, FrameReader, send_frame
-from rigctl.backends.lines.guard import Orders
-from rigctl.backends.serial.port import PortLost
+from rigctl.backends.transport.duty import Duty, Outputs
+from rigctl.backends.transport.guard import Orders
+from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
+from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 
@@ -166,7 +166,8 @@ def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
     with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
         server.settimeout(_STARTS_WITHIN)
         # -P: nothing in the folder where rigctl is called is taken for a module
-        command = [sys.executable, "-P", "-m", "rigctl.backends.lines.guard", str(server.getsockname()[1])]
+        port = str(server.getsockname()[1])
+        command = [sys.executable, "-P", "-m", "rigctl.backends.transport.guard", port]
         process = subprocess.Popen(  # noqa: S603 - this Python, this package
             command,
             stdin=subprocess.PIPE,

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from rigctl.backends.conversation import Conversation, Take, Underway
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.serial.port import Connect, Port, PortLost
+from rigctl.backends.transport.conversation import Conversation, Take, Underway
+from rigctl.backends.transport.port import Connect, Port, PortLost, Refused
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 
@@ -30,7 +30,7 @@ class Meeting(Generic[Met]):
     def __init__(self, port: Port, take: Take, conversation: Conversation[Met]) -> None:
         self.port = port
         self._take = take
-        self._underway = Underway(conversation)
+        self._underway = Underway(_lost_if_refused(conversation))
 
     def go_on(self, until: float) -> Met | None:
         """Go on up to about bench time `until`; what was met, or None when that takes longer."""
@@ -43,6 +43,14 @@ class Meeting(Generic[Met]):
         while (met := self.go_on(self._underway.until)) is None:
             pass
         return met
+
+
+def _lost_if_refused(conversation: Conversation[Met]) -> Conversation[Met]:
+    """A device that refuses what it was set up with before may come to its senses."""
+    try:
+        return (yield from conversation)
+    except Refused as error:
+        raise PortLost(str(error)) from None
 
 
 class Reconnection(Generic[Met]):

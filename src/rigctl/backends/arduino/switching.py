@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from rigctl.backends.conversation import Conversation
+from rigctl.backends.arduino.board import Board
+from rigctl.backends.arduino.line import ANSWER, TRIES, Answer, Question
+from rigctl.backends.arduino.messages import Switched
+from rigctl.backends.arduino.translation import Translation
 from rigctl.backends.protocol import CommandReceipt
-from rigctl.backends.serial.board import Board
-from rigctl.backends.serial.intake import Intake
-from rigctl.backends.serial.line import ANSWER, TRIES, Answer, Question
-from rigctl.backends.serial.messages import Switched
-from rigctl.backends.serial.port import NoAnswer
-from rigctl.backends.serial.translation import Translation
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.outbox import Outbox
+from rigctl.backends.transport.port import NoAnswer
 from rigctl.clock import Clock
 
 _REPORT = 0.5  # s for the board to report a switch
@@ -20,9 +20,9 @@ _SLACK = 2e-3  # s by which the board's times may be off besides their uncertain
 class Switching:
     """Commands one board's outputs; each of them once at a time."""
 
-    def __init__(self, translation: Translation, intake: Intake, clock: Clock) -> None:
+    def __init__(self, translation: Translation, outbox: Outbox, clock: Clock) -> None:
         self._translation = translation
-        self._intake = intake
+        self._outbox = outbox
         self._clock = clock
 
     def switch(
@@ -79,7 +79,7 @@ class Switching:
     def _find_report(self, board: Board, actuator: str, value: float, begun: float) -> Switched | None:
         """Take the report of this switch out of what has arrived, and those of the way there."""
         kind, raw = self._translation.event_kind(actuator), self._translation.raw(actuator, value)
-        turns = self._intake.commanded[actuator] not in (0.0, value)  # over neutral
+        turns = self._outbox.commanded[actuator] not in (0.0, value)  # over neutral
         earliest = begun - board.clock_map.uncertainty - _SLACK
         for event in [event for event in board.line.switched if event.kind == kind]:
             if board.clock_map.to_host(event.board_us) < earliest:

@@ -1,4 +1,4 @@
-"""What a line needs of a port, real or emulated."""
+"""What a bench needs of a port, real or emulated, and what goes wrong on it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ class PortLost(Exception):
 
 class NoAnswer(PortLost):
     """The port is there, and nobody has answered on it, or somebody who has begun anew."""
+
+
+class Refused(Exception):
+    """The device answered that it does not do it, or does something else."""
 
 
 class Port(Protocol):
@@ -32,6 +36,15 @@ class Port(Protocol):
 
     def close(self) -> None:
         """Let it go; never raises."""
+        ...
+
+
+class OnPort(Protocol):
+    """A device that has answered on a port."""
+
+    @property
+    def port(self) -> Port:
+        """The port that it is on."""
         ...
 
 

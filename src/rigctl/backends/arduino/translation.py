@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rigctl.backends.serial.messages import Reading
-from rigctl.backends.serial.wiring import Wiring
+from rigctl.backends.arduino.messages import Reading
+from rigctl.backends.arduino.wiring import Wiring
 from rigctl.rig import Rig
 
 _LONGEST_PULSE = 60.0  # s that the board times by itself

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
-from rigctl.backends.lines.duty import SafeOrder
 from rigctl.backends.processes import process_exists
-from rigctl.backends.serial.port import Port, PortLost
+from rigctl.backends.transport.duty import SafeOrder
+from rigctl.backends.transport.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 

@@ -1,0 +1,300 @@
+"""The bench on rigctl's own board, as the runner sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from rigctl.backends.arduino.board import Board, Heartbeat, trip_causes
+from rigctl.backends.arduino.handshake import handshake
+from rigctl.backends.arduino.line import Line
+from rigctl.backends.arduino.receiver import Receiver
+from rigctl.backends.arduino.switching import Switching
+from rigctl.backends.arduino.translation import Translation
+from rigctl.backends.arduino.wiring import Wiring
+from rigctl.backends.commands import driven_outputs
+from rigctl.backends.errors import BenchTripped, OutOfReach
+from rigctl.backends.protocol import PendingCommand
+from rigctl.backends.transport.bench import PortBench
+from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
+from rigctl.backends.transport.port import Connect, NoAnswer, Port, PortLost, Refused
+from rigctl.backends.transport.reconnection import Meeting
+from rigctl.clock import Clock
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.rig import Rig
+
+HOST_SILENT = "host silent"  #: the trip that a host's coming ends
+_SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s, to make safe within a second also where lines are lost
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """A command to which the board has not answered yet; `asked_for` where the caller waits for it."""
+
+    pending: PendingCommand
+    underway: Underway[None]
+    asked_for: bool
+
+
+class ArduinoBench(PortBench[Board]):
+    """A `Backend` for rigctl's own board, on any `Port`.
+
+    Parameters
+    ----------
+    rig: what channels and actuators there are.
+    clock: what waits are counted on.
+    connect: opens the port; called again when it was lost.
+    wiring: what is connected where.
+    kind: ``serial`` or ``emulated``, for the identity.
+    baud: bits per second.
+    patience: s for a board that starts anew when its port is opened.
+    reconnect: s for a lost board to come back.
+    clear_trips: whether trips that are latched from before are cleared when the bench is opened; see
+        docs/decisions/0011-who-clears-a-trip.md.
+    by_hand: told when the operator turns something, where the operator is emulated too.
+    """
+
+    timed = True
+    device = "board"
+    without_host = "the board switches off by itself 1.5 s after it last heard of rigctl, if it still works"
+
+    def __init__(
+        self,
+        rig: Rig,
+        clock: Clock,
+        connect: Connect,
+        wiring: Wiring,
+        *,
+        kind: str,
+        baud: int,
+        patience: float = 5.0,
+        reconnect: float = 30.0,
+        clear_trips: bool = False,
+        identity: Mapping[str, str] | None = None,
+        by_hand: Callable[[str, float], None] | None = None,
+    ) -> None:
+        super().__init__(
+            rig, clock, connect, kind=kind, reconnect=reconnect, identity=identity, by_hand=by_hand
+        )
+        self._translation = Translation(rig, wiring)
+        self._baud = baud
+        self._patience = patience
+        self._clear_trips = clear_trips
+        self._heartbeat: Heartbeat | None = None
+        self._receiver = Receiver(self._translation, clock, self._outbox)
+        self._switching = Switching(self._translation, self._outbox, clock)
+        self._orders: dict[str, _Order] = {}
+        self._streaming: Underway[None] | None = None
+
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """What the board reports with each sample."""
+        return self._translation.reported
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """The board answers every command."""
+        return driven_outputs(self._rig)
+
+    @property
+    def _over(self) -> str:
+        return f"the board has tripped: {self._receiver.tripped}" if self._receiver.tripped else ""
+
+    # --- meeting the board --------------------------------------------------------------------------------
+
+    def _meet(self, port: Port, *, again: bool) -> Meeting[Board]:
+        line = Line(port, self.clock, self._baud)
+        return Meeting(port, line.take, self._begin(line, again=again))
+
+    def _begin(self, line: Line, *, again: bool) -> Conversation[Board]:
+        """Ask who is there, and take that board: safe, trips known, clock learnt, stream begun."""
+        board = yield from handshake(line, self._patience)
+        known = self.identity.get("firmware")
+        if known is not None and known != board.identity["firmware"]:
+            raise RigctlError(
+                "another board answers than before", value=board.identity["firmware"], expected=known
+            )
+        yield from self._making_safe(board)
+        yield from board.asking("STRM 0")
+        yield from board.learning_clock(8)
+        board.line.forget()
+        self.identity = {**self.identity, **board.identity}
+        self._receiver.tripped, self._over_said = "", False
+        self._note_safe()
+        try:
+            yield from self._settling_trips(board)
+        except BenchTripped as tripped:
+            if not again:
+                raise
+            self._receiver.tripped = tripped.causes  # it can be reached, but does nothing any more
+            self._reconnection.why = tripped.what
+            self._outbox.notice("alarm", tripped.what)
+        else:
+            yield from self._stream(board)
+        self._heartbeat = Heartbeat(board, self.clock)
+        return board
+
+    def _settling_trips(self, board: Board) -> Conversation[None]:
+        """A silence of the host is over once a host is there; every other trip waits for a person."""
+        before = yield from board.asking_trips()
+        if not before:
+            return
+        causes = ", ".join(trip_causes(before))
+        if not (self._clear_trips or trip_causes(before) == [HOST_SILENT]):
+            raise BenchTripped(causes)
+        try:
+            yield from board.asking("SYST:TRIP:CLE")
+        except Refused:
+            raise RigctlError(
+                f"the board has tripped, and the cause lasts: {causes}", exit_code=ExitCode.FAILED
+            ) from None
+        self._outbox.notice("note", f"the board had tripped before: {causes}; cleared")
+
+    # --- making safe --------------------------------------------------------------------------------------
+
+    def _making_safe(self, board: Board) -> Conversation[None]:
+        yield from board.line.asking("OUTP:SAFE", _SAFE_ANSWER, _SAFE_TRIES)
+        for text in self._translation.safe_texts():
+            yield from board.asking(text)
+
+    def _make_safe(self, board: Board) -> None:
+        carry_through(self._making_safe(board), board.line.take)
+        self._receiver.take(board)
+
+    def _let_go(self, board: Board) -> None:
+        carry_through(self._making_safe(board), board.line.take)
+        board.line.ask("STRM 0")
+
+    # --- samples ------------------------------------------------------------------------------------------
+
+    def _check_rate(self, rate: float) -> None:
+        if not 0.01 <= rate <= 2000.0:
+            raise RigctlError(
+                "the board cannot sample like this", value=f"{rate:g} Hz", expected="0.01 to 2000 Hz"
+            )
+
+    def _begin_sampling(self) -> None:
+        if self._contact is None:  # one that comes back begins its stream by itself
+            return
+        try:
+            self._streaming = Underway(self._stream(self._contact))
+        except PortLost as error:
+            self._lose(error)
+
+    def _stream(self, board: Board) -> Conversation[None]:
+        """Let the board begin its stream at the present rate."""
+        self._receiver.restarting = True
+        try:
+            answer = yield from board.line.asking(f"STRM {self._rate or self._rig.monitor_rate:.3f}")
+        except Refused as error:
+            raise NoAnswer(str(error)) from None
+        self._receiver.restart(board, answer.readings_before)
+        self._receiver.wanted = self._rate > 0.0
+
+    # --- commands -----------------------------------------------------------------------------------------
+
+    def _put(self, actuator: str, value: float, duration: float | None, *, asked_for: bool) -> PendingCommand:
+        board = self._check_reach()
+        self._ends.pop(actuator, None)
+        self._drop_order(actuator, "another command came before the board had answered")
+        self._receiver.take(board)  # what happened before is none of its doing
+        pending = self._pending(actuator, value)
+        try:
+            underway = Underway(self._carry_out(board, pending, duration))
+        except PortLost as error:
+            self._doubt(pending)
+            self._lose(error)
+            raise OutOfReach(f"contact with the board is lost: {error}") from None
+        self._orders[actuator] = _Order(pending, underway, asked_for)
+        return pending
+
+    def _carry_out(self, board: Board, pending: PendingCommand, duration: float | None) -> Conversation[None]:
+        """Switch, and note what the board says of it."""
+        actuator, value = pending.actuator, pending.value
+        try:
+            receipt = yield from self._switching.switch(board, actuator, value, duration)
+        except Refused as error:
+            hint = yield from _asking_why(board)
+            pending.trouble = RigctlError(str(error), hint=hint, exit_code=ExitCode.FAILED)
+            return
+        self._outbox.commanded[actuator] = value
+        if duration is not None and not self._translation.times_pulse(actuator, duration):
+            self._ends[actuator] = receipt.time + duration
+        pending.receipt = receipt
+
+    def _go_on(self) -> None:
+        """Go on with what the board has been asked; raises `PortLost`."""
+        if self._streaming is not None:
+            self._streaming.go_on()
+            if self._streaming.over:
+                self._streaming = None
+        for actuator, order in list(self._orders.items()):
+            order.underway.go_on()
+            if not order.underway.over:
+                continue
+            del self._orders[actuator]
+            if order.asked_for:
+                self._answered = True
+            elif order.pending.receipt is not None:
+                self._outbox.receipts.append(order.pending.receipt)
+            else:
+                self._outbox.notice("fault", f"a pulse could not be ended: {order.pending.trouble}")
+
+    def _drop_order(self, actuator: str, why: str) -> None:
+        """Do not wait for an answer any more; what became of the command is not known."""
+        order = self._orders.pop(actuator, None)
+        if order is not None:
+            order.underway.drop()
+            order.pending.trouble = OutOfReach(why)
+            self._answered = True
+
+    def _drop_orders(self, why: str) -> None:
+        for actuator in list(self._orders):
+            self._drop_order(actuator, why)
+
+    # --- time passes --------------------------------------------------------------------------------------
+
+    def _advance(self, board: Board, until: float) -> None:
+        heartbeat = self._heartbeat
+        if heartbeat is None:
+            raise RuntimeError("a board that was met without a heartbeat")
+        silence = max(0.1, 3.0 / (self._rate or self._rig.monitor_rate))
+        heartbeat.beat(silent=self.clock.now() - self._receiver.heard > silence)
+        board.line.take(min(until, heartbeat.due, *self._ends.values(), *self._due()))
+        heartbeat.listen()
+        self._go_on()
+        self._receiver.take(board)
+
+    def _due(self) -> list[float]:
+        """When to go on with what the board has been asked, s."""
+        due = [order.underway.until for order in self._orders.values()]
+        return due if self._streaming is None else [*due, self._streaming.until]
+
+    # --- losing it and finding it again -------------------------------------------------------------------
+
+    def _unanswered(self) -> list[PendingCommand]:
+        return [order.pending for order in self._orders.values()]
+
+    def _part(self, board: Board, error: PortLost) -> tuple[str, Port | None]:
+        self._streaming = None
+        self._receiver.take(board)
+        damaged = self._receiver.damage_since_heard(board)
+        if not isinstance(error, NoAnswer):
+            board.port.close()
+            return damaged, None
+        with suppress(PortLost):
+            board.line.put("OUTP:SAFE")  # whether or not its answers get through
+        return damaged, board.port  # opening it again would restart an Uno, or let another host in
+
+    def _leave_out(self, lost_at: float) -> int:
+        return self._receiver.missing_since(lost_at, self._rate or self._rig.monitor_rate)
+
+
+def _asking_why(board: Board) -> Conversation[str | None]:
+    """What a refusal comes from, where a trip is behind it."""
+    try:
+        causes = trip_causes((yield from board.asking_trips()))
+    except NoAnswer:
+        return None
+    return f"The board has tripped: {', '.join(causes)}" if causes else None

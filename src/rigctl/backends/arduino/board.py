@@ -1,0 +1,119 @@
+"""A board that has answered: who it is, what time it has, why it has tripped, whether it is still there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rigctl.backends.arduino.clock_map import ClockMap
+from rigctl.backends.arduino.line import ANSWER, TRIES, Line, Question
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.port import NoAnswer, Port
+from rigctl.clock import Clock
+
+_INTERVAL = 0.5  # s; the board gives up on a silent host after 1.5 s
+_UNANSWERED = 3  # questions in a row, and the board is lost
+_QUERY = "SYST:TIME?"
+_CAUSES = (
+    "over-temperature",
+    "over-pressure",
+    "host silent",
+    "restarted by the MCU watchdog",
+    "sensor open or shorted",
+    "heater on for too long",
+)
+
+
+class Board:
+    """One board on a line.
+
+    Attributes
+    ----------
+    clock_map: from its microseconds to the bench's clock.
+    identity: name, firmware and the limits that were compiled in.
+    """
+
+    def __init__(self, line: Line, identity: Mapping[str, str]) -> None:
+        self.line = line
+        self.identity = identity
+        self.clock_map = ClockMap()
+
+    @property
+    def port(self) -> Port:
+        """The port that its line is on."""
+        return self.line.port
+
+    def asking(self, command: str, tries: int = TRIES) -> Conversation[str]:
+        """The answer to a command; raises `Refused` or `PortLost`."""
+        answer = yield from self.line.asking(command, tries=tries)
+        return answer.text
+
+    def asking_trips(self) -> Conversation[int]:
+        """The latched causes."""
+        answer = yield from self.asking("SYST:TRIP?")
+        return int(answer.partition(",")[0])
+
+    def learning_clock(self, times: int) -> Conversation[None]:
+        """Ask for its time so many times."""
+        for _ in range(times):
+            answer = yield from self.line.asking("SYST:TIME?")
+            self.clock_map.add(answer.sent, int(answer.text), answer.received)
+
+
+def trip_causes(bits: int) -> list[str]:
+    """What the bits of a trip mean."""
+    return [cause for bit, cause in enumerate(_CAUSES) if bits >> bit & 1]
+
+
+class Heartbeat:
+    """Asks a board for its time twice a second; samples go on arriving meanwhile.
+
+    Attributes
+    ----------
+    due: when `beat` has something to do next, s.
+    """
+
+    def __init__(self, board: Board, clock: Clock) -> None:
+        self._board = board
+        self._clock = clock
+        self._question: Question | None = None  # that is open
+        self._unanswered = 0
+        self.due = clock.now() + _INTERVAL
+
+    def beat(self, *, silent: bool) -> None:
+        """Ask when it is time to, or at once when the board has fallen `silent`.
+
+        Raises
+        ------
+        PortLost
+            several questions in a row were not answered (`NoAnswer`), or the port is gone.
+        """
+        now = self._clock.now()
+        if now < self.due and (self._question is not None or not silent or now < self.due - ANSWER):
+            return
+        if self._question is not None:
+            self._board.line.withdraw(self._question)
+            self._unanswered += 1
+            if self._unanswered >= _UNANSWERED:
+                raise NoAnswer(f"{self._board.line.port.name}: the board does not answer '{_QUERY}'")
+        self._question = self._board.line.put(_QUERY)
+        self.due = now + ANSWER
+
+    def listen(self) -> None:
+        """Learn from an answer that has arrived.
+
+        Raises
+        ------
+        NoAnswer
+            the board's time says that it was restarted.
+        """
+        question = self._question
+        if question is None or question.answer is None:
+            return
+        self._question = None
+        self._unanswered = 0
+        self.due = question.sent + _INTERVAL
+        answer = question.answer
+        if not answer.text.isdigit():  # an error: it had arrived damaged
+            return
+        if not self._board.clock_map.add(answer.sent, int(answer.text), answer.received):
+            raise NoAnswer("the board was restarted")
