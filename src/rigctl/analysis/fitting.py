@@ -14,7 +14,7 @@ from rigctl.engine.least_squares import started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
-from rigctl.model.fit.problem import make_problem
+from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_motion_off, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
@@ -101,11 +101,11 @@ def fit_again(
 ) -> FitResult:
     """Fit another model to the data of `before`, with the same noise and the same records held out."""
     problem = before.problem
+    again = problem.for_model(model, progress=on_progress)
     data = DataNoise(problem.noise, problem.ok)
-    return fit_model(model, problem.measurements, data, before.held_out, refit=refit, on_progress=on_progress)
+    return fit_problem(again, data, before.held_out, refit=refit, on_progress=on_progress)
 
 
-@one_thread()
 def fit_model(
     model: Model,
     measurements: Measurements,
@@ -120,8 +120,22 @@ def fit_model(
     Without `refit` what is the logger's and not the model's, how late it writes switches, is fitted still.
     """
     problem = make_problem(model, measurements, noise.model, noise.ok, progress=on_progress)
+    return fit_problem(problem, noise, held_out, refit=refit, on_progress=on_progress)
+
+
+@one_thread()
+def fit_problem(
+    problem: Problem,
+    noise: DataNoise,
+    held_out: Sequence[int] = (),
+    *,
+    refit: bool = True,
+    on_progress: OnProgress = no_progress,
+) -> FitResult:
+    """Fit a model that is on its measurements already, and again in the noise that its residuals show."""
     if not refit:
-        problem = problem.with_shared([one for one in problem.shared if one.name not in model.fitted])
+        fitted = problem.model.fitted
+        problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
     found = fit(problem, held_out, refit=bool(problem.shared))
     for learn in (_spikes_off, _motion_off):
         cleaned = learn(found, noise)
@@ -148,7 +162,7 @@ def _fit_to_noise(before: FitResult, noise: DataNoise, *, refit: bool, on_progre
     """The fit made again in another noise, begun where it ended."""
     problem = before.problem
     begun = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
-    again = make_problem(problem.model, problem.measurements, noise.model, noise.ok, progress=on_progress)
+    again = problem.for_model(problem.model, noise.model, noise.ok, progress=on_progress)
     shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
     again = again.with_shared(
         started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))

@@ -1,4 +1,4 @@
-"""What data could have shown: the smallest size of each effect that would have stood out of the noise."""
+"""What data could have shown: which effects might be there at their typical size and not be seen."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from rigctl.analysis.nuisance_projection import Projected
 
 
 def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
-    """The effects that would stay below the noise at their typical size: ``‖s̃‖·|φ_typical| < 4.5``."""
+    """The effects that these data might miss at their typical size: ``‖s̃‖·|φ_typical| < 4.5``.
+
+    At that limit one of K effects is seen with probability ``Φ(4.5 − z)``, z the quantile of ``ALPHA/(3·K)``.
+    """
     lin = projected.linearisation
     seen: dict[str, bool] = {}
     for place, candidate in enumerate(lin.candidates):
@@ -27,7 +30,8 @@ def power_text(projected: Projected) -> list[str]:
         return []
     if len(names) > whole / 2:
         return [
-            f"these data are too weak for a verdict: {len(names)} of {whole} effects of the library would "
-            "not show in them at their typical size; record at more temperatures, pressures and with repeats"
+            f"these data are too weak for a verdict: {len(names)} of {whole} effects of the library might "
+            "not be seen in them at their typical size; record at more temperatures, pressures and with "
+            "repeats"
         ]
-    return [f"would not show in these data at their typical size: {', '.join(names)}"]
+    return [f"might not be seen in these data at their typical size: {', '.join(names)}"]

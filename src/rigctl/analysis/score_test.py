@@ -63,15 +63,11 @@ class Screening:
     statistic: float
 
 
-def screen(projected: Projected, seed: int = 0) -> Screening:
-    """Score every candidate of a linearisation."""
+def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> Screening:
+    """Score every candidate of a linearisation; `null` is its `null_of_best`, where that is known already."""
     lin = projected.linearisation
     usable = projected.usable
-    tests = [
-        (place, np.flatnonzero(usable[lin.columns_of(place)]) + lin.starts[place])
-        for place in range(len(lin.candidates))
-    ]
-    tests = [(place, columns) for place, columns in tests if columns.size]
+    tests = _tests(projected)
     testable = {lin.candidates[place].name for place, _ in tests}
     untestable = tuple(name for name in by_effect(lin.candidates) if name not in testable)
     if not tests:
@@ -80,17 +76,12 @@ def screen(projected: Projected, seed: int = 0) -> Screening:
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
     z = signatures.T @ projected.residual
-    draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
+    least = null_of_best(projected, seed) if null is None else null
     found = []
-    least = np.ones(len(draws))
     for place, columns in tests:
         signs = _signs(projected, place, columns)
-        square = cosines[np.ix_(columns, columns)]
-        gain, sizes = cone(z[columns][None, :], square, signs)
-        chance = tail(cone(draws[:, columns], square, signs)[0], signs)
-        np.minimum(least, chance, out=least)
+        gain, sizes = cone(z[columns][None, :], cosines[np.ix_(columns, columns)], signs)
         found.append((place, columns, float(gain[0]), float(tail(gain, signs)[0]), sizes[0]))
-    least.sort()
     scores = [
         _score(
             projected,
@@ -105,6 +96,35 @@ def screen(projected: Projected, seed: int = 0) -> Screening:
     best = _best_of_each(scores)
     top = max(best, key=lambda score: (-score.p_value, score.gain))
     return Screening(tuple(best), untestable, top.p_value, top.z)
+
+
+def null_of_best(projected: Projected, seed: int = 0) -> Floats:
+    """(draws) the smallest p-value of all candidates where nothing is missing, sorted.
+
+    It depends on the signatures alone, not on the residual.
+    """
+    usable = projected.usable
+    unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
+    signatures = projected.signatures * unit
+    cosines = signatures.T @ signatures
+    draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
+    least = np.ones(len(draws))
+    for place, columns in _tests(projected):
+        signs = _signs(projected, place, columns)
+        square = cosines[np.ix_(columns, columns)]
+        np.minimum(least, tail(cone(draws[:, columns], square, signs)[0], signs), out=least)
+    least.sort()
+    return least
+
+
+def _tests(projected: Projected) -> list[tuple[int, NDArray[np.intp]]]:
+    """Of each candidate that shows at all, its place and its usable columns."""
+    lin, usable = projected.linearisation, projected.usable
+    found = [
+        (place, np.flatnonzero(usable[lin.columns_of(place)]) + lin.starts[place])
+        for place in range(len(lin.candidates))
+    ]
+    return [(place, columns) for place, columns in found if columns.size]
 
 
 def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floats]:

@@ -165,6 +165,8 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     RigctlError
         the model cannot be simulated or differentiated at the fit.
     """
+    if not fit.problem.model.family.slots:  # nowhere for a term
+        return ()
     fit = _some(fit)
     problem = fit.problem
     knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS

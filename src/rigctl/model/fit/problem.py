@@ -111,19 +111,37 @@ class Problem:
         RigctlError
             an effect's term does not fit.
         """
-        return replace(
-            make_problem(
-                model,
-                self.measurements,
-                self.noise,
-                self.ok,
-                library=library,
-                whiteners=self.whiteners,
-                progress=progress,
-            ),
-            sizes=self.sizes,
-            scatter=self.scatter,
-            extra=self.extra,
+        made = self.for_model(model, library=library, whiteners=self.whiteners, progress=progress)
+        return replace(made, sizes=self.sizes, scatter=self.scatter, extra=self.extra)
+
+    def for_model(
+        self,
+        model: Model,
+        noise: NoiseModel | None = None,
+        ok: Sequence[NDArray[np.bool_]] | None = None,
+        *,
+        library: bool = False,
+        whiteners: Sequence[Whitener] | None = None,
+        progress: Progress | None = None,
+    ) -> Problem:
+        """Another model on the same measurements, or another noise; nothing that a fit has found is kept.
+
+        Everything else that is asked of other equations goes through here, and `simulate` is all that asks
+        the equations themselves.
+
+        Raises
+        ------
+        RigctlError
+            an effect's term does not fit.
+        """
+        return make_problem(
+            model,
+            self.measurements,
+            self.noise if noise is None else noise,
+            self.ok if ok is None else ok,
+            library=library,
+            whiteners=whiteners,
+            progress=progress,
         )
 
     def sized(self, outputs: Sequence[Floats]) -> Problem:
