@@ -9,11 +9,12 @@ from typing import TypeAlias
 
 import numpy as np
 
+from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.levels import AT_LIMIT, LEAST_DIFFERENCE, LEAST_SEPARATION, REFIT_SCATTER, TOLERANCE
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
-from rigctl.analysis.separability import consistent_gain, cosine
+from rigctl.analysis.separability import consistent_gain, cosine, directions, separation
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text
@@ -61,6 +62,7 @@ class Rival:
     unusual: which of the other's parameters lie beyond what is usual, in words; "" where none does.
     nested: the parameter of the one that was found, and its value, where it is the other one and from where
         its fit is not told; "" where there is none.
+    beside: the effect without which the other would not do, where two stand in the place of one; else "".
     """
 
     member: str
@@ -73,6 +75,7 @@ class Rival:
     share: float = 1.0
     unusual: str = ""
     nested: str = ""
+    beside: str = ""
 
     @property
     def separable(self) -> bool:
@@ -122,6 +125,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     found += _aside(search, best, {rival.name for rival in found})
     if len(best.candidates) == 1:
         found += _known(search, best, {rival.name for rival in found})
+        found += _two_instead(search, best)
     return found
 
 
@@ -190,6 +194,50 @@ def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
     unusual = trial.unusual.get(other.name, "")
     rival = Rival(member.name, other.name, trial, cos, told, difference, differs, share, unusual)
     return [rival] if rival.separable else []
+
+
+def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
+    """Two others that explain more than the single effect that leads, though not surely so."""
+    (member,) = best.candidates
+    pairs = [
+        trial
+        for trial in search.trials.values()
+        if len(trial.effects) == 2
+        and member.name not in trial.effects
+        and search.mbic(trial) < search.mbic(best)
+    ]
+    if not pairs:
+        return []
+    trial = min(pairs, key=search.mbic)
+    cos = _likeness(search, member, trial.candidates)
+    explained = search.explained(best, member)
+    differs = where_they_differ(search.none.fit, best.fit, trial.fit)
+    return [
+        Rival(
+            member.name,
+            name,
+            trial,
+            cos,
+            separation(math.sqrt(explained), cos),
+            search.mbic(trial) - search.mbic(best),
+            differs,
+            share=(trial.chi2 - best.chi2) / max(explained, 1e-12),
+            unusual=trial.unusual.get(name, ""),
+            beside=other,
+        )
+        for name, other in (trial.effects, trial.effects[::-1])
+    ]
+
+
+def _likeness(search: Search, member: Candidate, others: Sequence[Candidate]) -> float:
+    """The cosine between an effect's signature and the nearest that others make together; 0 where one is not
+    among those that were looked at."""
+    known = search.before.linearisation.candidates
+    if any(one not in known for one in (member, *others)):
+        return 0.0
+    first, *rest = (directions(search.before.projected, known.index(one)) for one in (member, *others))
+    both = np.linalg.qr(np.hstack(rest))[0]
+    return float(np.linalg.svd(both.T @ np.linalg.qr(first)[0], compute_uv=False)[0]) if first.size else 0.0
 
 
 def _by_refit(trial: RefittedSet, best: RefittedSet) -> float:

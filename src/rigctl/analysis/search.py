@@ -42,7 +42,7 @@ from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.refit import Alone, RefittedSet, alone, near_best, plain, refit
 from rigctl.analysis.score_test import Score, Screening, cone, screen
-from rigctl.analysis.separability import cosine, separation
+from rigctl.analysis.separability import cosine, separation, softened
 from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -453,8 +453,10 @@ class Search:
         Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
         """
         left = self.left(best)
-        if self.most < 2 or not left or self._below_noise(best):
+        if self.most < 2 or self._below_noise(best):
             return best
+        if not left:
+            return self._pair_instead(best)
         if best.candidates and left <= SHAPE:
             self._forward(best)
             return self._least([best, *self.trials.values()])
@@ -473,6 +475,31 @@ class Search:
         if best.candidates:
             self._forward(best)
         return self._least([best, *self.trials.values()])
+
+    def _pair_instead(self, best: RefittedSet) -> RefittedSet:
+        """Two other effects that are surely the better explanation, though one leaves nothing that is seen.
+
+        An effect that stands in for two may leave less than any test sees, and yet more than one parameter
+        costs: of 200 readings 36 in χ², say, of which no third effect takes up much.
+        """
+        if len(best.candidates) != 1:
+            return best
+        candidates, scores = self.before.linearisation.candidates, self.before.screening.scores
+        linear = max((score.gain for score in scores if score.effect in best.effects), default=0.0)
+        reached = max(self.none.chi2 - best.chi2, linear)
+        tried = [best]
+        for pair in pair_gains(self.before.projected):
+            chosen = [candidates[place] for place in pair.places]
+            if pair.gain < reached + min(self.price(one) for one in chosen) or len(tried) > _PAIRS:
+                break
+            if best.effects[0] in {one.name for one in chosen}:
+                continue
+            self.on_progress(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+            found = self._try(chosen, self.none)
+            tried += [] if found is None else [found]
+        found = self._least(tried)
+        surely = LEAST_DIFFERENCE * softened(self.none.chi2 - best.chi2)
+        return found if self.mbic(found) < self.mbic(best) - surely else best
 
     def _exchanged(self, best: RefittedSet) -> RefittedSet:
         """With a member of a pair that leaves something replaced by what its own linearisation asks for."""

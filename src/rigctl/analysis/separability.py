@@ -20,7 +20,7 @@ def cosine(projected: Projected, one: int, other: int) -> float:
 
     With several parameters it is that of the smallest principal angle.
     """
-    first, second = (_directions(projected, place) for place in (one, other))
+    first, second = (directions(projected, place) for place in (one, other))
     if not first.shape[1] or not second.shape[1]:
         return 0.0
     lin = projected.linearisation
@@ -80,7 +80,8 @@ def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float
     return float(-ndtri(chance)) if chance > 0.0 else math.inf
 
 
-def _directions(projected: Projected, place: int) -> Floats:
+def directions(projected: Projected, place: int) -> Floats:
+    """(rows, parameters) a candidate's signatures, of length one, of those parameters that show at all."""
     columns = projected.linearisation.columns_of(place)
     usable = projected.usable[columns]
     matrix = projected.signatures[:, columns][:, usable]

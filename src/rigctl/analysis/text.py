@@ -76,10 +76,15 @@ def verdict_text(
             text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
         return text if left is None else f"{text}. That is not all: {left.statement}"
     if verdict is Verdict.AMBIGUOUS:
-        close = [rival for rival in rivals if not rival.separable]
+        close = _each_once([rival for rival in rivals if not rival.separable])
         text = _ambiguous_text(described, close, checks, unusual or {}, left)
         return text if left is None else f"{text}. That is not all: {left.statement}"
     return _outside_text(described, left, checks, seen, doubt)
+
+
+def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
+    """Two that stand in the place of one are said together."""
+    return [one for k, one in enumerate(rivals) if not any(one.beside == other.name for other in rivals[:k])]
 
 
 def whether_at_all(before: ModelComparison) -> str:
@@ -169,7 +174,8 @@ def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
 
 def rival_text(rival: Rival) -> str:
     """How like the two are, where they differ, and whether these data tell them apart."""
-    text = f"{rival.name} would look like {rival.member} (cos {rival.cos:.2f})"
+    other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
+    text = f"{other} would look like {rival.member} (cos {rival.cos:.2f})"
     if rival.unusual:
         text += f" with its {rival.unusual}"
     where = rival.differs
@@ -236,7 +242,8 @@ def evidence_for(
             f"against {name}: {_hidden_text(ranked.hidden_in)} imitates it to within "
             f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on those {100 * ranked.kappa:.0f} %"
         )
-    own = sorted((rival for rival in rivals if rival.member == name), key=lambda rival: rival.difference)
+    mine = [rival for rival in rivals if rival.member == name]
+    own = sorted(_each_once(mine), key=lambda rival: rival.difference)
     found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.separable]
     found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.separable and rival.cos > ALIKE][
         :1
