@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 from rigctl.dataset import RunWriter
+from rigctl.plan.measured import MeasuredValue
 from rigctl.rig import Layout
 
 LAYOUT = Layout(
@@ -30,5 +31,5 @@ def measure_strokes(writer: RunWriter, records: int = 3, rows: int = 20) -> None
         writer.event(start + 0.1, "command", actuator="valve", value=1.0, uncertainty=0.001)
         for row in range(rows):
             writer.append(sample(start + 0.1 + row / 100, index, 0.001 * row))
-        writer.measure("stroke", 0.001 * rows, "mm", 0.01, 0.3, True)
+        writer.measure(MeasuredValue("stroke", 0.001 * rows, "mm", 0.01, 0.3))
         writer.close_record(start + 0.5, "complete")

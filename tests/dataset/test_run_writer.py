@@ -15,6 +15,7 @@ from rigctl.dataset import RunHeader, RunWriter, open_run, verify
 from rigctl.dataset.journal import read_journal
 from rigctl.dataset.log import read_lines
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.plan.measured import MeasuredValue
 
 
 def rows_on_disk(writer: RunWriter) -> int:
@@ -33,7 +34,7 @@ def test_a_closed_run_is_five_files_and_verifies(writer: RunWriter) -> None:
 
 def test_run_json_says_everything_about_the_run(writer: RunWriter) -> None:
     measure_strokes(writer, records=2)
-    writer.measure("viscosity", 3.2e-5, "cSt", None, None, True)
+    writer.measure(MeasuredValue("viscosity", 3.2e-5, "cSt"))
     info = json.loads((writer.close("failed", "heat timed out") / "run.json").read_text(encoding="utf-8"))
     assert info["id"] == "20261121-093000-stroke"
     assert (info["status"], info["reason"]) == ("failed", "heat timed out")
@@ -148,7 +149,7 @@ def test_records_carry_sweep_values_and_measures_in_their_units(writer: RunWrite
 
 def test_a_sweep_variable_named_like_a_column_gets_a_column_of_its_own(writer: RunWriter) -> None:
     writer.open_record(0.0, "stroke", {"rate": (2.0, "1"), "name": (1.0, "1")}, "1", 100.0)
-    writer.measure("rate", 5.0, "Hz")
+    writer.measure(MeasuredValue("rate", 5.0, "Hz"))
     writer.close_record(1.0, "complete")
     run = open_run(writer.close("finished"))
     assert run.records[["rate", "rate_", "rate__", "name_"]].to_numpy().tolist() == [[100.0, 2.0, 5.0, 1.0]]

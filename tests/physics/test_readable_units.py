@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.physics.units import shortest_unit
+from rigctl.physics.units import si_unit, si_unit_of
 from rigctl.units import Dimension, parse_unit
 
 
@@ -25,14 +25,21 @@ from rigctl.units import Dimension, parse_unit
         ("1/s", "1/s"),
         ("1", "1"),
         ("V*s", "V*s"),
+        ("cSt^2", "m^4/s^2"),
     ],
 )
 def test_a_unit_in_the_fewest_factors(written: str, shortest: str) -> None:
-    assert shortest_unit(parse_unit(written).dimension) == shortest
+    assert si_unit_of(parse_unit(written).dimension) == shortest
+
+
+def test_a_unit_of_a_display_is_the_same_one() -> None:
+    """It was kg*m^2/(s^2*K), beside J/K for what an effect makes of two units."""
+    assert si_unit("kJ/K") == "J/K"
+    assert si_unit("bar*min/l") == "Pa*s/m^3"
 
 
 @given(st.lists(st.integers(-3, 3), min_size=7, max_size=7))
 def test_it_is_of_the_same_dimension_always(exponents: list[int]) -> None:
     dimension = Dimension(tuple(Fraction(one) for one in exponents))
-    found = parse_unit(shortest_unit(dimension))
+    found = parse_unit(si_unit_of(dimension))
     assert (found.dimension, found.factor, found.offset) == (dimension, 1.0, 0.0)

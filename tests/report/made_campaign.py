@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.dataset import RunHeader, RunWriter, Source, calibrations_of, source_of_rig
+from rigctl.plan.measured import MeasuredValue
 from rigctl.rig import Rig, load_rig
 
 RIG_FILE = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
@@ -110,7 +111,7 @@ def _record(
     writer.event(start + OPENS, "command", actuator="valve", value=1.0, uncertainty=0.0)
     writer.event(start + CLOSES, "command", actuator="valve", value=0.0, uncertainty=0.0)
     if campaign.measure:
-        writer.measure("travel", stroke * 1e-3, "mm", 0.07, 0.13, 70.0 <= stroke <= 130.0)
+        writer.measure(MeasuredValue("travel", stroke * 1e-3, "mm", 0.07, 0.13, 70.0 <= stroke <= 130.0))
     writer.close_record(start + ENDS, "complete")
     return start + ENDS
 

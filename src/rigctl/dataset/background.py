@@ -17,6 +17,7 @@ from typing import Any, Final
 
 from rigctl.dataset.writer import RunWriter
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.plan.measured import MeasuredValue
 
 SLOW: Final = 2.0  #: s without an answer of the disk, after which that is said
 STALLED: Final = 30.0  #: s, after which the run has to end
@@ -92,19 +93,9 @@ class BackgroundWriter:
         self._put(lambda writer: writer.open_record(time, name, sweep, path, rate))
         return self._record
 
-    def measure(
-        self,
-        name: str,
-        value: float,
-        unit: str,
-        low: float | None = None,
-        high: float | None = None,
-        passed: bool = True,
-        *,
-        difference: bool = False,
-    ) -> None:
+    def measure(self, value: MeasuredValue) -> None:
         """Keep a value with the open record, or with the run."""
-        self._put(lambda w: w.measure(name, value, unit, low, high, passed, difference=difference))
+        self._put(lambda writer: writer.measure(value))
 
     def close_record(self, time: float, outcome: str) -> None:
         """End the open record."""

@@ -11,6 +11,7 @@ from typing import Any, Final
 from rigctl.dataset import log, run_json
 from rigctl.dataset.header import RunHeader
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.plan.measured import MeasuredValue
 
 #: status of a run, and outcome of a record, that nobody could end: killed, or the computer stopped
 INTERRUPTED: Final = "interrupted"
@@ -19,19 +20,6 @@ COMPLETE: Final = "complete"
 #: outcome of a record some of whose samples, or of what was logged in it, are lost by damage to its files
 DAMAGED: Final = "damaged"
 _KILLED: Final = "the program that carried it out ended without closing the run"
-
-
-@dataclass(frozen=True)
-class MeasuredValue:
-    """A value kept with a record or with the run: SI, with the unit it is shown in and its limits."""
-
-    name: str
-    value: float
-    unit: str
-    low: float | None = None
-    high: float | None = None
-    passed: bool = True
-    difference: bool = False
 
 
 @dataclass

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from rigctl.dataset.history import EventEntry, MeasuredValue, RecordEntry
+from rigctl.dataset.history import EventEntry, RecordEntry
 from rigctl.dataset.log import encode_line
+from rigctl.plan.measured import MeasuredValue
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import mkdtemp
@@ -26,6 +26,7 @@ from rigctl.dataset.log import LogWriter
 from rigctl.dataset.run_id import next_free
 from rigctl.dataset.run_json import RUNNING, read_info, write_info
 from rigctl.errors import ExitCode, Location, RigctlError, shorten
+from rigctl.plan.measured import MeasuredValue
 
 if TYPE_CHECKING:
     import numpy as np
@@ -209,37 +210,9 @@ class RunWriter:
             self.flush()  # a sample on disk never belongs to a record the log does not know
         return self._record
 
-    def measure(
-        self,
-        name: str,
-        value: float,
-        unit: str,
-        low: float | None = None,
-        high: float | None = None,
-        passed: bool = True,
-        *,
-        difference: bool = False,
-    ) -> None:
-        """Keep a value with the open record, or with the run when none is open.
-
-        Parameters
-        ----------
-        value, low, high: SI; the limits are included.
-        unit: the unit it is shown in.
-        difference: it is an interval of temperatures, shown without offset.
-        """
-        self.event(
-            max(self._last_row[0], self._last_event),
-            "measure",
-            record=self._record,
-            name=name,
-            value=value,
-            unit=unit,
-            low=low,
-            high=high,
-            passed=passed,
-            difference=difference,
-        )
+    def measure(self, value: MeasuredValue) -> None:
+        """Keep a value with the open record, or with the run when none is open."""
+        self.event(max(self._last_row[0], self._last_event), "measure", record=self._record, **asdict(value))
 
     def close_record(self, time: float, outcome: str) -> None:
         """End the open record: ``complete``, ``failed``, ``aborted``, …"""

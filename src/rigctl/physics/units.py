@@ -26,15 +26,27 @@ def si_unit(unit: str) -> str:
     parsed = parse_unit(unit)
     if parsed.factor == 1.0 and parsed.offset == 0.0:
         return unit
-    return "rad/s" if is_speed_of_rotation(unit) else unit_of(parsed.dimension)
+    return "rad/s" if is_speed_of_rotation(unit) else si_unit_of(parsed.dimension)
 
 
-def unit_of(dimension: Dimension) -> str:
-    """The SI unit of a dimension: its own name (N, Pa, ...) where it has one, else base units."""
+def si_unit_of(dimension: Dimension) -> str:
+    """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
+
+    At most one unit with a name of its own, above or below the line, beside powers of the base units, and
+    only where that leaves no more different units to read: m^4/s^2 is not J*m^2/kg.
+    """
     for name in _NAMED:
         if parse_unit(name).dimension == dimension:
             return name
-    return _quotient(dimension)
+    found, fewest = _quotient(dimension), _reading(dimension)
+    most = _different(dimension)
+    for name in (*_NAMED, *_ELECTRICAL):
+        named = parse_unit(name).dimension
+        for rest, line in ((dimension / named, 1.0), (dimension * named, 1.0 + _BELOW)):
+            if line + _reading(rest) < fewest and 1 + _different(rest) <= most:
+                fewest = line + _reading(rest)
+                found = _with_named(rest, name, above=line == 1.0)
+    return found
 
 
 def _quotient(dimension: Dimension) -> str:
@@ -48,25 +60,13 @@ def _quotient(dimension: Dimension) -> str:
     return f"{top}/{below[0]}" if len(below) == 1 else f"{top}/({'*'.join(below)})"
 
 
-def shortest_unit(dimension: Dimension) -> str:
-    """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
-
-    At most one unit with a name of its own, above or below the line, beside powers of the base units.
-    """
-    found = unit_of(dimension)
-    fewest = _reading(dimension) if found not in _NAMED else 0.0
-    for name in (*_NAMED, *_ELECTRICAL):
-        named = parse_unit(name).dimension
-        for rest, line in ((dimension / named, 1.0), (dimension * named, 1.0 + _BELOW)):
-            if line + _reading(rest) < fewest:
-                fewest = line + _reading(rest)
-                found = _with_named(rest, name, above=line == 1.0)
-    return found
-
-
 def _reading(dimension: Dimension) -> float:
     """How much there is to read: the sum of the exponents' sizes, a little more for those below the line."""
     return float(sum(abs(one) * (1.0 if one > 0 else 1.0 + _BELOW) for one in dimension.exponents))
+
+
+def _different(dimension: Dimension) -> int:
+    return sum(1 for one in dimension.exponents if one)
 
 
 def _with_named(rest: Dimension, name: str, *, above: bool) -> str:

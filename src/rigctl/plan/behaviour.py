@@ -12,6 +12,7 @@ from enum import Enum
 from typing import Protocol, TypeAlias
 
 from rigctl.expressions import Expression
+from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
@@ -191,17 +192,7 @@ class Bench(Protocol):
         """Statistics by key, the stretch's ``duration``, and every value kept so far."""
         ...
 
-    def record_measure(
-        self,
-        name: str,
-        value: float,
-        unit: str,
-        low: float | None,
-        high: float | None,
-        *,
-        passed: bool,
-        difference: bool = False,
-    ) -> None:
+    def record_measure(self, value: MeasuredValue) -> None:
         """Keep a measured or answered value with the open record, or with the run, and for later steps."""
         ...
 

@@ -12,6 +12,7 @@ from rigctl.backends.protocol import Backend, CommandReceipt, PendingCommand
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
 from rigctl.plan.behaviour import Answer, OnPause, Pulse, Question, Row, Until, Waiting, every_sample
+from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
 from rigctl.runner.history import History
@@ -134,20 +135,10 @@ class Bench:
         self.values[name] = value
         self._types[name] = type_of_unit(unit, difference=difference)
 
-    def record_measure(
-        self,
-        name: str,
-        value: float,
-        unit: str,
-        low: float | None,
-        high: float | None,
-        *,
-        passed: bool,
-        difference: bool = False,
-    ) -> None:
+    def record_measure(self, value: MeasuredValue) -> None:
         """Keep a measured or answered value with the open record, or with the run, and for later steps."""
-        self.keep(name, value, unit, difference=difference)
-        self.writer.measure(name, value, unit, low, high, passed=passed, difference=difference)
+        self.keep(value.name, value.value, value.unit, difference=value.difference)
+        self.writer.measure(value)
 
     def statistics(
         self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
+from rigctl.plan.measured import MeasuredValue
+
 
 class Recorder(Protocol):
     """What the runner asks of a `rigctl.dataset.RunWriter`."""
@@ -39,17 +41,7 @@ class Recorder(Protocol):
         """Begin a record."""
         ...
 
-    def measure(
-        self,
-        name: str,
-        value: float,
-        unit: str,
-        low: float | None = None,
-        high: float | None = None,
-        passed: bool = True,
-        *,
-        difference: bool = False,
-    ) -> None:
+    def measure(self, value: MeasuredValue) -> None:
         """Keep a value."""
         ...
 
@@ -94,17 +86,7 @@ class Unrecorded:
         """There are no records here."""
         return -1
 
-    def measure(
-        self,
-        name: str,
-        value: float,
-        unit: str,
-        low: float | None = None,
-        high: float | None = None,
-        passed: bool = True,
-        *,
-        difference: bool = False,
-    ) -> None:
+    def measure(self, value: MeasuredValue) -> None:
         """Forget a value."""
 
     def close_record(self, time: float, outcome: str) -> None:

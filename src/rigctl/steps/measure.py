@@ -18,6 +18,7 @@ from rigctl.plan.behaviour import CHECKPOINT, Behaviour, Bench
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part, UnitName
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
+from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.statistics import DURATION, STATISTICS, Statistic, Stretch, find_statistics
 from rigctl.plan.step import Step
@@ -172,7 +173,7 @@ class Measure(Action):
         passed = self.passes(value)
         unit, difference = self.unit, self.difference
         bench.record_measure(
-            self.name, value, unit, self.low, self.high, passed=passed, difference=difference
+            MeasuredValue(self.name, value, unit, self.low, self.high, passed, difference=difference)
         )
         if passed:
             return Outcome.COMPLETE

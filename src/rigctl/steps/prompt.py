@@ -14,6 +14,7 @@ from rigctl.plan.behaviour import Behaviour, Bench, Question
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part, Short, UnitName
 from rigctl.plan.forecast import ANSWERING, TYPING, Basis, Forecast, ForecastBench, State
+from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
@@ -103,5 +104,6 @@ class Prompt(Action):
         )
         answer = yield from bench.ask(question)
         if self.name is not None and answer.value is not None:
-            bench.record_measure(self.name, answer.value, self.unit or "1", self.low, self.high, passed=True)
+            answered = MeasuredValue(self.name, answer.value, self.unit or "1", self.low, self.high)
+            bench.record_measure(answered)
         return Outcome.COMPLETE

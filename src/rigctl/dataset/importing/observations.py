@@ -12,6 +12,7 @@ from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.labels import read_label
 from rigctl.dataset.importing.survey import Survey
 from rigctl.dataset.importing.table import Fault, Part, Source
+from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout
 from rigctl.units import parse_unit
 
@@ -69,7 +70,7 @@ class Observations:
         place = f"line {part.lines[row]}" + (f" of {part.group}" if part.group else "")
         writer.open_record(0.0, called, sweep, place, 0.0)
         for column, value in measures:
-            writer.measure(column.name, value, column.shown, difference=column.difference)
+            writer.measure(MeasuredValue(column.name, value, column.shown, difference=column.difference))
         writer.close_record(0.0, "complete")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from rigctl.effects.declaration import Effect, EffectParameter, Term
 from rigctl.engine.symbols import Scalar, positive_part, smooth_sign
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.units import shortest_unit
+from rigctl.physics.units import si_unit_of
 from rigctl.units import parse_unit
 
 #: bounds in units of a typical size: wide, as the typical size is a guess
@@ -24,7 +24,7 @@ def quotient(above: str, *below: str) -> str:
     dimension = parse_unit(above).dimension
     for unit in below:
         dimension = dimension / parse_unit(unit).dimension
-    return shortest_unit(dimension)
+    return si_unit_of(dimension)
 
 
 def interval(unit: str) -> str:
