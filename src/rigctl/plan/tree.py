@@ -7,17 +7,20 @@ place by them.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import Generic, Protocol, TypeAlias, TypeVar
 
 from rigctl.errors import Location
 from rigctl.expressions import Expression
 from rigctl.notebook import one_line
 from rigctl.plan.action import Action
 from rigctl.rig import Rig
+
+T = TypeVar("T")
 
 
 class ProcedureText(Protocol):
@@ -128,6 +131,44 @@ class RecordNode:
 
 
 Node: TypeAlias = Group | Leaf | Loop | Branch | RecordNode
+
+
+class Visitor(ABC, Generic[T]):
+    """Something to be done at every kind of node; what goes below one visits it itself."""
+
+    def visit(self, node: Node) -> T:
+        """What is done at a node, by its kind."""
+        match node:
+            case Leaf():
+                return self.leaf(node)
+            case Group():
+                return self.group(node)
+            case RecordNode():
+                return self.record(node)
+            case Loop():
+                return self.loop(node)
+            case Branch():
+                return self.branch(node)
+
+    @abstractmethod
+    def leaf(self, node: Leaf) -> T:
+        """At one step."""
+
+    @abstractmethod
+    def group(self, node: Group) -> T:
+        """At nodes one after the other."""
+
+    @abstractmethod
+    def record(self, node: RecordNode) -> T:
+        """At what is recorded."""
+
+    @abstractmethod
+    def loop(self, node: Loop) -> T:
+        """At what is repeated."""
+
+    @abstractmethod
+    def branch(self, node: Branch) -> T:
+        """At a choice."""
 
 
 @dataclass(frozen=True, slots=True)

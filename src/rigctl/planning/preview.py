@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from rigctl.errors import Location
 from rigctl.notebook import one_line
-from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode
+from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor
 from rigctl.plan.forecast import Basis, State
 from rigctl.planning.bench import Bench, bench_of, initial_state
 from rigctl.planning.limits import LimitUse, limits_used
@@ -151,7 +151,7 @@ def preview(plan: Plan) -> Preview:
     return Preview(plan, tuple(roots), limits_used(plan.rig, walker.reached), start)
 
 
-class _Walker:
+class _Walker(Visitor[PreviewNode]):
     """Carries the expected state from step to step."""
 
     def __init__(self, bench: Bench, state: State) -> None:
@@ -160,28 +160,15 @@ class _Walker:
         self.reached: dict[str, tuple[float, float]] = {}
         self._in_loop = False
 
-    def visit(self, node: Node) -> PreviewNode:
-        """The node with its forecast; the state moves on."""
-        match node:
-            case Leaf():
-                return self._leaf(node)
-            case Group():
-                return self._group(node)
-            case RecordNode():
-                return self._record(node)
-            case Loop():
-                return self._loop(node)
-            case Branch():
-                return self._branch(node)
-
     def visit_uncounted(self, block: Group) -> PreviewNode:
         """A block that runs only when something goes wrong: the state stays as it is."""
         state, reached = self.state, dict(self.reached)
-        seen = self._group(block, counted=False)
+        seen = self.group(block, counted=False)
         self.state, self.reached = state, reached
         return seen
 
-    def _leaf(self, node: Leaf) -> PreviewNode:
+    def leaf(self, node: Leaf) -> PreviewNode:
+        """A step with its forecast; the state moves on."""
         expected = node.action.forecast(self.state, self.bench)
         self.state = expected.state
         for channel, (low, high) in expected.reaches.items():
@@ -199,21 +186,24 @@ class _Walker:
             warning=expected.warning,
         )
 
-    def _group(self, node: Group, *, counted: bool = True) -> PreviewNode:
+    def group(self, node: Group, *, counted: bool = True) -> PreviewNode:
+        """The sum of its nodes and of the cleanup that always runs."""
         below = [self.visit(child) for child in node.children]
         below += [self.visit_uncounted(block) for block in (node.on_failure, node.on_abort) if block]
         if node.finally_ is not None:
             below.append(self.visit(node.finally_))
         return _sum(node, node.kind.value, below, bindings=node.bindings, counted=counted)
 
-    def _record(self, node: RecordNode) -> PreviewNode:
-        body = self._group(node.body)
+    def record(self, node: RecordNode) -> PreviewNode:
+        """What its body takes, and the samples of that time."""
+        body = self.group(node.body)
         samples = round(body.seconds * node.rate)
         warning = too_fast(self.bench.rig, node.rate)
         return _sum(node, "record", [*body.children], records=1, samples=samples, warning=warning)
 
-    def _loop(self, node: Loop) -> PreviewNode:
-        first = self._group(node.body)
+    def loop(self, node: Loop) -> PreviewNode:
+        """Its first round, counted as often as it is repeated."""
+        first = self.group(node.body)
         times = node.count
         if times == 0:
             return _scaled(node, first, 0, 0.0, times)
@@ -222,17 +212,18 @@ class _Walker:
         # what a later round takes is looked at once; loops inside loops would double the work at each level
         if rounds > 1 and not self._in_loop:
             self._in_loop = True
-            later = self._group(node.body)
+            later = self.group(node.body)
             self._in_loop = False
         return _scaled(node, first, rounds, first.seconds + (rounds - 1) * later.seconds, times)
 
-    def _branch(self, node: Branch) -> PreviewNode:
+    def branch(self, node: Branch) -> PreviewNode:
+        """Both sides; the longer one counts."""
         before = self.state
-        then = self._group(node.then)
+        then = self.group(node.then)
         if node.otherwise is None:
             return _sum(node, "branch", [then])
         after_then, self.state = self.state, before
-        otherwise = self._group(node.otherwise)
+        otherwise = self.group(node.otherwise)
         if then.seconds >= otherwise.seconds:
             self.state = after_then
         longer = max(then, otherwise, key=lambda side: side.seconds)

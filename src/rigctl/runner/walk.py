@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from itertools import count
 
-from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, iteration_path
+from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, Visitor, iteration_path
 from rigctl.plan.behaviour import CHECKPOINT, OnPause, Until, Waiting, every_sample
 from rigctl.plan.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
 from rigctl.runner.bench import Bench
@@ -23,7 +23,7 @@ class Restart(Exception):
     """The step in progress begins again, after a pause."""
 
 
-class Walker:
+class Walker(Visitor[Waiting]):
     """Carries out a plan on a bench.
 
     Parameters
@@ -65,7 +65,7 @@ class Walker:
         """
         ending: Ending | None = None
         try:
-            yield from self._group(plan.root)
+            yield from self.group(plan.root)
             self._finish()
         except Ending as error:
             ending = error
@@ -75,7 +75,8 @@ class Walker:
 
     # --- groups ------------------------------------------------------------------------------------------
 
-    def _group(self, group: Group) -> Waiting:
+    def group(self, group: Group) -> Waiting:
+        """Its nodes one after the other, then the cleanup that their end calls for."""
         ending: Ending | None = None
         nodes: Sequence[Node] = group.children
         if self._completed:
@@ -88,7 +89,7 @@ class Walker:
                 if _retries(node):
                     yield from self._repeated(nodes, index)
                 else:
-                    yield from self._node(node)
+                    yield from self.visit(node)
         except Ending as error:
             ending = error
         yield from self._unwind(group.on_failure, group.on_abort, group.finally_, ending)
@@ -101,7 +102,7 @@ class Walker:
         """The cleanup blocks that an ending, or a good end, calls for."""
         if ending is None:
             if last is not None:
-                yield from self._group(last)
+                yield from self.group(last)
             return
         first = on_abort if ending.aborted else on_failure
         if isinstance(ending, SamplesLost) and self._again:
@@ -118,27 +119,15 @@ class Walker:
                 continue
             self.limit = self._bench.now + CLEANUP_STEP_LIMIT
             try:
-                yield from self._node(node)
+                yield from self.visit(node)
             except Ending as ending:
                 self._hopeless = isinstance(ending, Tripped | Lost)
                 self._bench.event("note", f"cleanup step failed: {node.label}: {ending.reason}")
             finally:
                 self.limit = math.inf
 
-    def _node(self, node: Node) -> Waiting:
-        match node:
-            case Leaf():
-                return self._leaf(node)
-            case Group():
-                return self._group(node)
-            case RecordNode():
-                return self._record(node)
-            case Loop():
-                return self._loop(node)
-            case Branch():
-                return self._branch(node)
-
-    def _loop(self, loop: Loop) -> Waiting:
+    def loop(self, loop: Loop) -> Waiting:
+        """Its body again and again, while its condition holds."""
         bench = self._bench
         for number in count(1):
             if loop.count is not None and number > loop.count:
@@ -155,11 +144,12 @@ class Walker:
             try:
                 paths = record_paths(loop.body) if self._completed else []
                 if not paths or not all(self._done(path) for path in paths):
-                    yield from self._group(loop.body)
+                    yield from self.group(loop.body)
             finally:
                 self._rounds.pop()
 
-    def _branch(self, branch: Branch) -> Waiting:
+    def branch(self, branch: Branch) -> Waiting:
+        """One of its sides, by the newest sample."""
         bench = self._bench
         bench.path = self._path(branch.path)
         yield CHECKPOINT
@@ -168,11 +158,12 @@ class Walker:
         bench.event("step", branch.label, state="decided", outcome=str(holds).lower())
         chosen = branch.then if holds else branch.otherwise
         if chosen is not None:
-            yield from self._group(chosen)
+            yield from self.group(chosen)
 
     # --- steps -------------------------------------------------------------------------------------------
 
-    def _leaf(self, leaf: Leaf) -> Waiting:
+    def leaf(self, leaf: Leaf) -> Waiting:
+        """Its action; whatever fails in it makes the outputs safe before anything else."""
         bench = self._bench
         bench.path = path = self._path(leaf.path)
         self._progress.begin(leaf.path, leaf.label, bench.now)
@@ -196,7 +187,7 @@ class Walker:
         bench.log(bench.now, "step", path=path, state="end", outcome=outcome.value)
         self._progress.end(bench.now)
 
-    def _record(self, node: RecordNode) -> Waiting:
+    def record(self, node: RecordNode) -> Waiting:
         """Open the record, carry out its body, close it with its outcome."""
         bench, path = self._bench, self._path(node.path)
         bench.path = path
@@ -208,7 +199,7 @@ class Walker:
             self._open(node, path)
             self._sampling.repeatable = self._again
             yield Until(when=every_sample, on_pause=OnPause.DEFER)
-            yield from self._group(node.body)
+            yield from self.group(node.body)
             yield CHECKPOINT
             outcome = Outcome.COMPLETE
         except Ending as ending:
@@ -225,7 +216,7 @@ class Walker:
         for left in range(_retries(node), -1, -1):
             self._again = left > 0
             try:
-                yield from self._node(node)
+                yield from self.visit(node)
                 return
             except SamplesLost as lost:
                 if not self._again:
@@ -234,7 +225,7 @@ class Walker:
             finally:
                 self._again = False
             for step in setup_before(nodes, index):
-                yield from self._node(step)
+                yield from self.visit(step)
 
     def _open(self, node: RecordNode, path: str) -> None:
         bench = self._bench

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rigctl.effects.declaration import Effect, EffectParameter, Own
+from rigctl.effects.oil_pressure import barus, modulus_viscosity
 from rigctl.engine.symbols import Scalar, constant_like, exp, log
 from rigctl.physics import oil
 from rigctl.physics.oil.density import REFERENCE_TEMPERATURE
@@ -10,55 +11,18 @@ from rigctl.physics.scope import Scope
 
 _FAMILY = "oil_viscosity"
 
-_A1, _A2, _B1, _B2 = oil.HL32.modulus
 #: Walther's constants through HL32's points at 40 and 100 degC: 33.81 and 5.74 cSt
 _WALTHER_A, _WALTHER_B = oil.walther_constants(313.15, 33.81e-6, 373.15, 5.74e-6)
 
-BARUS = Effect(
-    name="barus",
-    family=_FAMILY,
-    summary="Viscosity rises with pressure.",
-    equation="µ = µ0·exp(α·p)",
-    source="Barus (1893)",
-    terms=(("viscosity", lambda m, p: oil.barus_factor(m.pressure, p.coefficient)),),
-    parameters=(EffectParameter("coefficient", "1/Pa", 0.0, 2e-8, 0.0, 1e-7, "α", physical="low"),),
+BARUS = barus(
+    _FAMILY,
     looks_like="The logarithm of viscosity rises in proportion to pressure, at every temperature alike.",
-    confused_with=("modulus_viscosity",),
-    instead_of=("modulus_viscosity",),
     needs="measurements under pressure",
 )
-
-
-def _modulus(m: Scope, p: Own) -> Scalar:
-    return oil.modulus_factor(p.share * m.pressure, m.temperature, (p.a1, p.a2, p.b1, p.b2))
-
-
-MODULUS_VISCOSITY = Effect(
-    name="modulus_viscosity",
-    family=_FAMILY,
-    summary="Viscosity rises with pressure, less in hot oil.",
-    equation="µ = µ0·exp(p/(a1 + a2·t + (b1 + b2·t)·p)), t in degC",
-    source="Knezevic & Savic, Facta Universitatis, Mechanical Engineering 4(1) (2006)",
-    terms=(("viscosity", _modulus),),
-    parameters=(
-        EffectParameter(
-            "share",
-            "1",
-            0.0,
-            1.0,
-            0.0,
-            5.0,
-            "of the pressure that acts; 1 is the law as printed",
-            physical="low",
-        ),
-        EffectParameter("a1", "bar", None, _A1, 100e5, 2000e5, "a1", physical="none"),
-        EffectParameter("a2", "bar/K", None, _A2, 0.0, 20e5, "a2", physical="low"),
-        EffectParameter("b1", "1", None, _B1, 0.0, 1.0, "b1", physical="low"),
-        EffectParameter("b2", "1/K", None, _B2, 0.0, 0.01, "b2", physical="low"),
-    ),
+MODULUS_VISCOSITY = modulus_viscosity(
+    _FAMILY,
+    lambda m: m.temperature,
     looks_like="As barus, with less of it in hot oil and at high pressure.",
-    confused_with=("barus",),
-    instead_of=("barus",),
     needs="measurements under pressure at several temperatures",
 )
 
