@@ -85,6 +85,28 @@ def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         os.environ["XDG_STATE_HOME"] = before
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_kept_results() -> Iterator[None]:
+    """What a test says was computed by it: no fit of another test, let alone of the user of this computer."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RIGCTL_RESULTS", "off")
+        yield
+
+
+@pytest.fixture(scope="module")
+def shared_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """For modules of commands as users type them: fits are kept for the other such modules of these tests.
+
+    Never beside `monkeypatch` of what fits: kept results are found by content, the code's own included.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # which the workers have in common
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RIGCTL_RESULTS", str(folder / "kept-results"))
+        yield folder / "kept-results"
+
+
 def end_guards(folder: Path) -> None:
     """Take away the notices of guards that still try to reach a board that a test has closed."""
     for _ in range(20):  # one that gives way may have to be told twice

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigctl.analysis.disturbance import disturbance_columns
+from rigctl.analysis.disturbance import disturbance_columns, disturbed
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.slot_evidence import SlotEvidence, disturbance_normals, slot_evidence
 from rigctl.dataset import open_run
@@ -127,7 +127,7 @@ def test_unseen_slots_are_left_out(nothing: FitResult) -> None:
 def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> None:
     """Tents at all knots are a constant: a disturbance of the load by 1 N is a load of 1 N."""
     problem = nothing.problem
-    found = disturbance_columns(nothing, problem, 7)
+    found = disturbance_columns(nothing, problem, disturbed(problem, 7))
     part = next(part for part in found.parts if part.slot.name == "load")
     names_ = problem.compiled.system.parameter_names
     base = problem.base.copy()
@@ -150,7 +150,7 @@ def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> Non
 def test_a_model_taken_as_it_is_moves_nothing(nothing: FitResult) -> None:
     """As in the linearisation: what its parameters could take over is a misfit too."""
     taken = replace(nothing, solution=None)
-    columns = disturbance_columns(nothing, nothing.problem, 7)
+    columns = disturbance_columns(nothing, nothing.problem, disturbed(nothing.problem, 7))
     free, held = (disturbance_normals(fit, nothing.problem, columns) for fit in (nothing, taken))
     assert free.unknowns.matrix.shape[0] == len(linearise(nothing, nothing.problem, ()).nuisances) > 0
     assert held.unknowns.matrix.shape[0] == len(linearise(taken, nothing.problem, ()).nuisances) == 0
@@ -159,9 +159,9 @@ def test_a_model_taken_as_it_is_moves_nothing(nothing: FitResult) -> None:
 
 
 def test_long_records_are_interpolated(nothing: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = disturbance_columns(nothing, nothing.problem, 7)
+    whole = disturbance_columns(nothing, nothing.problem, disturbed(nothing.problem, 7))
     monkeypatch.setattr(sys.modules[disturbance_columns.__module__], "_SAMPLES", 180)
-    some = disturbance_columns(nothing, nothing.problem, 7)
+    some = disturbance_columns(nothing, nothing.problem, disturbed(nothing.problem, 7))
     for mine, theirs in zip(some.readings, whole.readings, strict=True):
         assert mine.shape == theirs.shape
         size = np.abs(theirs).max(axis=(0, 2))[None, :, None] + 1e-300

@@ -218,9 +218,24 @@ class DisturbanceColumns:
     courses: tuple[Floats, ...] = field(repr=False)
 
 
-def disturbance_columns(
-    fit: FitResult, problem: Problem, knots: int, progress: Progress | None = None
-) -> DisturbanceColumns:
+@dataclass(frozen=True)
+class Disturbed:
+    """A model with a disturbance at every slot: `moving` those of its equations, `reading` of its sensors."""
+
+    moving: tuple[Slot, ...]
+    reading: tuple[Slot, ...]
+    knots: int
+    compiled: CompiledSystem
+
+
+def disturbed(problem: Problem, knots: int, progress: Progress | None = None) -> Disturbed:
+    """The model of `problem`, each disturbance with so many knots over a record."""
+    moving, reading = sort_slots(problem)
+    compiled = compile_system(disturbed_system(problem, moving, reading, knots), progress=progress)
+    return Disturbed(moving, reading, knots, compiled)
+
+
+def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> DisturbanceColumns:
     """The columns of the records of `problem`, the fitted ones of `fit`, in its slots' order.
 
     Raises
@@ -228,8 +243,7 @@ def disturbance_columns(
     RigctlError
         the model cannot be simulated there.
     """
-    moving, reading = sort_slots(problem)
-    compiled = compile_system(disturbed_system(problem, moving, reading, knots), progress=progress)
+    moving, reading, knots, compiled = model.moving, model.reading, model.knots, model.compiled
     spacing = max((_length(record) for record in problem.records), default=0.0) / (knots - 1) or 1.0
     names = [
         *(amplitude(slot, k) for slot in moving for k in range(knots)),

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate, candidates
+from rigctl.engine.kept import kept
 from rigctl.engine.least_squares import Unknown
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.errors import RigctlError
@@ -220,18 +221,16 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
     free = free_unknowns(fit)
     places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
-    local = [fit.local[k] for k in fit.fitted]
     names = [unknown.name for unknown in free]
     regions = make_regions(inner)
-    triangles, sizes = [], np.zeros(sum(len(one.columns) for one in chosen))
-    for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + sizes.size):
-        some, own = inner.only(part), [local[k] for k in part]
-        slopes = slopes_at(some, fit, names, chosen, own)
-        for place, k in enumerate(part):
-            columns = regions.of_record(k, inner.whiteners[k].rows)
-            block = _record(some, place, slopes, columns, own[place], fit.outputs[fit.fitted[k]])
-            sizes += block[1]
-            triangles.append(block[0])
+    local, outputs = [fit.local[k] for k in fit.fitted], [fit.outputs[k] for k in fit.fitted]
+    tried_at = [(one.columns, one.shapes, one.sizes) for one in chosen]
+    found = kept(
+        "linearisation",
+        (inner.content, _base(inner, fit), local, outputs, names, tried_at, regions),
+        _Triangles,
+        lambda: _triangles(inner, fit, names, chosen, regions),
+    )
     residual, weight = prior_rows(free, fit.values[[places[unknown.name] for unknown in free]])
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
     return Linearisation(
@@ -240,10 +239,34 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
         starts=tuple(int(start) for start in starts),
         nuisances=tuple(unknown.name for unknown in free),
         regions=regions,
-        records=tuple(triangles),
-        sizes=np.sqrt(sizes),
+        records=found.records,
+        sizes=np.sqrt(found.squares),
         prior=(np.diag(weight), -residual),
     )
+
+
+@dataclass(frozen=True)
+class _Triangles:
+    """What of a linearisation is kept from one command to the next: `squares` of the columns' lengths."""
+
+    records: tuple[RecordTriangle, ...]
+    squares: Floats
+
+
+def _triangles(
+    inner: Problem, fit: FitResult, names: Sequence[str], chosen: Sequence[Candidate], regions: Regions
+) -> _Triangles:
+    local = [fit.local[k] for k in fit.fitted]
+    triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen))
+    for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size):
+        some, own = inner.only(part), [local[k] for k in part]
+        slopes = slopes_at(some, fit, names, chosen, own)
+        for place, k in enumerate(part):
+            columns = regions.of_record(k, inner.whiteners[k].rows)
+            triangle, more = _record(some, place, slopes, columns, own[place], fit.outputs[fit.fitted[k]])
+            squares += more
+            triangles.append(triangle)
+    return _Triangles(tuple(triangles), squares)
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.disturbance import DisturbanceColumns, Part, disturbance_columns
+from rigctl.analysis.disturbance import (
+    DisturbanceColumns,
+    Disturbed,
+    Part,
+    disturbance_columns,
+    disturbed,
+)
 from rigctl.analysis.linearisation import free_unknowns, make_regions, own_rows, slopes_at
 from rigctl.analysis.marginal_likelihood import Component, Evidence, Normal, evidence
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress
+from rigctl.engine.kept import kept
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
@@ -170,7 +177,22 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     fit = _some(fit)
     problem = fit.problem
     knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
-    columns = disturbance_columns(fit, problem, knots, progress)
+    model = disturbed(problem, knots, progress)
+    at = (problem.content, fit.values, fit.local, fit.outputs, free_unknowns(fit))
+    asked = (model.compiled.source.text, model.moving, model.reading, knots, _together(problem))
+    found = kept("slots", (at, asked), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
+    return found.slots
+
+
+@dataclass(frozen=True)
+class _Ranking:
+    """What is kept from one command to the next."""
+
+    slots: tuple[SlotEvidence, ...]
+
+
+def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotEvidence, ...]:
+    columns = disturbance_columns(fit, problem, model)
     normals = disturbance_normals(fit, problem, columns)
     features = _features(make_regions(problem).conditions)
     found: list[_Found] = []
@@ -224,12 +246,17 @@ def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part,
         if constant and len(constant) < len(own):
             yield constant
         yield tuple(own)
+    for slots in _together(problem):
+        if all(len(by_slot.get(slot, ())) == 1 for slot in slots):
+            yield tuple(by_slot[slot][0] for slot in slots)
+
+
+def _together(problem: Problem) -> list[tuple[str, ...]]:
+    """The slots at which one effect of the library acts at once."""
     model = problem.model
     effects = [*library(model.family).values(), *model.own]
-    together = {effect.slots for effect in effects if effect.name not in model.effects}
-    for slots in sorted(together):
-        if len(slots) > 1 and all(len(by_slot.get(slot, ())) == 1 for slot in slots):
-            yield tuple(by_slot[slot][0] for slot in slots)
+    slots = {effect.slots for effect in effects if effect.name not in model.effects}
+    return [together for together in sorted(slots) if len(together) > 1]
 
 
 def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Component | None, Floats]:

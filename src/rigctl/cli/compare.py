@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
@@ -81,6 +82,8 @@ def compare(
     ] = True,
     assume: Assume = None,
     family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,

@@ -10,6 +10,7 @@ import typer
 
 from rigctl.cli.compare import Assume, Force, HoldOut, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
@@ -49,6 +50,8 @@ def diagnose(
     ] = 4,
     assume: Assume = None,
     family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,

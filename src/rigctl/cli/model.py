@@ -9,6 +9,7 @@ import typer
 
 from rigctl.cli.compare import Assume, HoldOut, Only, Runs
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
 from rigctl.errors import RigctlError
 
 app = typer.Typer(
@@ -98,6 +99,8 @@ def fit(
     *,
     assume: Assume = None,
     family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Fit a model's free parameters to runs; the result is its next version.
@@ -136,6 +139,8 @@ def add(
     only: Only = None,
     assume: Assume = None,
     family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Add an effect to a model; the result is its next version, with the error before and after.
@@ -183,6 +188,8 @@ def remove(
     only: Only = None,
     assume: Assume = None,
     family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Take an effect out of a model; the result is its next version.

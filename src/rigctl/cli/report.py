@@ -11,6 +11,7 @@ import typer
 from rigctl.cli.compare import Assume
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def report(
     ] = False,
     assume: Assume = None,
     family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
     figures: Annotated[
         Path | None, typer.Option(help="A folder for every plot as a file of its own.")
     ] = None,

@@ -61,7 +61,7 @@ def load_compiled(
 
     A cache that cannot be written costs a warning in the log and the time to compile, nothing else.
     """
-    identity = hashlib.sha256(json.dumps([_environment(), sorted(files.items())]).encode()).hexdigest()[:24]
+    identity = hashlib.sha256(json.dumps([environment(), sorted(files.items())]).encode()).hexdigest()[:24]
     module_name = f"rigctl_compiled_{name}_{identity}"
     with _loading:
         if module_name in sys.modules:
@@ -84,7 +84,7 @@ def load_compiled(
 
 
 @cache
-def _environment() -> list[str]:
+def environment() -> list[str]:
     """What machine code depends on besides its source: versions, the processor, the code that emits it."""
     import llvmlite
     import llvmlite.binding

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.engine.kept import kept
 from rigctl.engine.least_squares import (
     Iteration,
     LeastSquaresResult,
@@ -204,11 +205,36 @@ class _Plan:
     progress: Callable[[Iteration], None] | None
 
 
+@dataclass(frozen=True)
+class _Fitted:
+    """What of a fit is kept from one command to the next; see `FitResult`."""
+
+    silent: tuple[str, ...]
+    solution: LeastSquaresResult | None
+    values: Floats
+    local: tuple[Floats, ...]
+    outputs: tuple[Floats, ...]
+
+
 def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence[Floats] | None) -> FitResult:
-    count = len(problem.records)
-    fitted = tuple(place for place in range(count) if place not in set(hold_out))
+    fitted = tuple(place for place in range(len(problem.records)) if place not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
+    found = kept(
+        "fit",
+        (problem.content, fitted, plan.refit, plan.starts, plan.seed, plan.options, local),
+        _Fitted,
+        lambda: _fitted(problem, fitted, plan, local),
+    )
+    if found.silent:
+        problem = problem.with_shared([one for one in problem.shared if one.name not in found.silent])
+    return FitResult(problem, fitted, found.solution, found.values, found.local, found.outputs, found.silent)
+
+
+def _fitted(
+    problem: Problem, fitted: tuple[int, ...], plan: _Plan, local: Sequence[Floats] | None
+) -> _Fitted:
+    count = len(problem.records)
     silent: tuple[str, ...] = ()
     if plan.refit and problem.shared:
         problem, silent = _without_silent(problem, fitted)
@@ -236,7 +262,7 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     everything = tuple(own[place] for place in range(count))
     found = problem.simulate(values, everything).require()
     outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
-    return FitResult(problem, fitted, solution, values, everything, outputs, silent)
+    return _Fitted(silent, solution, values, everything, outputs)
 
 
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:

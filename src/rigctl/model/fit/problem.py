@@ -94,6 +94,28 @@ class Problem:
         return self.measurements.records
 
     @cached_property
+    def content(self) -> tuple[object, ...]:
+        """Everything that its residuals and their derivatives depend on, as `rigctl.engine.kept` compares it.
+
+        What the model and the records are called does not count. Of a problem with a simulation of its own it
+        cannot be known.
+        """
+        if type(self) is not Problem:
+            return (self.simulate,)
+        system, data = self.compiled.system, self.measurements
+        records = [replace(record, run="", index=0, label="") for record in data.records]
+        return (
+            self.compiled.source.text,
+            (system.states, system.inputs, system.parameter_names, system.output_names),
+            [delay.input for delay in system.delays],
+            (data.outputs, data.inputs, records, data.input_noise),
+            self.noise,
+            self.ok,
+            (self.shared, self.local, self.base, self.starts),
+            (self.whiteners, self.sizes, self.scatter, self.extra, self.grown),
+        )
+
+    @cached_property
     def local_names(self) -> tuple[str, ...]:
         """Every record-level unknown that some record has, each once, the starts left out."""
         return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.kind != "start"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.engine.kept import kept
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.table import column, curve_variable, curves, set_variable
 from rigctl.noise import (
@@ -68,6 +69,13 @@ class DataNoise:
 
 def noise_of(measurements: Measurements) -> DataNoise:
     """Estimate the noise of `measurements`; spikes are masked and counted, never dropped silently."""
+    records = [replace(record, run="", index=0, label="") for record in measurements.records]
+    names = (measurements.outputs, measurements.units, measurements.inputs)
+    by_rig = (_known(measurements), set_variable(measurements))
+    return kept("noise", (names, records, by_rig), DataNoise, lambda: _noise_of(measurements))
+
+
+def _noise_of(measurements: Measurements) -> DataNoise:
     if measurements.table:
         return _of_rows(measurements)
     records = [

@@ -1,0 +1,57 @@
+"""`--no-cache` and `--verbose` of the commands that fit: whether earlier results are, and were, reused."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rigctl.engine.kept.keep import Tally
+
+
+def _without(context: typer.Context, wanted: bool) -> bool:
+    """Neither use nor keep results until the command ends."""
+    if wanted and not context.resilient_parsing:
+        from rigctl.engine.kept import switched_off
+
+        context.with_resource(switched_off())
+    return wanted
+
+
+def _say_at_end(context: typer.Context, wanted: bool) -> bool:
+    if wanted and not context.resilient_parsing:
+        from dataclasses import replace
+
+        from rigctl.engine.kept import TALLY
+
+        context.call_on_close(partial(_say, replace(TALLY)))
+    return wanted
+
+
+def _say(before: Tally) -> None:
+    from rigctl.cli.echo import echo
+    from rigctl.engine.kept import RESULTS_VARIABLE, TALLY, results_folder
+
+    folder = results_folder()
+    made = f"made and kept: {TALLY.made - before.made}, in {folder}"
+    where = f"none kept, as {RESULTS_VARIABLE} is 'off'" if folder is None else made
+    echo(f"Results of earlier commands reused: {TALLY.reused - before.reused}; {where}", err=True)
+
+
+#: of every command that fits
+NoCache = Annotated[
+    bool,
+    typer.Option(
+        "--no-cache",
+        callback=_without,
+        help="Compute everything again: use no fit of an earlier command, and keep none.",
+    ),
+]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose", "-v", callback=_say_at_end, help="Say on stderr how much of earlier commands was reused."
+    ),
+]

@@ -1,0 +1,117 @@
+"""Fetch a result of an earlier command, or compute it and keep it."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rigctl.engine.kept.coding import Damaged, decode, encode
+from rigctl.engine.kept.content import Opaque, digest
+from rigctl.engine.kept.store import Store, results_folder
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+#: packages whose code a kept result may come out of
+_PACKAGES = ("analysis", "effects", "engine", "expressions", "families", "model", "noise", "physics")
+_LIBRARIES = ("llvmlite", "numba", "numpy", "scipy")
+
+
+@dataclass
+class Tally:
+    """How many results this process reused, and how many it made."""
+
+    reused: int = 0
+    made: int = 0
+
+
+TALLY = Tally()
+_off = [0]
+
+
+@contextmanager
+def switched_off() -> Iterator[None]:
+    """Neither use nor keep results meanwhile."""
+    _off[0] += 1
+    try:
+        yield
+    finally:
+        _off[0] -= 1
+
+
+def kept(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
+    """What `make` returns, from an earlier command where that computed the same.
+
+    Every result goes through the plain form that would be kept, whether or not it is: layout and kind of its
+    numbers, on which the last bit of a sum may depend, are the same either way.
+
+    Parameters
+    ----------
+    kind: names the computation: what `make` does with `of`.
+    of: everything that the result depends on besides the code (see `content.digest`).
+    result: what is returned: a dataclass whose fields are numbers, words, arrays, and collections and
+        dataclasses of them.
+    make: computes it; what it raises is raised, and is not kept.
+    """
+    folder = None if _off[0] else results_folder()
+    name = None if folder is None else _name(kind, of)
+    if folder is None or name is None:
+        return _plain(result, *_coded(make()))
+    store = Store(folder)
+    found = store.read(name)
+    if found is not None:
+        try:
+            value = decode(result, *found)
+        except Damaged as problem:
+            logger.info("the kept result %s does not fit and is made again: %s", name, problem)
+        else:
+            TALLY.reused += 1
+            logger.info("reused %s", name)
+            return value
+    tree, arrays = _coded(make())
+    store.write(name, tree, arrays)
+    TALLY.made += 1
+    return _plain(result, tree, arrays)
+
+
+def _coded(value: object) -> tuple[Any, list[np.ndarray]]:
+    arrays: list[np.ndarray] = []
+    return encode(value, arrays), arrays
+
+
+def _plain(result: type[T], tree: Any, arrays: list[np.ndarray]) -> T:
+    return decode(result, tree, iter(arrays))
+
+
+def _name(kind: str, of: object) -> str | None:
+    """The result's name; None where it depends on what has no content."""
+    try:
+        return f"{kind}-{digest(_code(), kind, of)[:40]}"
+    except Opaque as problem:
+        logger.info("a result (%s) is not kept: %s", kind, problem)
+        return None
+
+
+@cache
+def _code() -> str:
+    """What computes: the version of the method, the code itself, the libraries and the processor under it."""
+    from importlib.metadata import version
+
+    from rigctl.engine.cache import environment
+    from rigctl.method_version import METHOD_VERSION
+
+    found = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for path in sorted(path for package in _PACKAGES for path in (root / package).rglob("*.py")):
+        found.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    libraries = [f"{name} {version(name)}" for name in _LIBRARIES]
+    return digest(METHOD_VERSION, found.hexdigest(), libraries, environment())
