@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -70,8 +71,7 @@ def simulate(
         results = [_integrate(plan, excitation) for excitation in excitations]
     else:
         # the kernels release the interpreter, so that threads run at once
-        with ThreadPoolExecutor(threads) as pool:
-            results = list(pool.map(lambda excitation: _integrate(plan, excitation), excitations))
+        results = list(_pool(os.getpid(), threads).map(partial(_integrate, plan), excitations))
     return Trajectories(
         names=tuple(excitation.name for excitation in excitations),
         times=tuple(
@@ -87,6 +87,12 @@ def simulate(
         columns=(*columns, *initial_columns, *shift_columns),
         stats=tuple(result.statistics for result in results),
     )
+
+
+@cache
+def _pool(_process: int, threads: int) -> ThreadPoolExecutor:
+    """The threads of this process: to start them for every evaluation takes as long as a small one."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="rigctl-simulate")
 
 
 def _cores() -> int:

@@ -38,9 +38,11 @@ class Vector:
 
     def like(self, flat: Floats) -> Vector:
         """`flat` divided as this one is."""
-        ends = np.cumsum([self.shared.size, *(local.size for local in self.local)])
-        pieces = np.split(flat, ends[:-1])
-        return Vector(pieces[0], tuple(pieces[1:]))
+        end, local = self.shared.size, []
+        for own in self.local:
+            begin, end = end, end + own.size
+            local.append(flat[begin:end])
+        return Vector(flat[: self.shared.size], tuple(local))
 
 
 @dataclass(frozen=True)
@@ -123,8 +125,12 @@ def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Seque
 
 @dataclass(frozen=True)
 class Eliminated:
-    """One record with its own parameters solved for: ``top·l = rhs - coupling·g``."""
+    """Records with their own parameters solved for: ``top·l = rhs - coupling·g``; a row of each a record.
 
+    `places` are those records': as many free parameters of their own, and the same ones held.
+    """
+
+    places: tuple[int, ...]
     top: Floats
     coupling: Floats
     rhs: Floats
@@ -132,21 +138,31 @@ class Eliminated:
 
 @dataclass(frozen=True)
 class Factors:
-    """The arrow in triangular form: `shared` rows (·, p) with right-hand side, and the eliminated records."""
+    """The arrow in triangular form: `shared` rows (·, p) with right-hand side, and the eliminated records.
+
+    `count` is the number of records; one without free parameters of its own is in no group.
+    """
 
     matrix: Floats
     rhs: Floats
-    records: tuple[Eliminated, ...]
+    groups: tuple[Eliminated, ...]
+    count: int
 
     def solve(self) -> Vector:
         """The step; where the data say nothing, the shortest one."""
         shared = _least(self.matrix, self.rhs)
-        own = tuple(_least(one.top, one.rhs - one.coupling @ shared) for one in self.records)
-        return Vector(shared, own)
+        own = [np.empty(0)] * self.count
+        for group in self.groups:
+            solved = _least_each(group.top, group.rhs - group.coupling @ shared)
+            for place, values in zip(group.places, solved, strict=True):
+                own[place] = values
+        return Vector(shared, tuple(own))
 
 
 def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed: Vector) -> Factors:
     """Eliminate the records' own parameters, with one more equation ``weight·step = target`` for each.
+
+    Records with the same parameters free are triangulated in one call: each is small.
 
     Parameters
     ----------
@@ -155,33 +171,36 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
     fixed: the given steps.
     """
     chosen = free.shared.astype(bool)
-    rows = [np.empty((0, int(chosen.sum())))]
-    right = [np.empty(0)]
-    records = []
+    count = int(chosen.sum())
+    alike: dict[tuple[int, int, bytes], list[int]] = {}
     for k, (triangle, m) in enumerate(zip(arrow.triangles, arrow.local, strict=True)):
-        rhs = triangle[:, -1] - triangle[:, m:-1] @ fixed.shared
-        shared = triangle[:, m:-1][:, chosen]
-        if not m:
-            rows.append(shared)
-            right.append(rhs)
-            records.append(Eliminated(np.empty((0, 0)), np.empty((0, shared.shape[1])), np.empty(0)))
-            continue
-        own = free.local[k].astype(bool)
-        rhs = rhs - triangle[:, :m] @ fixed.local[k]
-        count = int(own.sum())
-        extra = np.diag(weight.local[k])[:, own]
-        left = np.vstack([triangle[:, :m][:, own], extra])
-        coupled = np.vstack([shared, np.zeros((m, shared.shape[1]))])
-        rhs = np.concatenate([rhs, target.local[k] - weight.local[k] * fixed.local[k]])
-        q, top = np.linalg.qr(left, mode="complete")
-        coupled, rhs = q.T @ coupled, q.T @ rhs
-        records.append(Eliminated(top[:count], coupled[:count], rhs[:count]))
-        rows.append(coupled[count:])
-        right.append(rhs[count:])
-    rows.append(np.diag(weight.shared)[:, chosen])
-    right.append(target.shared - weight.shared * fixed.shared)
-    stacked = _triangle(np.column_stack([np.vstack(rows), np.concatenate(right)]))
-    return Factors(stacked[:, :-1], stacked[:, -1], tuple(records))
+        alike.setdefault((len(triangle), m, free.local[k].astype(bool).tobytes()), []).append(k)
+    rows = [np.empty((0, count + 1))]
+    groups = []
+    for (_, m, _), places in alike.items():
+        triangles = np.stack([arrow.triangles[k] for k in places])
+        own = free.local[places[0]].astype(bool)
+        given, weights, targets = (
+            np.stack([vector.local[k] for k in places]) for vector in (fixed, weight, target)
+        )
+        rhs = triangles[:, :, -1] - triangles[:, :, m:-1] @ fixed.shared
+        rhs -= (triangles[:, :, :m] @ given[:, :, None])[:, :, 0]
+        size, first = triangles.shape[1], int(own.sum())
+        matrix = np.zeros((len(places), size + m, first + count + 1))
+        matrix[:, :size, :first] = triangles[:, :, :m][:, :, own]
+        matrix[:, :size, first:-1] = triangles[:, :, m:-1][:, :, chosen]
+        matrix[:, :size, -1] = rhs
+        matrix[:, size:, :first] = (weights[:, :, None] * np.eye(m))[:, :, own]
+        matrix[:, size:, -1] = targets - weights * given
+        if first:
+            matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
+            top, coupling = matrix[:, :first, :first], matrix[:, :first, first:-1]
+            groups.append(Eliminated(tuple(places), top, coupling, matrix[:, :first, -1]))
+        rows.append(matrix[:, first:, first:].reshape(-1, count + 1))
+    rest = target.shared - weight.shared * fixed.shared
+    rows.append(np.column_stack([np.diag(weight.shared)[:, chosen], rest]))
+    stacked = _triangle(np.vstack(rows))
+    return Factors(stacked[:, :-1], stacked[:, -1], tuple(groups), len(arrow.local))
 
 
 def _triangle(matrix: Floats) -> Floats:
@@ -206,3 +225,16 @@ def _least(matrix: Floats, rhs: Floats) -> Floats:
     if not matrix.shape[1]:
         return np.empty(0)
     return np.asarray(np.linalg.lstsq(matrix, rhs, rcond=None)[0])
+
+
+#: of the largest entry on a triangle's diagonal, the smallest that it is solved with by substitution
+_REGULAR = 1e-8
+
+
+def _least_each(tops: Floats, rhs: Floats) -> Floats:
+    """(records, columns) `_least` of each triangle."""
+    pivots = np.abs(np.diagonal(tops, axis1=1, axis2=2))
+    regular = pivots.min(axis=1) > _REGULAR * pivots.max(axis=1)
+    if regular.all():
+        return np.asarray(np.linalg.solve(tops, rhs[:, :, None])[:, :, 0])
+    return np.array([_least(top, right) for top, right in zip(tops, rhs, strict=True)])

@@ -96,14 +96,12 @@ def _local_std(factors: Factors, shared: Floats, mask: Vector, size: Vector) -> 
     """Standard deviations of the records' own parameters: own noise, and what the shared ones pass on."""
     known = np.isfinite(np.diag(shared))  # what the data do not determine passes nothing on
     finite = np.where(np.outer(known, known), shared, 0.0)
-    result = []
-    for record, own_mask, own_size in zip(factors.records, mask.local, size.local, strict=True):
-        std = np.zeros(own_mask.size)
-        own = own_mask.astype(bool)
-        if own.any():
-            top = np.linalg.pinv(record.top)
-            passed = top @ record.coupling
-            variance = np.square(top).sum(axis=1) + np.einsum("ij,jk,ik->i", passed, finite, passed)
-            std[own] = np.sqrt(np.maximum(variance, 0.0)) / own_size[own]
-        result.append(std)
+    result = [np.zeros(own.size) for own in mask.local]
+    for group in factors.groups:
+        own = mask.local[group.places[0]].astype(bool)
+        top = np.linalg.pinv(group.top)
+        passed = top @ group.coupling
+        variance = np.square(top).sum(axis=2) + np.einsum("rij,jk,rik->ri", passed, finite, passed)
+        for place, each in zip(group.places, variance, strict=True):
+            result[place][own] = np.sqrt(np.maximum(each, 0.0)) / size.local[place][own]
     return tuple(result)
