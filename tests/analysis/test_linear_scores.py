@@ -64,8 +64,8 @@ def test_the_misfit_its_freedom_and_the_cosines_are_those_of_dense_algebra() -> 
     found = compared(design, y)
     misfit = found.adequacy.tests["chi2"]
     assert misfit.statistic == pytest.approx(design.chi2(y), rel=1e-9)
-    assert misfit.freedom == y.size - len(NUISANCES)
-    assert misfit.p_value == pytest.approx(chi2.sf(misfit.statistic, misfit.freedom), rel=1e-6)
+    assert misfit.dof == y.size - len(NUISANCES)
+    assert misfit.p_value == pytest.approx(chi2.sf(misfit.statistic, misfit.dof), rel=1e-6)
     for one in range(6):
         for other in range(one):
             s, t = (design.signature(f"{NAMES[k]}.size") for k in (one, other))

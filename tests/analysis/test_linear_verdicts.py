@@ -198,8 +198,8 @@ def test_what_is_left_beside_an_effect_is_said_and_decides_above_three_per_cent(
     """Excess beyond χ²'s own spread over what alpha explains and that: 0.6 % and 14 %."""
     design = made_design(PLAIN, np.eye(6))
     found = diagnosed(design, {"alpha": 100.0}, strange(design, size))
-    freedom = len(design.root) - len(NUISANCES) - 1
-    excess = size**2 + 1.0 - LEAST_SEPARATION * math.sqrt(2.0 * freedom)
+    dof = len(design.root) - len(NUISANCES) - 1
+    excess = size**2 + 1.0 - LEAST_SEPARATION * math.sqrt(2.0 * dof)
     assert found.verdict is verdict
     assert found.remainder is not None
     assert found.remainder.share == pytest.approx(excess / (1e4 + excess), rel=0.02)

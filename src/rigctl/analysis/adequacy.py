@@ -26,14 +26,14 @@ class Test:
 
     Attributes
     ----------
-    freedom: degrees of freedom; 0 where the statistic has none.
+    dof: degrees of freedom; 0 where the statistic has none.
     spread: standard deviation of the statistic when nothing is missing.
     known: degrees of freedom behind the noise of a table's rows; 0 where the noise counts as known.
     """
 
     statistic: float
     p_value: float
-    freedom: int = 0
+    dof: int = 0
     spread: float = 0.0
     known: int = 0
 
@@ -44,13 +44,13 @@ class Test:
         """What of the statistic chance does not explain, in χ²; 0 where it has no degrees of freedom.
 
         Of a table, whose noise is known from few rows, chance explains
-        ``freedom·F⁻¹(1 − ALPHA; freedom, known)``.
+        ``dof·F⁻¹(1 − ALPHA; dof, known)``.
         """
-        if not self.freedom:
+        if not self.dof:
             return 0.0
         if self.known:
-            return max(0.0, self.statistic - self.freedom * _quantile(self.freedom, self.known))
-        return max(0.0, self.statistic - self.freedom - QUANTILE * self.spread)
+            return max(0.0, self.statistic - self.dof * _quantile(self.dof, self.known))
+        return max(0.0, self.statistic - self.dof - QUANTILE * self.spread)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
     found = Adequacy(
-        {name: test for name, test in tests.items() if name == "chi2" or test.freedom or name == "score"}
+        {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
     )
     if found.agrees or projected.linearisation.fit.problem.measurements.table:
         return found
@@ -126,50 +126,50 @@ def plane_test(projected: Projected) -> Test:
     span, values, _ = np.linalg.svd(left[:, good] / lengths[good], full_matrices=False)
     span = span[:, values > 1e-3 * values[0]]
     statistic = float(np.square(span.T @ projected.residual).sum())
-    freedom, known = span.shape[1], projected.noise_degrees
-    return Test(statistic, chi2_tail(statistic, freedom, known), freedom, math.sqrt(2.0 * freedom), known)
+    dof, known = span.shape[1], projected.noise_degrees
+    return Test(statistic, chi2_tail(statistic, dof, known), dof, math.sqrt(2.0 * dof), known)
 
 
 def chi2_test(projected: Projected) -> Test:
     """``χ² = r̃ᵀr̃``, its variance widened by how well the noise itself is known."""
     lin = projected.linearisation
     statistic = float(projected.residual @ projected.residual)
-    freedom = projected.freedom
-    if freedom <= 0:
+    dof = projected.dof
+    if dof <= 0:
         return Test(statistic, 1.0, 0)
     if projected.noise_degrees:
         known = projected.noise_degrees
-        return Test(statistic, chi2_tail(statistic, freedom, known), freedom, known=known)
+        return Test(statistic, chi2_tail(statistic, dof, known), dof, known=known)
     extra = 0.0
     problem = lin.fit.problem.only(lin.fit.fitted)
     for c, channel in enumerate(problem.noise.channels):
         count = sum(int(problem.ok[k][:, c].sum()) for k in projected.places)
         if channel.degrees:  # count·F(count, degrees) has this variance beyond that of χ²(count)
             extra += 2.0 * count**2 / channel.degrees
-    spread = math.sqrt(2.0 * freedom + extra)
+    spread = math.sqrt(2.0 * dof + extra)
     if extra == 0.0:
-        return Test(statistic, chi2_tail(statistic, freedom), freedom, spread)
-    z = (statistic - freedom) / spread
-    return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), freedom, spread)
+        return Test(statistic, chi2_tail(statistic, dof), dof, spread)
+    z = (statistic - dof) / spread
+    return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), dof, spread)
 
 
-def chi2_tail(statistic: float, freedom: int, known: int = 0) -> float:
-    """Chance that χ² with `freedom` degrees of freedom is at least `statistic`.
+def chi2_tail(statistic: float, dof: int, known: int = 0) -> float:
+    """Chance that χ² with `dof` degrees of freedom is at least `statistic`.
 
-    With `known` degrees of freedom behind the noise, that of ``freedom·F(freedom, known)``.
+    With `known` degrees of freedom behind the noise, that of ``dof·F(dof, known)``.
     """
     from scipy.special import fdtrc, gammaincc
 
     if known:
-        return float(fdtrc(freedom, known, max(statistic, 0.0) / freedom))
-    return float(gammaincc(0.5 * freedom, 0.5 * max(statistic, 0.0)))
+        return float(fdtrc(dof, known, max(statistic, 0.0) / dof))
+    return float(gammaincc(0.5 * dof, 0.5 * max(statistic, 0.0)))
 
 
-def _quantile(freedom: int, known: int) -> float:
-    """Of F(freedom, known), what chance exceeds with probability `ALPHA`."""
+def _quantile(dof: int, known: int) -> float:
+    """Of F(dof, known), what chance exceeds with probability `ALPHA`."""
     from scipy.special import fdtri
 
-    return float(fdtri(freedom, known, 1.0 - ALPHA))
+    return float(fdtri(dof, known, 1.0 - ALPHA))
 
 
 def _outer(regions: Floats, plane: Floats) -> Floats:

@@ -99,7 +99,7 @@ class ModelComparison:
     def document(self) -> dict[str, Any]:
         """Its part of the machine-readable answer."""
         tests = {
-            name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.freedom}
+            name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.dof}
             for name, test in self.adequacy.tests.items()
         }
         parameters = {

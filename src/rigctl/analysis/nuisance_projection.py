@@ -46,7 +46,7 @@ class Projected:
     coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
     moves: (nuisances) ``J⁺r``: what the unknowns would still move by themselves.
     rank: how many of the unknowns' directions the data tell apart.
-    freedom: degrees of freedom of r̃.
+    dof: degrees of freedom of r̃.
     """
 
     linearisation: Linearisation = field(repr=False)
@@ -60,7 +60,7 @@ class Projected:
     moves: Floats
     basis: Floats = field(repr=False)
     rank: int
-    freedom: int
+    dof: int
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -126,7 +126,7 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
         moves=inverse @ residual,
         basis=basis,
         rank=basis.shape[1],
-        freedom=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - basis.shape[1],
+        dof=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - basis.shape[1],
     )
 
 

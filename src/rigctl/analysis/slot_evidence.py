@@ -74,7 +74,7 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
     places = {unknown.name: place for place, unknown in enumerate(fit.problem.shared)}
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, [unknown.name for unknown in shared], (), local)
-    whole, freedom = [], 0
+    whole, dof = [], 0
     for k, record in enumerate(problem.records):
         whitener, ok, outputs = problem.whiteners[k], problem.ok[k], fit.outputs[fit.fitted[k]]
         residual = whitener(np.where(ok, np.where(ok, record.values, 0.0) - outputs, 0.0))
@@ -89,12 +89,12 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
             taken[:, -1] -= own[whitener.size :].T @ prior
             matrix[-1, -1] += prior @ prior
         whole.append(matrix - taken.T @ taken)
-        freedom += whitener.size + int((weight > 0.0).sum()) - own.shape[1]
+        dof += whitener.size + int((weight > 0.0).sum()) - own.shape[1]
     prior, weight = prior_rows(shared, fit.values[[places[unknown.name] for unknown in shared]])
-    return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, freedom)
+    return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, dof)
 
 
-def _split(whole: Floats, count: int, prior: Floats, weight: Floats, freedom: int) -> DisturbanceNormals:
+def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -> DisturbanceNormals:
     """The blocks of the records' matrices; unknowns are scaled to columns of length one."""
     total = whole.sum(axis=0)
     matrix = total[count:-1, count:-1] + np.diag(weight**2)
@@ -105,13 +105,13 @@ def _split(whole: Floats, count: int, prior: Floats, weight: Floats, freedom: in
     gradient = gradient * scale
     square = float(total[-1, -1] + prior @ prior)
     taken = float(gradient @ np.linalg.solve(matrix, gradient)) if scale.size else 0.0
-    freedom += int((weight > 0.0).sum()) - scale.size
+    dof += int((weight > 0.0).sum()) - scale.size
     return DisturbanceNormals(
         square=whole[:, :count, :count],
         cross=whole[:, :count, count:-1] * scale,
         gradient=whole[:, :count, -1],
         unknowns=Normal(matrix, gradient, square),
-        excess=square - taken - freedom,
+        excess=square - taken - dof,
     )
 
 

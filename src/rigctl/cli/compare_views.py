@@ -155,10 +155,10 @@ def _adequate(model: ModelComparison) -> str:
 
 
 def _tests(model: ModelComparison) -> Table:
-    made = table("test", "what it asks", "statistic", "freedom", "p")
+    made = table("test", "what it asks", "statistic", "dof", "p")
     for name, test in model.adequacy.tests.items():
-        freedom = str(test.freedom) if test.freedom else ""
-        made.add_row(name, _ASKS.get(name, ""), f"{test.statistic:.4g}", freedom, chance(test.p_value))
+        dof = str(test.dof) if test.dof else ""
+        made.add_row(name, _ASKS.get(name, ""), f"{test.statistic:.4g}", dof, chance(test.p_value))
     made.add_row(
         "all", "Holm: the chance that a right model fares so ill", "", "", chance(model.adequacy.p_value)
     )

@@ -119,17 +119,17 @@ def fit_calibration(
             value=f"degree {degree}",
             expected="a lower degree, or points over more of the range",
         )
-    s, freedom, of_residuals = _spread(points, residuals, coefficients, count)
+    s, dof, of_residuals = _spread(points, residuals, coefficients, count)
     inverse = np.linalg.inv(design.T @ design)
     grid = np.vander(np.linspace(z.min(), z.max(), 201), count, increasing=True)
     leverage = float(np.einsum("ij,jk,ik->i", grid, inverse, grid).max())
-    spread = _t(freedom) * s * math.sqrt(1.0 + leverage) if freedom else 0.0
+    spread = _t(dof) * s * math.sqrt(1.0 + leverage) if dof else 0.0
     step = (raw.step if raw else 0.0) * _steepest(coefficients, x) / math.sqrt(12.0) * 2.0
     covariance = to_raw @ inverse @ to_raw.T * s**2
     return CalibrationFit(
         tuple(points),
         coefficients,
-        tuple(float(v) for v in np.sqrt(np.diag(covariance))) if freedom else (math.nan,) * count,
+        tuple(float(v) for v in np.sqrt(np.diag(covariance))) if dof else (math.nan,) * count,
         tuple(float(value) for value in residuals),
         s if of_residuals else None,
         math.hypot(spread, reference_uncertainty, step),
@@ -183,16 +183,16 @@ def _spread(
 
     With as many points as coefficients there are no residuals; the scatter of repeated readings stands in.
     """
-    freedom = len(points) - count
-    if freedom > 0:
-        return math.sqrt(float(residuals @ residuals) / freedom), freedom, True
+    dof = len(points) - count
+    if dof > 0:
+        return math.sqrt(float(residuals @ residuals) / dof), dof, True
     repeated = [(point, point.scatter) for point in points if point.scatter is not None]
-    freedom = sum(len(point.raw) - 1 for point, _ in repeated)
-    if not freedom:
+    dof = sum(len(point.raw) - 1 for point, _ in repeated)
+    if not dof:
         return 0.0, 0, False
     steepest = _steepest(coefficients, np.array([point.mean for point in points]))
     total = sum((scatter * steepest) ** 2 * (len(point.raw) - 1) for point, scatter in repeated)
-    return math.sqrt(total / freedom), freedom, False
+    return math.sqrt(total / dof), dof, False
 
 
 def _steepest(coefficients: Sequence[float], x: Array) -> float:
@@ -201,19 +201,19 @@ def _steepest(coefficients: Sequence[float], x: Array) -> float:
     return max(abs(polynomial(slopes, float(at))) for at in np.linspace(x.min(), x.max(), 101))
 
 
-def _t(freedom: int) -> float:
+def _t(dof: int) -> float:
     """Student's factor for 95 %."""
     from scipy.stats import t
 
-    return float(t.ppf(0.5 + 0.5 * COVERAGE, freedom))
+    return float(t.ppf(0.5 + 0.5 * COVERAGE, dof))
 
 
 def _curvature(z: Array, y: Array, count: int, before: float) -> float | None:
     """The p-value of the F test for one power more; None with too few points."""
     from scipy.stats import f
 
-    freedom = len(z) - count - 1
-    if freedom < 1 or len(np.unique(z)) < count + 1:
+    dof = len(z) - count - 1
+    if dof < 1 or len(np.unique(z)) < count + 1:
         return None
     design = np.vander(z, count + 1, increasing=True)
     solved, *_ = np.linalg.lstsq(design, y, rcond=None)
@@ -224,4 +224,4 @@ def _curvature(z: Array, y: Array, count: int, before: float) -> float | None:
         return 1.0
     if after <= 1e-24 * scale:
         return 0.0
-    return float(f.sf((before - after) / (after / freedom), 1, freedom))
+    return float(f.sf((before - after) / (after / dof), 1, dof))
