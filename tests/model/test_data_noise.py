@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rigctl.model.measured.noise import noise_of, with_motion_off, with_spikes_off_model
+from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.noise import ChannelNoise, NoiseModel
 
 
 def record(
@@ -109,13 +111,69 @@ def test_noise_of_a_bench_that_never_rests_is_learned_from_what_its_model_leaves
     before = noise.model.channels[0]
     assert before.guessed or before.correlation > 0.9
     assert before.sigma > 2.0 * sigma
-    residuals = [(one + lacks - values)[:, None] for one, values in zip(moving, given, strict=True)]
-    found = with_motion_off(noise, measurements, residuals)
+    outputs = [(one + lacks)[:, None] for one in moving]
+    found = with_noise_off_model(noise, measurements, outputs)
     assert found is not None
     channel = found.model.channels[0]
     assert channel.sigma == pytest.approx(sigma, rel=0.08)
     assert (channel.source, channel.guessed) == ("residuals", False)
     assert "from what the model leaves" in found.model.statement
     # a model that leaves as much as the noise is no reason to doubt it
-    wrong = [residual + 2.0 * before.sigma for residual in residuals]
-    assert with_motion_off(noise, measurements, wrong) is None
+    wrong = [one + 2.0 * before.sigma for one in outputs]
+    assert with_noise_off_model(noise, measurements, wrong) is None
+
+
+def test_growth_that_fast_motion_hides_is_learned_at_the_levels_of_the_model() -> None:
+    """Five samples to a period: σ goes from a half to twice 1 %, in a straight line from the lowest level."""
+    rng = np.random.default_rng(4)
+    at = np.arange(300)
+    moving = [np.sin(at / 0.8 + 2.0 * k) + np.sin(at / 3.3 + k) for k in range(6)]
+    widths = [1e-2 * (0.5 + 1.5 * (one + 2.0) / 4.0) for one in moving]
+    given = [one + wide * rng.standard_normal(at.size) for one, wide in zip(moving, widths, strict=True)]
+    measurements = measured([record(k, values) for k, values in enumerate(given)])
+    noise = replace(noise_of(measurements), model=flat(1e-2), grown=None)
+    lacks = 0.02 * np.sin(at / 25.0)  # an effect that is missing, and smooth
+    found = with_noise_off_model(noise, measurements, [(one + lacks)[:, None] for one in moving])
+    assert found is not None
+    assert found.grown is not None
+    for sigma, wide in zip(found.grown, widths, strict=True):
+        off = np.abs(np.log(sigma[:, 0] / wide))
+        assert (off.mean() < 0.2, off.max() < 0.5) == (True, True)
+    assert found.only([1, 2]).grown == found.grown[1:3]
+    assert "grows with the level" in found.model.statement
+
+
+def test_heavy_tails_are_as_wide_as_their_differences_say() -> None:
+    rng = np.random.default_rng(5)
+    tails = [1e-2 / np.sqrt(3.0) * rng.standard_t(3.0, 600) for _ in range(6)]
+    measurements = measured([record(k, values) for k, values in enumerate(tails)])
+    noise = noise_of(measurements)
+    assert noise.model.channels[0].masked > 3
+    narrow = replace(noise, model=flat(7e-3, masked=noise.model.channels[0].masked))
+    found = with_noise_off_model(narrow, measurements, [np.zeros((600, 1))] * 6)
+    assert found is not None
+    left = np.concatenate([values[good[:, 0]] for values, good in zip(tails, noise.ok, strict=True)])
+    assert found.model.sigma == pytest.approx(np.sqrt(np.mean(left**2)), rel=0.05)
+    assert found.model.channels[0].degrees < 0.45 * left.size  # fewer than those of normal noise
+
+
+def test_a_spike_beside_the_end_of_a_record_or_a_switch_shows_beside_a_model() -> None:
+    rng = np.random.default_rng(6)
+    errors = [rng.standard_normal((200, 1)) for _ in range(4)]
+    spikes = [(0, 198), (0, 60), (1, 105), (1, 20), (2, 160), (3, 20)]
+    for place, sample in spikes:
+        errors[place][sample] += 12.0
+    records = [record(k, np.zeros(200)) for k in range(4)]
+    records = [replace(one, phase=np.repeat([0, 1], 100)) for one in records]
+    noise = DataNoise(flat(1.0, masked=8), tuple(one.here for one in records))
+    found = with_spikes_off_model(noise, measured(records), errors)
+    assert found is not None
+    assert [(k, int(i)) for k, good in enumerate(found.ok) for i in np.flatnonzero(~good[:, 0])] == sorted(
+        spikes
+    )
+
+
+def flat(sigma: float, masked: int = 0) -> NoiseModel:
+    """White noise of one width, well known."""
+    channel = ChannelNoise("position", sigma, source="quiet", guessed=False, degrees=1000, masked=masked)
+    return NoiseModel((channel,), 1.0)

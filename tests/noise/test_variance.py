@@ -249,3 +249,14 @@ def test_a_channel_without_a_law_has_one_sigma() -> None:
 def test_the_statement_says_from_where_a_level_counts(origin: float, of: str) -> None:
     law = VarianceLaw(0.01, 0.03, 0.0, origin, 50)
     assert of in channel_statement(ChannelNoise("body", 0.05, source="quiet", guessed=False, law=law), None)
+
+
+@pytest.mark.parametrize(
+    ("level", "said"),
+    [(0.0, "(by the root of its distance from the lowest level)"), (0.03, "level and the root of that)")],
+)
+def test_the_statement_says_that_counted_noise_grows_with_the_root(level: float, said: str) -> None:
+    law = VarianceLaw(0.01, level, 0.0, 293.0, 50, shot=1e-3)
+    assert said in channel_statement(
+        ChannelNoise("body", 0.05, source="residuals", guessed=False, law=law), None
+    )

@@ -240,6 +240,7 @@ def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:
     return {
         "at_rest": law.floor / shown.factor,
         "per_level": law.level,
+        "variance_per_level": law.shot / shown.factor,
         "per_rate_s": law.rate,
         "from_level": (law.origin - shown.offset) / shown.factor,
     }

@@ -23,6 +23,7 @@ from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import OnProgress, Search
+from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import drift_text, evidence_for, verdict_text, whether_at_all
@@ -87,8 +88,8 @@ def diagnose_comparison(
     on_progress: OnProgress | None = None,
 ) -> Diagnosis:
     """Diagnose a model that has been compared with data."""
-    search = Search(before, before.whole, most=most, on_progress=on_progress or (lambda _: None))
-    best = search.none if before.adequate else search.best()
+    search, best = _searched(before, most, on_progress or (lambda _: None))
+    before = search.before
     rivals = find_rivals(search, best)
     close = [rival for rival in rivals if not rival.separable]
     ranking = _ranking(search, best)
@@ -134,6 +135,20 @@ def diagnose_comparison(
         remainder=left,
         doubt=doubt,
     )
+
+
+def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:
+    """The search and the best of its sets; once more where it shows that the noise or the fit was wrong."""
+    search = Search(before, before.whole, most=most, on_progress=on_progress)
+    again = in_noise_of_the_leader(search)
+    if again is not None:
+        search = Search(again, again.whole, most=most, on_progress=on_progress)
+    best = search.none if search.before.adequate else search.best()
+    again = from_another_start(search)
+    if again is not None:
+        search = Search(again, again.whole, most=most, on_progress=on_progress)
+        best = search.none if again.adequate else search.best()
+    return search, best
 
 
 def _verdict(

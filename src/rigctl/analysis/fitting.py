@@ -16,7 +16,7 @@ from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.measured.hold_out import chosen, held_out
-from rigctl.model.measured.noise import DataNoise, noise_of, with_motion_off, with_spikes_off_model
+from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
@@ -100,10 +100,14 @@ def fit_again(
     before: FitResult, model: Model, *, refit: bool = True, on_progress: OnProgress = no_progress
 ) -> FitResult:
     """Fit another model to the data of `before`, with the same noise and the same records held out."""
-    problem = before.problem
-    again = problem.for_model(model, progress=on_progress)
-    data = DataNoise(problem.noise, problem.ok)
-    return fit_problem(again, data, before.held_out, refit=refit, on_progress=on_progress)
+    again = before.problem.for_model(model, progress=on_progress)
+    return fit_problem(again, noise_in(before), before.held_out, refit=refit, on_progress=on_progress)
+
+
+def noise_in(found: FitResult) -> DataNoise:
+    """The noise that a fit was made in."""
+    problem = found.problem
+    return DataNoise(problem.noise, problem.ok, grown=problem.grown)
 
 
 def fit_model(
@@ -119,7 +123,9 @@ def fit_model(
 
     Without `refit` what is the logger's and not the model's, how late it writes switches, is fitted still.
     """
-    problem = make_problem(model, measurements, noise.model, noise.ok, progress=on_progress)
+    problem = make_problem(
+        model, measurements, noise.model, noise.ok, grown=noise.grown, progress=on_progress
+    )
     return fit_problem(problem, noise, held_out, refit=refit, on_progress=on_progress)
 
 
@@ -137,11 +143,11 @@ def fit_problem(
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
     found = fit(problem, held_out, refit=bool(problem.shared))
-    for learn in (_spikes_off, _motion_off):
+    for learn in (_spikes_off, _noise_off):
         cleaned = learn(found, noise)
         if cleaned is not None:
             noise = cleaned
-            found = _fit_to_noise(found, noise, refit=refit, on_progress=on_progress)
+            found = fit_in_noise(found, noise, refit=refit, on_progress=on_progress)
     return found
 
 
@@ -150,19 +156,17 @@ def _spikes_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
     return with_spikes_off_model(noise, found.problem.measurements, errors)
 
 
-def _motion_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
-    residuals = [
-        np.where(good, outputs - record.values, np.nan)
-        for good, outputs, record in zip(noise.ok, found.outputs, found.problem.records, strict=True)
-    ]
-    return with_motion_off(noise, found.problem.measurements, residuals)
+def _noise_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
+    return with_noise_off_model(noise, found.problem.measurements, found.outputs)
 
 
-def _fit_to_noise(before: FitResult, noise: DataNoise, *, refit: bool, on_progress: OnProgress) -> FitResult:
-    """The fit made again in another noise, begun where it ended."""
+def fit_in_noise(
+    before: FitResult, noise: DataNoise, *, refit: bool = True, on_progress: OnProgress = no_progress
+) -> FitResult:
+    """The fit made again in another noise of the same data, begun where it ended."""
     problem = before.problem
     begun = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
-    again = problem.for_model(problem.model, noise.model, noise.ok, progress=on_progress)
+    again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
     shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
     again = again.with_shared(
         started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))

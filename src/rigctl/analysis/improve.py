@@ -193,6 +193,7 @@ def improve(
         found = diagnose_comparison(
             here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), on_progress=on_progress
         )
+        here = found.before
         plan = _plan(found, room)
         if not plan:
             elsewhere = unseen(compared, here, on_progress=on_progress)

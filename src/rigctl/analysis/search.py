@@ -279,12 +279,16 @@ class Search:
 
     def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
+        best = self._swapped(self.best_single())
+        found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
+        return self._usual_first(found)
+
+    def best_single(self) -> RefittedSet:
+        """The single effect that explains the misfit best, or none."""
         if not self.before.screening.scores:
             return self.none
         self._singles()
-        best = self._swapped(self._least([self.none, *self.trials.values()]))
-        found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
-        return self._usual_first(found)
+        return self._least([self.none, *self.trials.values()])
 
     def left(self, trial: RefittedSet) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""

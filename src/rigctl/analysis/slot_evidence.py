@@ -99,7 +99,7 @@ def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -
     total = whole.sum(axis=0)
     matrix = total[count:-1, count:-1] + np.diag(weight**2)
     gradient = total[count:-1, -1] - weight * prior
-    lengths = np.sqrt(np.diag(matrix))
+    lengths = np.sqrt(np.maximum(np.diag(matrix), 0.0))  # rounding may make it negative
     scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 0.0)
     matrix = matrix * np.outer(scale, scale) + _RIDGE * np.eye(scale.size)
     gradient = gradient * scale

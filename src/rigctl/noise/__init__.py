@@ -3,21 +3,26 @@
 from rigctl.noise.edges import find_edges
 from rigctl.noise.estimate import estimate_noise, spikes_of, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
+from rigctl.noise.off_model import LeftOver, Width, width_off_model
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
 from rigctl.noise.statements import channel_statement, model_statement, recounted
+from rigctl.noise.variance import VarianceLaw
 from rigctl.noise.whitening import Whitener, whiten
 
 __all__ = [
     "ChannelNoise",
+    "LeftOver",
     "NoiseModel",
     "NoiseRecord",
     "RowNoise",
     "Scatter",
     "Source",
+    "VarianceLaw",
     "Whitener",
+    "Width",
     "channel_statement",
     "estimate_noise",
     "estimate_scatter",
@@ -31,4 +36,5 @@ __all__ = [
     "spikes_of",
     "usual_spacing",
     "whiten",
+    "width_off_model",
 ]

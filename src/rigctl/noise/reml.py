@@ -68,7 +68,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
     if white is None and rho > 0.02:
         rho, share = _with_white(cost, rho, least)
     _, quadratic = _sums(parts, rho, share)
-    return NoiseFit(float(np.sqrt(quadratic / degrees)), rho, share, degrees)
+    return NoiseFit(float(np.sqrt(max(quadratic, rounding) / degrees)), rho, share, degrees)
 
 
 def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:

@@ -15,6 +15,8 @@ LONGEST_SPIKE = 3
 THRESHOLD = 4.5
 #: samples after a switch in which a narrow peak may be real
 SWITCH_GUARD = 10
+#: the same where a model has taken the bench's own peaks off
+_GUARD_OFF_MODEL = 3
 #: the running median spans this many samples to either side: more than half of it outlasts the longest spike
 _HALF = LONGEST_SPIKE + 1
 #: the scale around a sample is taken from this many samples to either side, and weighs so much
@@ -22,6 +24,8 @@ _NEAR = 6
 _NEAR_WEIGHT = 0.4
 #: and, where noise grows with what is measured, from so many, which see enough of it to weigh in full
 _WIDE = 25
+#: samples on either side that a line takes
+_LEAST_SIDE = 3
 #: a spike is off the lines through its neighbours by this share of the threshold at least
 _OFF_LINE = 0.4
 #: one spike in so many readings, and they are the logger's habit: none in a thousand of normal noise
@@ -68,17 +72,21 @@ def find_spikes(
     return np.asarray(_departures(values) & ~guarded[:, None])
 
 
-def _departures(values: NDArray[np.float64], local: bool = False) -> NDArray[np.bool_]:
+def _departures(
+    values: NDArray[np.float64], local: bool = False, off_model: bool = False
+) -> NDArray[np.bool_]:
     """Samples that leave the signal and come back, whatever is switched there."""
     found = np.zeros(values.shape, bool)
     for channel in range(values.shape[1]):
         finite = np.flatnonzero(np.isfinite(values[:, channel]))
         if finite.size > 2 * _HALF + 1:
-            found[finite, channel] = _spikes(values[finite, channel], local)
+            found[finite, channel] = _spikes(values[finite, channel], local, off_model)
     return found
 
 
-def find_spikes_in_records(records: Sequence[NoiseRecord], *, local: bool = False) -> list[NDArray[np.bool_]]:
+def find_spikes_in_records(
+    records: Sequence[NoiseRecord], *, local: bool = False, off_model: bool = False
+) -> list[NDArray[np.bool_]]:
     """`find_spikes` of every record, less what happens in most of them at the same sample of the same phase.
 
     A departure that comes back in more than half of at least four records belongs to the bench, not to the
@@ -89,8 +97,10 @@ def find_spikes_in_records(records: Sequence[NoiseRecord], *, local: bool = Fals
     Parameters
     ----------
     local: the scale is that of the surroundings, for noise that is wider in some places than in others.
+    off_model: the values are what a model leaves: fewer samples after a switch are left alone, and one that
+        stands out beside an end of the record is a spike as well, as no signal can end there.
     """
-    masks = _guarded_as_needed(records, local)
+    masks = _guarded_as_needed(records, local, off_model)
     counts: dict[tuple[int, int, int], int] = {}
     places = [_places(record, mask) for record, mask in zip(records, masks, strict=True)]
     for place in places:
@@ -105,10 +115,13 @@ def find_spikes_in_records(records: Sequence[NoiseRecord], *, local: bool = Fals
     return masks
 
 
-def _guarded_as_needed(records: Sequence[NoiseRecord], local: bool) -> list[NDArray[np.bool_]]:
+def _guarded_as_needed(
+    records: Sequence[NoiseRecord], local: bool, off_model: bool
+) -> list[NDArray[np.bool_]]:
     """The departures of each record, those after switches only in channels whose spikes come anywhere."""
-    departures = [_departures(record.values, local) for record in records]
-    guards = [_after_switches(record.phase)[:, None] for record in records]
+    departures = [_departures(record.values, local, off_model) for record in records]
+    guard = _GUARD_OFF_MODEL if off_model else SWITCH_GUARD
+    guards = [_after_switches(record.phase, guard)[:, None] for record in records]
     if not records:
         return []
     elsewhere = _rate([mask & ~guard for mask, guard in zip(departures, guards, strict=True)], guards, False)
@@ -140,14 +153,14 @@ def _places(
     ]
 
 
-def _after_switches(phase: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _after_switches(phase: NDArray[np.intp], guard: int = SWITCH_GUARD) -> NDArray[np.bool_]:
     guarded = np.zeros(phase.size, bool)
     for switch in (np.flatnonzero(np.diff(phase)) + 1).tolist():
-        guarded[switch - 1 : switch + SWITCH_GUARD] = True
+        guarded[switch - 1 : switch + guard] = True
     return guarded
 
 
-def _spikes(x: NDArray[np.float64], local: bool) -> NDArray[np.bool_]:
+def _spikes(x: NDArray[np.float64], local: bool, off_model: bool) -> NDArray[np.bool_]:
     from scipy.ndimage import median_filter
 
     along, away, level = _away(x)
@@ -162,7 +175,10 @@ def _spikes(x: NDArray[np.float64], local: bool) -> NDArray[np.bool_]:
     far = np.minimum(np.abs(along), np.abs(away)) > THRESHOLD * scale
     spikes = np.zeros(x.size, bool)
     for first, last in _runs(far):
-        if last - first <= LONGEST_SPIKE and _leaves_and_returns(x, far, first, last, float(scale[first])):
+        if last - first > LONGEST_SPIKE:
+            continue
+        beside_end = off_model and min(first, x.size - last) < _LEAST_SIDE
+        if beside_end or _leaves_and_returns(x, far, first, last, float(scale[first])):
             spikes[first:last] = True
     return spikes
 
@@ -242,7 +258,7 @@ def _leaves_and_returns(
     """
     before = np.flatnonzero(~far[max(0, first - 8) : first])[-4:] + max(0, first - 8)
     after = np.flatnonzero(~far[last : last + 8])[:4] + last
-    if before.size < 3 or after.size < 3:
+    if min(before.size, after.size) < _LEAST_SIDE:
         return first == 0 or last == x.size
     middle = (first + last - 1) / 2.0
     centre = float(np.median(x[first:last]))

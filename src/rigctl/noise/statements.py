@@ -67,8 +67,11 @@ def _growth(noise: ChannelNoise) -> str:
         return ""
     end = "lowest" if law.origin > 0.0 else "highest"  # in words: units are unknown here
     of = f"its distance from the {end} level" if law.origin else "it"
+    size = f"{100.0 * law.level:.2g} % of {of}" if law.level else ""
+    if law.shot:
+        size = f"{size} and the root of that" if size else f"the root of {of}"
     terms = [
-        *([f"the level (by {100.0 * law.level:.2g} % of {of})"] if law.level else []),
+        *([f"the level (by {size})"] if size else []),
         *([f"the rate of change (by {law.rate:.2g} s of it)"] if law.rate else []),
     ]
     return f"grows with {' and '.join(terms)}: typically {noise.sigma / law.floor:.1f} times that at rest"

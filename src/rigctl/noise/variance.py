@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -48,7 +48,7 @@ _SMALLEST = 1e-6
 
 @dataclass(frozen=True)
 class VarianceLaw:
-    """``σ² = floor² + (level·(y − origin))² + (rate·dy/dt)²``.
+    """``σ² = floor² + shot·|y − origin| + (level·(y − origin))² + (rate·dy/dt)²``.
 
     Parameters
     ----------
@@ -56,7 +56,9 @@ class VarianceLaw:
     level: σ for each unit of the channel's distance from `origin`.
     rate: s, σ for each unit per second of its slope.
     origin: SI, where the channel's level is counted from.
-    degrees: of freedom of the blocks that the law was read from.
+    degrees: of freedom of the blocks or differences that the law was read from.
+    shot: SI, σ² for each unit of that distance: of what is counted (shot noise) and, beside `level`, of a σ
+        that is a straight line of the level.
     """
 
     floor: float
@@ -64,10 +66,23 @@ class VarianceLaw:
     rate: float
     origin: float
     degrees: int
+    shot: float = 0.0
 
     def sigma(self, level: Floats, slope: Floats) -> Floats:
         """σ (SI) at a smooth course of the channel (SI) and its slope (SI/s)."""
-        return np.sqrt(self.floor**2 + (self.level * (level - self.origin)) ** 2 + (self.rate * slope) ** 2)
+        distance = np.abs(level - self.origin)
+        squares = self.shot * distance + (self.level * distance) ** 2 + (self.rate * slope) ** 2
+        return np.sqrt(self.floor**2 + squares)
+
+    def scaled(self, factor: float) -> VarianceLaw:
+        """The same growth of a noise that is wider by this factor everywhere."""
+        return replace(
+            self,
+            floor=self.floor * factor,
+            level=self.level * factor,
+            rate=self.rate * factor,
+            shot=self.shot * factor**2,
+        )
 
 
 def smooth_course(times: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -152,7 +167,7 @@ def _blocks(
     white: float,
 ) -> _Blocks | None:
     """The blocks that show noise alone; None where there are too few."""
-    weights = [_difference(order, correlation, white) for order in (_ORDER, _CHECK)]
+    weights = [difference_weights(order, correlation, white) for order in (_ORDER, _CHECK)]
     found = [
         _blocks_of(record.times, record.values[:, channel], kept[:, channel], record.phase, spacing, weights)
         for record, kept in zip(records, ok, strict=True)
@@ -163,7 +178,7 @@ def _blocks(
     if good.sum() < _FEWEST:
         return None
     variance, _, level, within, slopes = every[good].T
-    return _Blocks(variance, level, within, slopes, _degrees(weights[0], correlation, white))
+    return _Blocks(variance, level, within, slopes, difference_degrees(weights[0], correlation, white))
 
 
 def _blocks_of(
@@ -205,7 +220,7 @@ def _blocks_of(
 
 
 @lru_cache(maxsize=16)
-def _difference(order: int, correlation: float, white: float) -> Floats:
+def difference_weights(order: int, correlation: float, white: float) -> Floats:
     """Weights of a difference, of variance 1 for noise of variance 1 with that correlation."""
     weights = np.array([1.0])
     for _ in range(order):
@@ -219,13 +234,13 @@ def _correlations(size: int, correlation: float, white: float) -> Floats:
     return np.asarray((1.0 - white) * correlation**apart + white * (apart == 0))
 
 
-def _degrees(weights: Floats, correlation: float, white: float) -> float:
-    """Degrees of freedom of the mean square of the differences of a block: ``tr(C)²/tr(C²)``."""
-    count = BLOCK - weights.size + 1
-    rows = np.zeros((count, BLOCK))
+def difference_degrees(weights: Floats, correlation: float, white: float, samples: int = BLOCK) -> float:
+    """Degrees of freedom of the mean square of the differences of so many samples: ``tr(C)²/tr(C²)``."""
+    count = samples - weights.size + 1
+    rows = np.zeros((count, samples))
     for k in range(count):
         rows[k, k : k + weights.size] = weights
-    covariance = rows @ _correlations(BLOCK, correlation, white) @ rows.T
+    covariance = rows @ _correlations(samples, correlation, white) @ rows.T
     return float(np.trace(covariance) ** 2 / np.sum(covariance**2))
 
 
@@ -261,7 +276,7 @@ def _borne_out(terms: Floats, squares: Floats, blocks: _Blocks) -> bool:
 
 def _cost(terms: Floats, blocks: _Blocks) -> float:
     """−2·ln L of a law over all blocks."""
-    mean = np.maximum(terms @ _most_likely(terms, blocks.variance), 1e-300)
+    mean = np.maximum(terms @ most_likely_squares(terms, blocks.variance), 1e-300)
     return blocks.degrees * float(np.sum(np.log(mean) + blocks.variance / mean))
 
 
@@ -273,7 +288,7 @@ def _trimmed(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]
     most = float(chi2.isf(_TRIMMED, blocks.degrees)) / blocks.degrees
     kept = np.ones(variance.size, bool)
     for _ in range(_ROUNDS):
-        squares = _most_likely(terms[kept], variance[kept])
+        squares = most_likely_squares(terms[kept], variance[kept])
         stay = variance <= most * np.maximum(terms @ squares, 1e-300)
         if stay.sum() < _FEWEST or np.array_equal(stay, kept):
             break
@@ -281,7 +296,7 @@ def _trimmed(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]
     return squares, kept
 
 
-def _most_likely(terms: Floats, variance: Floats) -> Floats:
+def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
     """The non-negative squares of highest likelihood: ``s_k ← s_k·√(Σ t_k·v/μ² / Σ t_k/μ)``, μ = t·s.
 
     Each step lowers ``Σ (ln μ + v/μ)``: C. Févotte & J. Idier, Neural Computation 23 (2011) 2421.

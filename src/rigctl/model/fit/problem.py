@@ -144,9 +144,10 @@ class Problem:
         *,
         library: bool = False,
         whiteners: Sequence[Whitener] | None = None,
+        grown: tuple[Floats, ...] | None = None,
         progress: Progress | None = None,
     ) -> Problem:
-        """Another model on the same measurements, or another noise; nothing that a fit has found is kept.
+        """Another model on the same measurements, or another noise; nothing else that a fit found is kept.
 
         Everything else that is asked of other equations goes through here, and `simulate` is all that asks
         the equations themselves.
@@ -163,6 +164,7 @@ class Problem:
             self.ok if ok is None else ok,
             library=library,
             whiteners=whiteners,
+            grown=self.grown if noise is None else grown,
             progress=progress,
         )
 
@@ -369,6 +371,7 @@ def make_problem(
     *,
     library: bool = False,
     whiteners: Sequence[Whitener] | None = None,
+    grown: tuple[Floats, ...] | None = None,
     progress: Progress | None = None,
 ) -> Problem:
     """A model on its data; with `library`, every other effect is there at its null.
@@ -376,6 +379,8 @@ def make_problem(
     Parameters
     ----------
     whiteners: of the same data, where there are some already.
+    grown: (n, outputs) of each record, SI, σ of each reading where that is known; by the smoothed course of
+        the readings where the noise grows and it is not given.
 
     Raises
     ------
@@ -400,7 +405,7 @@ def make_problem(
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
     records = measurements.records
-    grown = _grown(noise, records, ok)
+    grown = _grown(noise, records, ok) if grown is None else grown
     if whiteners is None:
         whiteners = [
             whiten(noise, r.times, good, r.values, sigma=sigma)

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.kept import kept
-from rigctl.model.measured.record import Measurements
+from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.table import column, curve_variable, curves, set_variable
 from rigctl.noise import (
     ChannelNoise,
+    LeftOver,
     NoiseModel,
     NoiseRecord,
     RowNoise,
+    VarianceLaw,
     channel_statement,
     estimate_noise,
     find_edges,
@@ -24,6 +26,7 @@ from rigctl.noise import (
     recounted,
     row_noise,
     spikes_of,
+    width_off_model,
 )
 from rigctl.units import show
 
@@ -36,6 +39,12 @@ _SPIKY = 1000
 _SLOW = 0.9
 #: a model whose error is less than this share of the noise shows that the noise is not what it was taken for
 _BELOW = 0.9
+#: where noise comes from that motion, or what a model lacks, may have widened
+_OF_STRETCHES = ("quiet", "residuals")
+#: noise with heavy tails is wider than its windows show by this factor at most, and not worth a word below
+_MORE, _MOST_BY_TAILS = 1.01, 1.3
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -48,12 +57,15 @@ class DataNoise:
     ok: (n, outputs) of each record: read, no spike, and on no edge that the sampling does not resolve.
     masked, edges: (records, outputs) how many samples are spikes, and lie on such edges; None where that was
         not looked for.
+    grown: (n, outputs) of each record, SI, the standard deviation of each reading by a law that was learned
+        off a model, at that model's levels; None where the readings' own course tells it.
     """
 
     model: NoiseModel
     ok: tuple[NDArray[np.bool_], ...]
     masked: NDArray[np.intp] | None = None
     edges: NDArray[np.intp] | None = None
+    grown: tuple[NDArray[np.float64], ...] | None = None
 
     def only(self, places: Sequence[int]) -> DataNoise:
         """Of these records alone: the noise as learned from all, what was left out counted in these."""
@@ -64,7 +76,8 @@ class DataNoise:
             [channel.masked for channel in self.model.channels] if masked is None else _sums(masked),
             [channel.edges for channel in self.model.channels] if edges is None else _sums(edges),
         )
-        return DataNoise(model, tuple(self.ok[place] for place in chosen), masked, edges)
+        grown = None if self.grown is None else tuple(self.grown[place] for place in chosen)
+        return DataNoise(model, tuple(self.ok[place] for place in chosen), masked, edges, grown)
 
 
 def noise_of(measurements: Measurements) -> DataNoise:
@@ -124,16 +137,17 @@ def with_spikes_off_model(
     errors: (n, outputs) of each record, model less reading in standard deviations of the noise; NaN where no
         reading counts.
     """
-    readings = sum(record.here.sum(axis=0) for record in measurements.records)
-    known = np.array([channel.masked for channel in noise.model.channels])
-    spiky = (known > 0) & (known * _SPIKY >= readings)
-    if measurements.table or not spiky.any():
+    if measurements.table:
         return None
+    spiky = _spiky(noise, measurements)
+    if not spiky.any():
+        return None
+    known = np.array([channel.masked for channel in noise.model.channels])
     records = [
         NoiseRecord(record.times, np.where(good, error, np.nan), record.group, record.phase.astype(np.intp))
         for record, good, error in zip(measurements.records, noise.ok, errors, strict=True)
     ]
-    spikes = [mask & spiky for mask in find_spikes_in_records(records)]
+    spikes = [mask & spiky for mask in find_spikes_in_records(records, off_model=True)]
     counts = np.array([mask.sum(axis=0) for mask in spikes], dtype=np.intp)
     if not counts.any():
         return None
@@ -143,53 +157,154 @@ def with_spikes_off_model(
     return replace(noise, model=model, ok=ok, masked=None if noise.masked is None else noise.masked + counts)
 
 
-def with_motion_off(
-    noise: DataNoise, measurements: Measurements, residuals: Sequence[NDArray[np.float64]]
+def with_noise_off_model(
+    noise: DataNoise, measurements: Measurements, outputs: Sequence[Floats]
 ) -> DataNoise | None:
-    """With noise learned from what a model leaves, of channels whose motion passed for noise; None if none.
+    """With noise learned from what a model leaves, of channels where that tells more; None if of none.
 
-    Stretches that never rest, or move slowly, show noise that is too wide: a model's error is then smaller
-    than it, and nothing can be told. Within windows of 40 samples a model's residuals are noise and a smooth
-    rest, which their trend takes out, so that an effect that is missing does not widen what is learned. Only
-    a guess, or noise that is mostly as slow as a signal, is replaced, and only by a narrower one.
+    - *Motion that passed for noise.* Stretches that never rest, or move slowly, show noise that is too wide:
+      a model's error is then smaller than it, and nothing can be told. Within windows of 40 samples a model's
+      residuals are noise and a smooth rest, which their trend takes out, so that an effect that is missing
+      does not widen what is learned. Only a guess, or noise that is mostly as slow as a signal, is replaced,
+      and only by a narrower one.
+    - *Growth that motion hid.* Where signals are fast, their readings do not show how the noise grows with
+      the level; squared differences of a model's residuals do (`rigctl.noise.width_off_model`).
+    - *Heavy tails.* Where one reading in `_SPIKY` is a spike the windows that agree with each other are the
+      quieter ones. Differences of the residuals are not chosen so.
 
     Parameters
     ----------
-    residuals: (n, outputs) of each record, model less reading, SI; NaN where no reading counts.
+    outputs: (n, outputs) of each record, SI, what the model says.
     """
     if measurements.table:
         return None
-    channels = noise.model.channels
-    errors = [np.concatenate([one[:, c] for one in residuals]) for c in range(len(channels))]
-    doubtful = [
-        channel.source == "quiet"  # what the data do not show at all, a model's residuals do not either
-        and (channel.guessed or channel.correlation > _SLOW)
-        and not (channel.step or channel.law or channel.share)
-        and bool(np.isfinite(error).any())
-        and float(np.sqrt(np.nanmean(error**2))) < _BELOW * channel.sigma
-        for channel, error in zip(channels, errors, strict=True)
+    records = measurements.records
+    left = [
+        LeftOver(np.where(good, said - record.values, np.nan), said, record.phase.astype(np.intp))
+        for record, good, said in zip(records, noise.ok, outputs, strict=True)
     ]
-    if not any(doubtful):
+    before = noise.grown or [
+        noise.model.sigma_at(np.where(good, record.values, np.nan), record.times)
+        for record, good in zip(records, noise.ok, strict=True)
+    ]
+    spiky = _spiky(noise, measurements)
+    found = []
+    for place, channel in enumerate(noise.model.channels):
+        one = _OneChannel(channel, place, records, left, [sigma[:, place] for sigma in before])
+        one = one.narrower() or one
+        found.append(one.growing() or (one.wider() if spiky[place] else None) or one)
+    channels = [one.channel for one in found]
+    if all(new is old for new, old in zip(channels, noise.model.channels, strict=True)):
         return None
-    records = [
-        NoiseRecord(record.times, error, record.group, record.phase.astype(np.intp))
-        for record, error in zip(measurements.records, residuals, strict=True)
-    ]
-    spikes = [np.zeros(error.shape, bool) for error in residuals]
-    learned = estimate_noise(records, measurements.outputs, spikes=spikes).channels
-    replaced = [
-        _of_residuals(old, new) if doubt and not new.guessed and new.sigma < _BELOW * old.sigma else old
-        for doubt, old, new in zip(doubtful, channels, learned, strict=True)
-    ]
-    if all(new is old for new, old in zip(replaced, channels, strict=True)):
-        return None
-    model = replace(noise.model, channels=tuple(replaced), statement=model_statement(replaced))
-    return replace(noise, model=model)
+    model = replace(noise.model, channels=tuple(channels), statement=model_statement(channels))
+    grown = tuple(np.stack([one.sigma[k] for one in found], axis=1) for k in range(len(records)))
+    return replace(noise, model=model, grown=grown if any(one.law for one in channels) else None)
 
 
-def _of_residuals(old: ChannelNoise, new: ChannelNoise) -> ChannelNoise:
-    found = replace(new, source="residuals", masked=old.masked, edges=old.edges, law=None)
-    return found.stated(channel_statement(found, None))
+@dataclass(frozen=True)
+class _OneChannel:
+    """A channel, what a model leaves of it, and (n) σ of its readings, SI, record by record."""
+
+    channel: ChannelNoise
+    place: int
+    records: Sequence[MeasuredRecord]
+    left: Sequence[LeftOver]
+    sigma: Sequence[Floats]
+
+    def narrower(self) -> _OneChannel | None:
+        """With the noise of short windows where the motion of the readings passed for noise."""
+        old = self.channel
+        doubtful = old.guessed or old.correlation > _SLOW
+        # what the data do not show at all, a model's residuals do not either
+        if (
+            old.source not in _OF_STRETCHES
+            or not doubtful
+            or old.step
+            or old.share
+            or not self._error_below(_BELOW)
+        ):
+            return None
+        width = width_off_model(self.left, self.place)
+        shape = self.sigma if old.law else [np.ones(one.size) for one in self.sigma]
+        if width is not None and width.law is not None:
+            shape = self._by_law(width.law)
+        typical = self._typical(shape)
+        shape = [one / typical for one in shape]
+        records = [
+            NoiseRecord(
+                record.times,
+                (one.errors[:, self.place] / wide)[:, None],
+                record.group,
+                record.phase.astype(np.intp),
+            )
+            for record, one, wide in zip(self.records, self.left, shape, strict=True)
+        ]
+        spikes = [np.zeros(record.values.shape, bool) for record in records]
+        (new,) = estimate_noise(records, [old.name], spikes=spikes).channels
+        if new.guessed or not new.sigma < _BELOW * old.sigma:
+            return None
+        law = old.law if width is None or width.law is None else width.law
+        scaled = None if law is None else law.scaled(new.sigma / typical)
+        found = replace(new, source="residuals", masked=old.masked, edges=old.edges, law=scaled)
+        return self._with(found, [new.sigma * one for one in shape])
+
+    def growing(self) -> _OneChannel | None:
+        """With a law of the level that is likelier than what was known."""
+        old = self.channel
+        if old.share or not old.degrees:
+            return None
+        known = self.sigma if old.law else None
+        width = width_off_model(
+            self.left,
+            self.place,
+            correlation=old.correlation,
+            white=old.white,
+            step=old.step,
+            known=known,
+        )
+        if width is None or width.law is None:
+            return None
+        sigma = self._by_law(width.law)
+        found = replace(
+            old, sigma=self._typical(sigma), law=width.law, degrees=width.degrees, source="residuals"
+        )
+        return self._with(found, sigma)
+
+    def wider(self) -> _OneChannel | None:
+        """With the width of differences, tails and all, where windows showed a narrower one."""
+        old = self.channel
+        if old.share or old.law or old.step or not old.degrees:
+            return None
+        width = width_off_model(self.left, self.place, correlation=old.correlation, white=old.white)
+        if width is None or not _MORE * old.sigma < width.sigma < _MOST_BY_TAILS * old.sigma:
+            return None
+        found = replace(old, sigma=width.sigma, degrees=width.degrees, source="residuals")
+        return self._with(found, [np.full(one.size, width.sigma) for one in self.sigma])
+
+    def _with(self, channel: ChannelNoise, sigma: Sequence[Floats]) -> _OneChannel:
+        return replace(self, channel=channel.stated(channel_statement(channel, None)), sigma=sigma)
+
+    def _error_below(self, share: float) -> bool:
+        error = np.concatenate(
+            [one.errors[:, self.place] / sigma for one, sigma in zip(self.left, self.sigma, strict=True)]
+        )
+        return bool(np.isfinite(error).any()) and float(np.sqrt(np.nanmean(error**2))) < share
+
+    def _by_law(self, law: VarianceLaw) -> list[Floats]:
+        return [law.sigma(one.levels[:, self.place], np.zeros(1)) for one in self.left]
+
+    def _typical(self, sigma: Sequence[Floats]) -> float:
+        """The root of the mean square over the readings that count."""
+        good = [np.isfinite(one.errors[:, self.place]) for one in self.left]
+        each = np.concatenate([one[here] for one, here in zip(sigma, good, strict=True)])
+        return float(np.sqrt(np.mean(each**2)))
+
+
+def _spiky(noise: DataNoise, measurements: Measurements) -> NDArray[np.bool_]:
+    """(outputs) which channels have spikes by their own word, one reading in `_SPIKY`."""
+    readings = sum(record.here.sum(axis=0) for record in measurements.records)
+    masked = np.array([channel.masked for channel in noise.model.channels])
+    return np.asarray((masked > 0) & (masked * _SPIKY >= readings))
 
 
 def _spans(measurements: Measurements) -> NDArray[np.float64]:

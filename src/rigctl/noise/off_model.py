@@ -1,0 +1,246 @@
+"""The width of the noise by differences of what a model leaves, and how that grows with the model's level."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.noise.variance import VarianceLaw, difference_degrees, difference_weights, most_likely_squares
+
+Floats = NDArray[np.float64]
+
+#: orders of the difference, the lowest that shows noise alone first; each has to agree with the next one
+_ORDERS = (2, 4, 6)
+#: the mean squares of two orders lie within this factor of each other where both show noise alone
+_AGREE = 1.15
+#: the same in parts of the range of levels, which have fewer differences
+_AGREE_IN_PARTS = 1.6
+_PARTS = 3
+#: differences below which nothing is said
+_FEWEST = 100
+#: rise of 2·ln L above which a term is believed: 0.01 % at one degree of freedom
+_PAYS = 15.0
+#: σ is wider by this factor than where it is least, in this share of the differences at least
+_WIDER, _OFTEN = 1.25, 0.1
+#: in the middle of these the variance is what the law says, to this factor
+_MIDDLE = 1.5
+#: a difference further out than this quantile of what the law allows is a misfit's or a spike's
+_TRIMMED = 1e-3
+_ROUNDS = 4
+#: of the typical variance, the least that noise is anywhere
+_SMALLEST = 1e-4
+#: kurtosis of normal noise
+_NORMAL = 3.0
+#: samples of a stretch over which the overlap of differences is worked out
+_STRETCH = 60
+
+
+@dataclass(frozen=True)
+class LeftOver:
+    """What a model leaves of one record.
+
+    Parameters
+    ----------
+    errors: (n, channels) SI, model less reading; NaN where no reading counts.
+    levels: (n, channels) SI, what the model says.
+    phase: (n) the number of the stretch of constant commands each sample lies in.
+    """
+
+    errors: Floats
+    levels: Floats
+    phase: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Width:
+    """The noise of one channel off a model.
+
+    Parameters
+    ----------
+    sigma: SI, root of the mean variance over the differences, all of them: heavy tails count.
+    degrees: of freedom behind it, fewer for heavy tails.
+    law: how σ grows with the level; None where it does not, or not otherwise than was known.
+    """
+
+    sigma: float
+    degrees: int
+    law: VarianceLaw | None
+
+
+def width_off_model(
+    left: Sequence[LeftOver],
+    channel: int,
+    *,
+    correlation: float = 0.0,
+    white: float = 0.0,
+    step: float = 0.0,
+    known: Sequence[Floats] | None = None,
+) -> Width | None:
+    """How wide the noise of one channel is, and how that grows with the level; None where it cannot be told.
+
+    Squared differences of a model's residuals, ``v_i = (wᵀr_i)²/(wᵀRw)``, R the correlation of the noise,
+    hold nothing of a misfit that is smooth over their few samples. The lowest order of 2 and 4 is taken whose
+    mean square agrees with that of the next one, as it does for noise and not for what is smooth. Of noise
+    with the variance ``σ²(y) = a² + s·x + b²·x²``, x the distance of the model's level y from an end of its
+    range or from 0, v_i has the mean ``Σ_j w_j²·σ²(y_j)/Σ_j w_j²``. The law is the one of highest likelihood
+    with no negative term; a term is there where 2·ln L rises by more than 15, the overlap of the differences
+    taken into account. None where it is hardly wider anywhere, where the middle one of its wide differences
+    is not as wide as it says (a misfit at some edges), or where the next order says something else in a third
+    of the range.
+
+    Only a variance is learned: what the residuals' mean is, or how it moves, does not enter.
+
+    Parameters
+    ----------
+    correlation, white: of the noise, as `ChannelNoise` has them.
+    step: SI, of the channel's converter; noise that is anywhere narrower than it has no law.
+    known: (n) of each record, σ (SI) by the law so far; a new one has to be likelier by as much as a term.
+
+    Source: Davidian & Carroll, J. Am. Stat. Assoc. 82 (1987) 1079 (variance functions); Rocke & Durbin, J.
+    Comput. Biol. 8 (2001) 557 (noise at rest and a share of the level); Gasser, Sroka & Jennen-Steinmetz,
+    Biometrika 73 (1986) 625 (differences).
+    """
+    orders = [_differences(left, channel, order, correlation, white, known) for order in _ORDERS]
+    pairs = pairwise(orders)
+    both = next(((one, next_one) for one, next_one in pairs if _alike(one.squares, next_one.squares)), None)
+    if both is None:
+        return None
+    seen, check = both
+    law, mean = _law(seen, step)
+    if law is not None and not (_borne_out(law, mean, seen, check) and _better(mean, seen)):
+        law = None
+    relative = seen.squares / mean
+    tails = max(_NORMAL, float(np.mean(relative**2)) / float(np.mean(relative)) ** 2)
+    degrees = int(seen.degrees * seen.squares.size * (_NORMAL - 1.0) / (tails - 1.0))
+    return Width(float(np.sqrt(seen.squares.mean())), degrees, law)
+
+
+@dataclass(frozen=True)
+class _Differences:
+    """(m) squared differences of unit gain, (m, order + 1) the levels in each and the variance so far.
+
+    `share` is that of each of their samples in the variance, `degrees` of freedom those of each square.
+    """
+
+    squares: Floats
+    levels: Floats
+    known: Floats
+    share: Floats
+    degrees: float
+
+    def means(self, law: VarianceLaw) -> Floats:
+        """(m) what each square is in the mean."""
+        return np.asarray(law.sigma(self.levels, np.zeros(1)) ** 2 @ self.share)
+
+
+def _differences(
+    left: Sequence[LeftOver],
+    channel: int,
+    order: int,
+    correlation: float,
+    white: float,
+    known: Sequence[Floats] | None,
+) -> _Differences:
+    weights = difference_weights(order, correlation, white)
+    parts = list(_windows(left, channel, order, known))
+    errors, levels, sigma = (
+        np.concatenate([part[i] for part in parts]) if parts else np.empty((0, order + 1)) for i in range(3)
+    )
+    share = weights**2 / float(weights @ weights)
+    degrees = difference_degrees(weights, correlation, white, _STRETCH) / (_STRETCH - order)
+    return _Differences((errors @ weights) ** 2, levels, sigma**2, share, degrees)
+
+
+def _windows(
+    left: Sequence[LeftOver], channel: int, order: int, known: Sequence[Floats] | None
+) -> Iterator[tuple[Floats, Floats, Floats]]:
+    """(windows, order + 1) errors, levels and known σ of each stretch of readings inside a phase."""
+    for place, one in enumerate(left):
+        if one.phase.size <= order:
+            continue
+        columns = one.errors[:, channel], one.levels[:, channel]
+        sigma = np.ones(one.phase.size) if known is None else known[place]
+        rows = [np.lib.stride_tricks.sliding_window_view(x, order + 1) for x in (*columns, sigma)]
+        good = np.isfinite(rows[0]).all(axis=1) & (one.phase[order:] == one.phase[:-order])
+        yield rows[0][good], rows[1][good], rows[2][good]
+
+
+def _alike(one: Floats, other: Floats) -> bool:
+    """Whether there are enough of both, and their means agree."""
+    if min(one.size, other.size) < _FEWEST or not one.mean() > 0.0:
+        return False
+    return bool(1.0 / _AGREE < other.mean() / one.mean() < _AGREE)
+
+
+def _law(seen: _Differences, step: float) -> tuple[VarianceLaw | None, Floats]:
+    """The likeliest law that pays, and what it makes of each square; None for one variance of all."""
+    least = np.full(seen.squares.size, float(seen.squares.mean()))
+    best, law = _cost(least, seen) + _PAYS, None
+    low, high = float(seen.levels.min()), float(seen.levels.max())
+    if not high > low:
+        return None, least
+    origins = (low, high, 0.0) if low < 0.0 < high else (low, high)
+    for origin in origins:
+        span = max(high - origin, origin - low)
+        distance = np.abs(seen.levels - origin) / span
+        terms = np.column_stack([np.ones(least.size), distance @ seen.share, distance**2 @ seen.share])
+        for columns in ((0, 1), (0, 2), (0, 1, 2)):
+            squares = np.zeros(3)
+            squares[list(columns)] = _trimmed(terms[:, columns], seen)
+            squares[0] = max(squares[0], _SMALLEST * float(least[0]))
+            mean = terms @ squares
+            cost = _cost(mean, seen) + _PAYS * len(columns)
+            if cost < best and squares[0] >= step**2:
+                best, least = cost, mean
+                floor, level = np.sqrt(squares[[0, 2]]).tolist()
+                degrees = int(seen.degrees * mean.size)
+                law = VarianceLaw(floor, level / span, 0.0, origin, degrees, float(squares[1]) / span)
+    return law, least
+
+
+def _trimmed(terms: Floats, seen: _Differences) -> Floats:
+    """The squares of highest likelihood, over the differences that agree with them: a few are no noise."""
+    from scipy.stats import chi2
+
+    most = float(chi2.isf(_TRIMMED, 1))
+    kept = np.ones(seen.squares.size, bool)
+    for _ in range(_ROUNDS):
+        squares = most_likely_squares(terms[kept], seen.squares[kept])
+        stay = seen.squares <= most * np.maximum(terms @ squares, 1e-300)
+        if stay.sum() < _FEWEST or np.array_equal(stay, kept):
+            break
+        kept = stay
+    # what is left of χ² below a bound has a mean below 1
+    return np.asarray(squares * chi2.cdf(most, 1) / chi2.cdf(most, 3))
+
+
+def _cost(mean: Floats, seen: _Differences) -> float:
+    """−2·ln L of one mean of each square, as many degrees of freedom behind them as their overlap leaves."""
+    return seen.degrees * float(np.sum(np.log(mean) + seen.squares / mean))
+
+
+def _better(mean: Floats, seen: _Differences) -> bool:
+    """Whether a law is likelier than what was known of σ, scaled to these differences."""
+    known = seen.known @ seen.share
+    known = known * float(np.mean(seen.squares / known))
+    return _cost(mean, seen) + _PAYS < _cost(known, seen)
+
+
+def _borne_out(law: VarianceLaw, mean: Floats, seen: _Differences, check: _Differences) -> bool:
+    """Whether enough differences are wide, most as wide as a law says, and those of the next order too."""
+    from scipy.stats import chi2
+
+    wide = mean > _WIDER**2 * mean.min()
+    if wide.sum() < max(_FEWEST // 2, _OFTEN * wide.size):
+        return False
+    ratio = float(np.median(seen.squares[wide] / mean[wide])) / float(chi2.median(1))
+    if not 1.0 / _MIDDLE < ratio < _MIDDLE:
+        return False
+    expected = check.means(law)
+    parts = np.array_split(np.argsort(expected), _PARTS)
+    ratios = np.array([check.squares[part].mean() / expected[part].mean() for part in parts])
+    return bool(np.all((ratios > 1.0 / _AGREE_IN_PARTS) & (ratios < _AGREE_IN_PARTS)))
