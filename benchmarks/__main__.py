@@ -15,6 +15,7 @@ NAMES = (
     "engine",
     "analysis",
     "board",
+    "protocols",
     "endings",
 )
 

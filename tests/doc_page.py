@@ -13,7 +13,8 @@ Comments directly before a block change what is done with it:
 
 - ``<!-- not run: WHY -->``: the block needs a bench, a person or endless time;
 - ``<!-- figures vary -->``: every number of its output may be another one;
-- ``<!-- killed in record N -->``: its command is killed as soon as that record is open.
+- ``<!-- killed in record N -->``: its command is killed as soon as that record is open;
+- ``<!-- server: RIG -->``: the device of that rig file is served, at the address that the file names.
 """
 
 from __future__ import annotations
@@ -92,6 +93,7 @@ class PageRun:
         self._home = home.resolve()
         self._here = self._home / start
         self._names: dict[str, Any] = {}
+        self._served: tuple[str, str] | None = None  # an address of the page, and where it really is
 
     def carry_out(self, block: Block) -> None:
         """Do what the block says, and compare with what it shows."""
@@ -102,6 +104,8 @@ class PageRun:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(block.text, encoding="utf-8", newline="\n")
+        elif block.note.startswith("server:"):
+            self._with_server(block)
         elif block.note.startswith("killed in record"):
             self._kill(shlex.split(steps(block)[0].command), int(block.note.split()[-1]))
         elif block.kind == "console":
@@ -110,10 +114,22 @@ class PageRun:
         elif block.kind == "pycon":
             self._python(block)
 
+    def _with_server(self, block: Block) -> None:
+        from protocol_servers import SERVERS
+        from rigctl.rig import load_rig
+
+        rig = load_rig(self._here / block.note.removeprefix("server:").strip())
+        with SERVERS[rig.backend.kind](rig) as server:
+            self._served = (str(rig.backend.port), server.port)
+            for step in steps(block):
+                self._step(step, block)
+        self._served = None
+
     def _step(self, step: Step, block: Block) -> None:
         printed, told, code = "", "", 0
         both = step.command.endswith("2>&1")
-        for command in step.command.removesuffix("2>&1").split(" && "):
+        for shown in step.command.removesuffix("2>&1").split(" && "):
+            command = shown if self._served is None else shown.replace(*self._served)
             program, *arguments = shlex.split(command)
             if program == "cd":
                 self._here = (self._here / arguments[0]).resolve()
@@ -171,7 +187,8 @@ class PageRun:
                 process.kill()
 
     def _at_home(self, printed: str) -> str:
-        return printed.replace(str(self._home), HOME).replace("\\", "/")
+        printed = printed.replace(str(self._home), HOME).replace("\\", "/")
+        return printed if self._served is None else printed.replace(*self._served[::-1])
 
 
 def _open_record(project: Path) -> int:

@@ -15,6 +15,8 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 #: import name where it is another than the package's
 IMPORTED = {"pyserial": "serial", "ruamel.yaml": "ruamel", "npTDMS": "nptdms"}
+#: extra -> what is installed along and found by another package
+ALONG = {"visa": {"pyvisa-py"}}
 #: for whom works on rigctl, not for whom works with it
 OURS = {"dev", "benchmarks"}
 
@@ -50,5 +52,5 @@ def test_an_extra_is_what_doctor_says_and_what_some_code_imports(imported: set[s
         for extra, requirements in PROJECT["optional-dependencies"].items()
         if extra not in OURS
     }
-    assert {extra: {module} for module, extra, _ in _EXTRAS} == offered
-    assert set().union(*offered.values()) <= imported
+    assert {extra: {module, *ALONG.get(extra, ())} for module, extra, _ in _EXTRAS} == offered
+    assert set().union(*offered.values()) <= imported | set().union(*ALONG.values())

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from rigctl.backends.transport import pursuit
+from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.duty import SafeOrder
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.port import Port, PortLost
@@ -46,7 +47,7 @@ class Line:
         return MemoryPort(self.sketch, self.clock)
 
     def pursue(self) -> bool:
-        orders = Orders(URL, 9600, "8N1", SAFE, 2.0)
+        orders = Orders(Address("serial", URL, {"baud": 9600, "frame": "8N1"}), SAFE, 2.0)
         return Pursuit(orders, self.clock, self.open, lambda: False).carry_out(None)
 
 

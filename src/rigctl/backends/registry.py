@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 
 from rigctl.backends.protocol import Backend
+from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
-from rigctl.errors import unknown_name
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.rig import Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
 _MODULES: Mapping[str, str] = {
     "emulated": "rigctl.backends.emulated.create",
+    "modbus": "rigctl.backends.modbus.create",
     "replay": "rigctl.backends.replay.create",
     "serial": "rigctl.backends.serial_port",
     "simulated": "rigctl.backends.simulated.create",
+    "visa": "rigctl.backends.visa.create",
 }
 
 
@@ -49,3 +52,25 @@ def create_backend(
     create = import_module(_MODULES[name]).create
     backend: Backend = create(rig, clock, {**from_rig, **(options or {})})
     return backend
+
+
+def address_of(rig: Rig, port: str | None) -> Address:
+    """Where the device of a rig file is, on the port that the file or `port` names; nothing is opened.
+
+    Raises
+    ------
+    RigctlError
+        the file names no device on a port, or an option is wrong.
+    """
+    module = import_module(_MODULES[rig.backend_named()])
+    if not hasattr(module, "address_of"):
+        raise RigctlError(f"the rig '{rig.name}' is on no port", value=rig.backend.kind)
+    address: Address = module.address_of(rig, {} if port is None else {"port": port})
+    return address
+
+
+def other_readings(rig: Rig) -> Iterator[tuple[str, Rig]]:
+    """What else its file could say of how numbers are written, each with the rig that would say it."""
+    module = import_module(_MODULES[rig.backend_named()])
+    if hasattr(module, "other_orders"):
+        yield from module.other_orders(rig)

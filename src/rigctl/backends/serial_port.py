@@ -8,7 +8,7 @@ from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.arduino.wiring import wiring_of
 from rigctl.backends.options import read_flag, refuse_unknown
 from rigctl.backends.protocol import Backend
-from rigctl.backends.transport.port import Port
+from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
@@ -35,6 +35,31 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
     RigctlError
         an option is unknown or wrong, or no port is named.
     """
+    address, lines = address_of(rig, options), rig.backend.lines
+    if lines is not None:
+        from rigctl.backends.lines.create import line_bench
+
+        return line_bench(rig, lines, clock, address)
+    clear = read_flag("clear_trips", options.get("clear_trips"), default=False)
+    return ArduinoBench(
+        rig,
+        clock,
+        lambda: address.open(clock),
+        wiring_of(rig, options),
+        kind="serial",
+        baud=address.settings["baud"],
+        clear_trips=clear,
+    )
+
+
+def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
+    """Which port, and how fast.
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong, or no port is named.
+    """
     lines = rig.backend.lines
     refuse_unknown("option of the serial backend", options, OPTIONS if lines is None else OF_LINES)
     port = options.get("port") or rig.backend.port
@@ -43,17 +68,4 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
     baud = options.get("baud") or rig.backend.baud or BAUD
     if not isinstance(baud, int) or isinstance(baud, bool):
         raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 115200")
-    if lines is not None:
-        from rigctl.backends.lines.create import line_bench
-
-        return line_bench(rig, lines, clock, port, baud)
-
-    def connect() -> Port:
-        from rigctl.backends.transport.pyserial_port import PyserialPort
-
-        return PyserialPort(port, baud, clock)
-
-    clear = read_flag("clear_trips", options.get("clear_trips"), default=False)
-    return ArduinoBench(
-        rig, clock, connect, wiring_of(rig, options), kind="serial", baud=baud, clear_trips=clear
-    )
+    return Address("serial", port, {"baud": baud, "frame": "8N1" if lines is None else lines.frame})

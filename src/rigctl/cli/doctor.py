@@ -25,6 +25,8 @@ _EXTRAS = (
     ("nptdms", "tdms", "reads and writes LabVIEW's TDMS files"),
     ("asammdf", "mdf", "reads and writes MDF4 files"),
     ("openpyxl", "xlsx", "reads and writes spreadsheets"),
+    ("pyvisa", "visa", "speaks to instruments behind VISA: network, USB, GPIB"),
+    ("pymodbus", "modbus", "speaks to devices with Modbus registers"),
 )
 
 
@@ -106,6 +108,10 @@ def doctor(
         typer.Option(help="Open this port and ask who is there; repeatable. A board may start anew by it."),
     ] = None,
     baud: Annotated[int, typer.Option(min=300, help="Of the ports that are asked.")] = 115200,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Ask the device of this rig file, at its port or at --port, for all its channels."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Say what is installed, what is missing and how to get it, and which serial ports may be used.
@@ -118,21 +124,29 @@ def doctor(
       rigctl doctor
 
       rigctl doctor --port /dev/ttyACM0
+
+      rigctl doctor --rig rigs/oil-circuit-modbus.yaml --port 192.168.0.20:502
     """
     from rigctl.backends.transport.serial_ports import list_ports
-    from rigctl.cli.doctor_bench import ask_port, ports_document
+    from rigctl.cli.doctor_bench import ask_port, ask_rig, ports_document
 
     ports = list_ports()
     findings = list(examine(ports))
-    asked = [ask_port(url, baud) for url in port or ()]
-    findings += [finding for finding, _ in asked]
+    if rig is None:
+        asked = [ask_port(url, baud) for url in port or ()]
+        findings += [finding for finding, _ in asked]
+        answers = [answer for _, answer in asked]
+    else:
+        told_by_rig = [ask_rig(rig, url) for url in port or (None,)]
+        findings += [finding for found, _ in told_by_rig for finding in found]
+        answers = [answer for _, answer in told_by_rig]
     broken = any(finding.state == "broken" for finding in findings)
     if as_json:
         told = {
             "healthy": not broken,
             "findings": [asdict(finding) for finding in findings],
             "ports": ports_document(ports),
-            "asked": [answer for _, answer in asked],
+            "asked": answers,
         }
         echo_json(json.dumps(told, indent=1))
     else:

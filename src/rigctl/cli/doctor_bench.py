@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -13,7 +14,9 @@ from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.backends.lines.probe import Found
+    from rigctl.backends.lines.reading import OneReading
     from rigctl.backends.transport.serial_ports import PortInfo
+    from rigctl.rig import Rig
 
 
 def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
@@ -69,6 +72,73 @@ def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
     except RigctlError as error:
         return Finding(url, "broken", str(error), error.hint or ""), {**asked, "error": str(error)}
     return _heard(url, found), {**asked, **asdict(found)}
+
+
+def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]:
+    """Reach the device of a rig file, read every channel once, say what cannot be true; set nothing."""
+    from rigctl.backends.lines.reading import read_once
+    from rigctl.backends.registry import address_of
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.clock import real_clock
+    from rigctl.rig import load_rig
+
+    asked: dict[str, Any] = {"rig": str(path)}
+    try:
+        rig = load_rig(path)
+        address = address_of(rig, url)
+        asked |= {"port": address.url}
+        if rig.lines is None:
+            raise RigctlError("this rig's board is asked by its port alone", expected=f"--port {address.url}")
+        reading = read_once(rig, rig.lines, address, real_clock())
+    except PortLost as error:
+        fix = "is the address right, has the device power, and does a firewall let it through?"
+        return [Finding(path.name, "broken", str(error), fix)], {**asked, "error": str(error)}
+    except RigctlError as error:
+        return [Finding(path.name, "broken", str(error), error.hint or "")], {**asked, "error": str(error)}
+    known = ", ".join(f"{name} {text}" for name, text in reading.identity.items())
+    answers = f"answers in {1e3 * reading.round_trip:.1f} ms" if reading.round_trip >= 0.0 else "answers"
+    found = [Finding(address.url, "ok", f"{rig.name}: {answers}{', ' if known else ''}{known}")]
+    found += [Finding(address.url, "broken", trouble) for trouble in reading.troubles]
+    found += _channel_findings(rig, reading, address.url)
+    return found, {**asked, **asdict(reading)}
+
+
+def _channel_findings(rig: Rig, reading: OneReading, url: str) -> Iterator[Finding]:
+    impossible = reading.impossible(rig)
+    fix = _other_order(rig, impossible, url) if impossible else ""
+    for name, value in reading.values.items():
+        if name not in impossible:
+            yield Finding(name, "ok", _shown(rig, name, value))
+        elif math.isnan(value):
+            yield Finding(name, "broken", "the device gives no number for it", fix)
+        else:
+            shown = _shown(rig, name, value)
+            yield Finding(name, "broken", f"{shown}, which is outside its range", fix)
+
+
+def _shown(rig: Rig, name: str, value: float) -> str:
+    channel = rig.channels[name]
+    return f"{channel.display.from_si(value):.6g} {channel.unit}"
+
+
+def _other_order(rig: Rig, impossible: Sequence[str], url: str) -> str:
+    """Which order of bytes and words would make sense of what cannot be; empty where none does."""
+    from rigctl.backends.lines.reading import read_once
+    from rigctl.backends.registry import address_of, other_readings
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.clock import real_clock
+
+    for text, other in other_readings(rig):
+        if other.lines is None:
+            continue
+        try:
+            reading = read_once(other, other.lines, address_of(other, url), real_clock())
+        except (PortLost, RigctlError):
+            continue
+        if not reading.impossible(other):
+            values = ", ".join(f"{name} {_shown(rig, name, reading.values[name])}" for name in impossible)
+            return f"with '{text}' in backend.modbus it reads {values}"
+    return "compare the address, type and scale with the device's manual"
 
 
 def _heard(url: str, found: Found) -> Finding:

@@ -17,7 +17,9 @@ def run(
     ] = None,
     backend: Annotated[
         str | None,
-        typer.Option(help="serial, emulated, simulated or replay; the rig file names the default."),
+        typer.Option(
+            help="serial, modbus, visa, emulated, simulated or replay; the rig file names the default."
+        ),
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
     rig: Annotated[Path | None, typer.Option(help="Another rig file than the procedure names.")] = None,

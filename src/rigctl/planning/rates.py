@@ -11,7 +11,7 @@ _ROUNDING = 1e-9
 
 def too_fast(rig: Rig, rate: float) -> str | None:
     """What is wrong with a sampling rate in Hz on the rig's real bench; None when nothing is."""
-    fastest = rig.backend.lines.fastest if rig.backend.lines is not None else None
+    fastest = rig.lines.fastest if rig.lines is not None else None
     if fastest is None or rate <= fastest * (1.0 + _ROUNDING):
         return None
     return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"

@@ -13,6 +13,7 @@ from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
 from rigctl.rig.line_checks import line_problems
 from rigctl.rig.problem import Problem
+from rigctl.rig.register_checks import register_problems
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
@@ -35,6 +36,14 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _simulation(rig)
     if rig.backend.lines is not None:
         yield from line_problems(rig, rig.backend.lines)
+    if rig.backend.modbus is not None:
+        yield from register_problems(rig.backend.modbus, rig.channels, rig.actuators)
+    elif rig.backend.kind == "modbus":
+        yield Problem(("backend",), RigctlError("nothing says where its registers are", expected="'modbus:'"))
+    if rig.backend.kind == "visa" and rig.backend.lines is None:
+        yield Problem(
+            ("backend",), RigctlError("nothing says what the instrument is sent", expected="'lines:'")
+        )
 
 
 def _refused(keys: tuple[str | int, ...], check: Callable[[], object]) -> Iterator[Problem]:
@@ -225,7 +234,7 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
         yield doubt
     if not any(limit.action == "stop" for limit in rig.limits.values()):
         yield "no limit stops a run: the rig file has no interlock"
-    lines, driven = rig.backend.lines, [n for n, part in rig.actuators.items() if part.by == "driven"]
+    lines, driven = rig.lines, [n for n, part in rig.actuators.items() if part.by == "driven"]
     if lines is not None and driven and lines.keep_alive is None:
         yield (
             f"the device has no watchdog of its own: {', '.join(driven)} would stay on if this computer "

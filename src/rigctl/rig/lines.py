@@ -125,3 +125,8 @@ class Lines(Part):
     def error_patterns(self) -> tuple[ReplyPattern, ...]:
         """`errors`, read."""
         return tuple(reply_pattern(text) for text in self.errors)
+
+    @cached_property
+    def of_a_client(self) -> Lines:
+        """The same to a client that takes lines and sees itself to how messages end on the way."""
+        return self.model_copy(update={"send_ends": "\n", "reply_ends": "\n"})

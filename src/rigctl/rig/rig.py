@@ -22,6 +22,7 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Lines
+from rigctl.rig.registers import Modbus
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
@@ -33,16 +34,20 @@ _WORKED_OUT = ("layout", "sha256")
 class Backend(Part):
     """How the bench is reached."""
 
-    kind: Literal["simulated", "serial", "emulated", "replay"] = "simulated"
-    port: str | None = Field(default=None, description="serial port or pyserial URL, e.g. /dev/ttyACM0")
+    kind: Literal["simulated", "serial", "modbus", "visa", "emulated", "replay"] = "simulated"
+    port: str | None = Field(
+        default=None,
+        description="serial port or pyserial URL, e.g. /dev/ttyACM0; host:port of Modbus; a VISA resource",
+    )
     baud: int | None = Field(default=None, ge=300, description="bits per second")
     options: dict[str, Any] = Field(
         default_factory=dict, description="what this kind of backend knows besides"
     )
     lines: Lines | None = Field(
         default=None,
-        description="the protocol of a device that is no board with rigctl's firmware, on a serial port",
+        description="the protocol of a device without rigctl's firmware, on a serial port or behind VISA",
     )
+    modbus: Modbus | None = Field(default=None, description="the registers of a device on Modbus")
 
 
 class Rig(Part):
@@ -112,8 +117,8 @@ class Rig(Part):
         if "kind" not in self.backend.model_fields_set:
             raise RigctlError(
                 f"the rig '{self.name}' does not say how its bench is reached",
-                expected="'--backend serial' (emulated, simulated, replay), or 'backend: {kind: serial}' in "
-                "the rig file",
+                expected="'--backend serial' (modbus, visa, emulated, simulated, replay), or "
+                "'backend: {kind: serial}' in the rig file",
                 where=Location(self.path),
                 hint="Nothing is simulated unasked; 'rigctl simulate' does it",
             )
@@ -143,6 +148,16 @@ class Rig(Part):
             ),
             differences=frozenset(name for name, channel in self.channels.items() if channel.difference),
         )
+
+    @property
+    def lines(self) -> Lines | None:
+        """The lines that its device, or the client of its device, is spoken to in; None without any."""
+        backend = self.backend
+        if backend.lines is None and backend.modbus is not None:
+            return backend.modbus.in_lines(self.actuators)
+        if backend.lines is not None and backend.kind == "visa":
+            return backend.lines.of_a_client
+        return backend.lines
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Rig:
         """A copy with some fields changed; what was worked out from the old ones is forgotten."""

@@ -15,6 +15,7 @@ from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
+from rigctl.rig.registers import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation
@@ -39,6 +40,11 @@ of that name is set to; `{_}` is passed over. A brace itself is doubled: `{{`. W
 must be there exactly; blanks at both ends of a line do not count.
 """
 
+_MODBUS = """\
+A device on Modbus TCP, or RTU on a serial line: which number stands in which register.
+[How to connect a Modbus device](../how-to/connect-a-modbus-device.md) explains it.
+"""
+
 #: heading, where it is written, the model, and what stands before its table
 _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("backend", Backend, ""),
@@ -47,6 +53,11 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("Each of queries", Query, ""),
     ("backend.lines.actuators.NAME", LineActuator, ""),
     ("keep_alive", KeepAlive, ""),
+    ("backend.modbus", Modbus, _MODBUS),
+    ("backend.modbus.channels.NAME", ReadRegister, ""),
+    ("backend.modbus.actuators.NAME", WrittenRegister, ""),
+    ("backend.modbus.identify", IdentityRegister, ""),
+    ("backend.modbus.heartbeat", Heartbeat, ""),
     ("channels.NAME", Channel, ""),
     ("channels.NAME.raw", Raw, ""),
     ("channels.NAME.calibration", Calibration, ""),

@@ -93,6 +93,8 @@ def bench_options(
         "simulated": ("seed",),
         "replay": ("run",),
         "serial": ("port", "clear_trips"),
+        "modbus": ("port",),
+        "visa": ("port",),
         "emulated": ("seed", "clear_trips"),
     }
     known = taken.get(backend, tuple(given))
@@ -101,7 +103,7 @@ def bench_options(
             what = "a run to play" if name == "run" else f"--{name.replace('_', '-')}"
             raise RigctlError(f"the {backend} backend takes no {what.removeprefix('a ')}", value=str(value))
     options = {name: given[name] for name in known if given.get(name) is not None}
-    if backend == "serial":
+    if backend in ("serial", "modbus", "visa"):
         options = {"port": rig.backend.port, "baud": rig.backend.baud} | options
     if backend == "replay" and runs is not None:
         options["runs"] = str(runs)

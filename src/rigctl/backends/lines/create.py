@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.lines.setting import Setter
+from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.duty import Duty
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.port import Port
@@ -12,28 +13,24 @@ from rigctl.clock import Clock
 from rigctl.rig import Lines, Rig
 
 
-def line_bench(rig: Rig, lines: Lines, clock: Clock, url: str, baud: int) -> LineBench:
-    """A bench on a serial port, not yet open.
+def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBench:
+    """A bench at an address, not yet open.
 
     Where it drives anything, a guard holds the port, so that outputs become safe even when this process ends
     or hangs.
     """
     setter, duty = Setter(rig, lines), Duty()
-    orders = Orders(
-        url, baud, lines.frame, setter.orders(), lines.watchdog, setter.identify_order(), lines.reply_ends
-    )
+    orders = Orders(address, setter.orders(), lines.watchdog, setter.identify_order(), lines.reply_ends)
 
     def connect() -> Port:
         if orders.safe:
             from rigctl.backends.transport.guard_port import GuardedPort
 
             return GuardedPort(orders, clock, duty)
-        from rigctl.backends.transport.pyserial_port import PyserialPort
-
-        return PyserialPort(url, baud, clock, lines.frame)
+        return address.open(clock)
 
     hours = LASTS / 3600.0
     without_host = (
         f"its guard goes on trying for {hours:g} h while this computer runs; 'rigctl doctor' shows it"
     )
-    return LineBench(rig, lines, clock, connect, kind="serial", duty=duty, without_host=without_host)
+    return LineBench(rig, lines, clock, connect, kind=address.kind, duty=duty, without_host=without_host)

@@ -10,6 +10,9 @@ from rigctl.rig.line_pattern import read_number, resolution
 from rigctl.rig.setting import POSITIONS
 from rigctl.units import parse_unit
 
+#: SCPI writes infinity as 9.9e37 and what is no number as 9.91e37 (SCPI-99, volume 1, 7.2.1.4 and 7.2.1.5)
+_NO_NUMBER = 9.9e37
+
 
 class Meaning:
     """What a rig's channels and actuators are in the lines of a device."""
@@ -21,7 +24,11 @@ class Meaning:
     def channel(self, name: str, text: str) -> float:
         """The SI value of what an answer gives for a channel; NaN where that is no number."""
         raw = read_number(text)
-        return math.nan if raw is None else self._rig.channels[name].value_from_raw(raw)
+        return (
+            math.nan
+            if raw is None or abs(raw) >= _NO_NUMBER
+            else self._rig.channels[name].value_from_raw(raw)
+        )
 
     def command(self, name: str, value: float) -> str:
         """What sets an actuator to an SI value."""

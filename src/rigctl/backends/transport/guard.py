@@ -20,11 +20,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.duty import Outputs, SafeOrder
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
-from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.port import Port, PortLost
 from rigctl.backends.transport.pursuit import Pursuit, take_over
-from rigctl.backends.transport.pyserial_port import PyserialPort
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
@@ -38,18 +38,22 @@ _GIVES_WAY = 2.0  # s for another guard to let the port go
 class Orders:
     """What the guard is told: which port, what makes safe, and after how much silence."""
 
-    url: str
-    baud: int
-    frame: str
+    address: Address
     safe: tuple[SafeOrder, ...]
     watchdog: float
     identify: SafeOrder | None = None
     reply_ends: str = "\n"
 
+    @property
+    def url(self) -> str:
+        """The port, as it is called in messages."""
+        return self.address.url
+
     def to_json(self) -> bytes:
         """As bytes for the line to the guard."""
         plain = {
             **vars(self),
+            "address": vars(self.address),
             "safe": [_plain(order) for order in self.safe],
             "identify": None if self.identify is None else _plain(self.identify),
         }
@@ -61,7 +65,14 @@ class Orders:
         told = json.loads(content)
         who = told["identify"]
         safe = tuple(_order(plain) for plain in told["safe"])
-        return cls(**{**told, "safe": safe, "identify": None if who is None else _order(who)})
+        return cls(
+            **{
+                **told,
+                "address": Address(**told["address"]),
+                "safe": safe,
+                "identify": None if who is None else _order(who),
+            }
+        )
 
 
 def _plain(order: SafeOrder) -> list[object]:
@@ -76,7 +87,7 @@ def _order(plain: list[Any]) -> SafeOrder:
 class Guard:
     """One port and the connection to rigctl."""
 
-    def __init__(self, connection: socket.socket, orders: Orders, port: PyserialPort, clock: Clock) -> None:
+    def __init__(self, connection: socket.socket, orders: Orders, port: Port, clock: Clock) -> None:
         self._connection = connection
         self._orders = orders
         self._port = port
@@ -212,13 +223,13 @@ def main() -> int:
     return 0 if _pursue(guard, orders, port, clock) else 1
 
 
-def _open(orders: Orders, clock: Clock) -> tuple[PyserialPort, bool]:
+def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
     """The port, and whether another guard was trying to make its device safe; that one gives way."""
     give_up = time.monotonic() + _GIVES_WAY
     inherited = False
     while True:
         try:
-            port = PyserialPort(orders.url, orders.baud, clock, orders.frame)
+            port = orders.address.open(clock)
             return port, take_over(orders.url) is not None or inherited
         except RigctlError:
             inherited = take_over(orders.url) is not None or inherited
@@ -227,13 +238,9 @@ def _open(orders: Orders, clock: Clock) -> tuple[PyserialPort, bool]:
             time.sleep(_PAUSE)
 
 
-def _pursue(guard: Guard, orders: Orders, port: PyserialPort, clock: Clock) -> bool:
+def _pursue(guard: Guard, orders: Orders, port: Port, clock: Clock) -> bool:
     """Go on until the device has confirmed that it is safe."""
-
-    def reopen() -> PyserialPort:
-        return PyserialPort(orders.url, orders.baud, clock, orders.frame)
-
-    pursuit = Pursuit(orders, clock, reopen, lambda: guard.ended)
+    pursuit = Pursuit(orders, clock, lambda: orders.address.open(clock), lambda: guard.ended)
     return pursuit.carry_out(port)
 
 

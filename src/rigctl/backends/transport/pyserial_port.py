@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -80,6 +81,11 @@ class PyserialPort:
         """Let it go."""
         with suppress(*self._lost):
             self._serial.close()
+
+
+def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> PyserialPort:
+    """The port of an `Address`; its settings are ``baud`` and ``frame``."""
+    return PyserialPort(url, settings["baud"], clock, settings["frame"])
 
 
 def _require_plain(url: str) -> None:

@@ -1,0 +1,207 @@
+"""The client of a Modbus device: what `rigctl.rig.client_lines` asks, said in requests for registers.
+
+pymodbus speaks the protocol, in the thread of a `ClientPort`.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rigctl.backends.modbus.numbers import Place
+from rigctl.backends.transport.client_port import ClientPort
+from rigctl.backends.transport.port import PortLost
+from rigctl.clock import Clock
+
+_EXCEPTIONS = {
+    1: "illegal function",
+    2: "illegal address",
+    3: "illegal value",
+    4: "device failure",
+    5: "accepted, not done yet",
+    6: "device busy",
+    8: "memory parity error",
+    10: "no path behind the gateway",
+    11: "no answer behind the gateway",
+}
+_PORT = 502  # of Modbus TCP
+
+
+def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
+    """The port of an `Address`: ``host:port`` for TCP, anything else is a serial device.
+
+    Its settings are those of `rigctl.backends.modbus.create.settings_of`.
+    """
+    return ClientPort(url, lambda: ModbusClient(url, settings), clock)
+
+
+def tcp_address(url: str) -> tuple[str, int] | None:
+    """Host and port; None where it is a serial device."""
+    host, colon, port = url.removeprefix("tcp://").rpartition(":")
+    if colon and port.isdigit() and "/" not in host:
+        return host.strip("[]"), int(port)
+    return (url.removeprefix("tcp://"), _PORT) if url.startswith("tcp://") else None
+
+
+class ModbusClient:
+    """One connection, and what the rig file says of the registers behind it.
+
+    Raises
+    ------
+    PortLost
+        nobody is there.
+    """
+
+    def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
+        from pymodbus.exceptions import ModbusException
+
+        logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # what matters is raised
+        self._name = url
+        self._unit = settings["unit"]
+        self._identity = settings["identity"]
+        self._identify = None if settings["identify"] is None else Place(**settings["identify"][0])
+        self._equals = None if settings["identify"] is None else float(settings["identify"][1])
+        self._blocks = [
+            (table, address, count, {name: Place(**place) for name, place in places.items()})
+            for table, address, count, places in settings["blocks"]
+        ]
+        self._writes = {name: Place(**place) for name, place in settings["writes"].items()}
+        self._heartbeat = None if settings["heartbeat"] is None else Place(**settings["heartbeat"][0])
+        self._every = 0.0 if settings["heartbeat"] is None else float(settings["heartbeat"][1])
+        self._count = 0
+        self._beat_at = -math.inf  # s, monotonic
+        self._set: dict[str, tuple[list[int], str]] = {}  # what was written last, and of which text
+        self._failed: type[Exception] = ModbusException
+        self._library = _connection(url, settings)
+        if not self._library.connect():
+            serial = "it cannot be opened: not there, in use, no right to, or without such a frame"
+            raise PortLost(f"{url}: {serial if tcp_address(url) is None else 'nobody is there'}")
+
+    def answer(self, line: str) -> str | None:
+        """The answer to a line of `rigctl.rig.client_lines`."""
+        self._require_connection()
+        name, _, argument = line.partition(" ")
+        try:
+            answer = self._carry_out(name, argument)
+            if time.monotonic() - self._beat_at >= self._every:  # whoever asks is alive
+                self._beat()
+            return answer
+        except (_RefusedError, ValueError) as refused:
+            return f"error {refused}"
+        except self._failed:  # nothing was answered; a connection that is gone will not answer again
+            self._require_connection()
+            return None
+        except OSError as error:
+            raise PortLost(f"{self._name}: {error}") from None
+
+    def close(self) -> None:
+        """Let it go."""
+        self._library.close()
+
+    def _require_connection(self) -> None:
+        if not self._library.connected:
+            raise PortLost(f"{self._name}: the connection was closed")
+
+    def _carry_out(self, name: str, argument: str) -> str:
+        if name == "identify":
+            return self._who()
+        if name == "read":
+            return self._read(int(argument))
+        if name == "write":
+            return self._write(*argument.split(" "))
+        if name == "beat":
+            return "ok"
+        raise ValueError(f"not understood: {name}")
+
+    def _who(self) -> str:
+        if self._identify is None:
+            table, address, count, _ = self._blocks[0]
+            self._fetch(table, address, count)  # that somebody is there
+            return str(self._identity)
+        found = self._identify.text(
+            self._fetch(self._identify.table, self._identify.address, self._identify.width)
+        )
+        if float(found) != self._equals:
+            return f"modbus unit {self._unit} is {found}"
+        return str(self._identity)
+
+    def _read(self, index: int) -> str:
+        table, address, count, places = self._blocks[index]
+        words = self._fetch(table, address, count)
+        texts = []
+        for name, place in places.items():
+            there = words[place.address - address : place.address - address + place.width]
+            written = self._set.get(name)
+            texts.append(written[1] if written is not None and written[0] == there else place.text(there))
+        return " ".join(texts)
+
+    def _write(self, name: str, text: str) -> str:
+        place = self._writes[name]
+        words = place.words(float(text))
+        self._put(place, words)
+        self._set[name] = (words, text)
+        return "ok"
+
+    def _beat(self) -> None:
+        place, self._beat_at = self._heartbeat, time.monotonic()
+        if place is not None:
+            self._count = (self._count + 1) % (2 if place.is_bit else 1 << 15)
+            self._put(place, place.words(self._count * place.scale + place.offset))
+
+    def _fetch(self, table: str, address: int, count: int) -> list[int]:
+        library = self._ready()
+        reading = {
+            "coil": library.read_coils,
+            "discrete": library.read_discrete_inputs,
+            "input": library.read_input_registers,
+            "holding": library.read_holding_registers,
+        }[table]
+        answer = reading(address, count=count, device_id=self._unit)
+        _require(answer, f"{table} {address}")
+        found: Sequence[int] = answer.bits if table in ("coil", "discrete") else answer.registers
+        if len(found) < count:
+            raise _RefusedError(f"{len(found)} of {count} values from {table} {address}")
+        return [int(word) for word in found[:count]]
+
+    def _put(self, place: Place, words: list[int]) -> None:
+        library = self._ready()
+        if place.is_bit:
+            answer = library.write_coil(place.address, bool(words[0]), device_id=self._unit)
+        elif len(words) == 1:
+            answer = library.write_register(place.address, words[0], device_id=self._unit)
+        else:
+            answer = library.write_registers(place.address, words, device_id=self._unit)
+        _require(answer, f"{place.table} {place.address}")
+
+    def _ready(self) -> Any:
+        """The library, with no late answer in its way: RTU has no numbers to tell answers apart."""
+        line = getattr(self._library.socket, "reset_input_buffer", None)
+        if line is not None:
+            line()
+        return self._library
+
+
+class _RefusedError(Exception):
+    """The device answers with an exception."""
+
+
+def _require(answer: Any, where: str) -> None:
+    if answer.isError():
+        code = getattr(answer, "exception_code", 0)
+        raise _RefusedError(f"{_EXCEPTIONS.get(code, 'exception')} ({code}) at {where}")
+
+
+def _connection(url: str, settings: Mapping[str, Any]) -> Any:
+    from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+
+    known = {"timeout": settings["timeout"], "retries": 0}
+    address = tcp_address(url)
+    if address is not None:
+        return ModbusTcpClient(address[0], port=address[1], **known)
+    bits, parity, stops = settings["frame"]
+    return ModbusSerialClient(
+        url, baudrate=settings["baud"], bytesize=int(bits), parity=parity, stopbits=int(stops), **known
+    )

@@ -1,0 +1,109 @@
+"""Make a bench on Modbus from a rig file and the options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from importlib.util import find_spec
+from typing import Any
+
+from rigctl.backends.lines.create import line_bench
+from rigctl.backends.modbus.numbers import Place
+from rigctl.backends.options import refuse_unknown
+from rigctl.backends.protocol import Backend
+from rigctl.backends.transport.address import Address
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+from rigctl.rig.registers import Modbus, Order, Register
+
+OPTIONS = ("port", "baud")
+BAUD = 19200  #: of RTU, by the standard
+
+
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
+    """A bench on Modbus, not yet open.
+
+    Parameters
+    ----------
+    rig: its ``backend.modbus`` says where each number stands.
+    clock: real.
+    options: ``port`` (``host:port``, or a serial device for RTU), ``baud`` (of RTU).
+
+    Raises
+    ------
+    RigctlError
+        as `address_of`.
+    """
+    return line_bench(rig, _registers(rig).in_lines(rig.actuators), clock, address_of(rig, options))
+
+
+def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
+    """Where the device is, and what its client has to know.
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong, no port is named, or pymodbus is missing.
+    """
+    refuse_unknown("option of the modbus backend", options, OPTIONS)
+    port = options.get("port") or rig.backend.port
+    if not isinstance(port, str):
+        raise RigctlError(
+            "where is the device?",
+            expected="e.g. '--port 192.168.0.20:502', or '--port /dev/ttyUSB0' for RTU",
+        )
+    baud = options.get("baud") or rig.backend.baud or BAUD
+    if not isinstance(baud, int) or isinstance(baud, bool):
+        raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 19200")
+    if find_spec("pymodbus") is None:
+        raise RigctlError("a device on Modbus needs pymodbus", hint="pip install 'rigctl[modbus]'")
+    return Address("modbus", port, settings_of(_registers(rig), baud))
+
+
+def other_orders(rig: Rig) -> Iterator[tuple[str, Rig]]:
+    """The same rig with other orders of bytes and words, each with the words of the file that say so."""
+    modbus = _registers(rig)
+    turned: dict[Order, Order] = {"big": "little", "little": "big"}
+    word, byte = turned[modbus.word_order], turned[modbus.byte_order]
+    for text, update in (
+        (f"word_order: {word}", {"word_order": word}),
+        (f"byte_order: {byte}", {"byte_order": byte}),
+        (f"word_order: {word} and byte_order: {byte}", {"word_order": word, "byte_order": byte}),
+    ):
+        other = modbus.model_copy(update=update)
+        yield text, rig.model_copy(update={"backend": rig.backend.model_copy(update={"modbus": other})})
+
+
+def _registers(rig: Rig) -> Modbus:
+    if rig.backend.modbus is None:
+        raise RigctlError(f"the rig '{rig.name}' describes no registers", expected="'backend: {modbus: …}'")
+    return rig.backend.modbus
+
+
+def settings_of(modbus: Modbus, baud: int) -> dict[str, Any]:
+    """What the client has to know, as JSON holds it."""
+
+    def place(register: Register) -> dict[str, Any]:
+        return asdict(Place.of(register, modbus))
+
+    who = modbus.identify
+    return {
+        "unit": modbus.unit,
+        "baud": baud,
+        "frame": modbus.frame,
+        "timeout": modbus.timeout,
+        "identity": modbus.identity(),
+        "identify": None if who is None else [place(who), who.equals],
+        "blocks": [
+            [
+                block.table,
+                block.address,
+                block.count,
+                {name: place(register) for name, register in block.registers.items()},
+            ]
+            for block in modbus.blocks
+        ],
+        "writes": {name: place(part) for name, part in modbus.actuators.items()},
+        "heartbeat": None if modbus.heartbeat is None else [place(modbus.heartbeat), modbus.heartbeat.every],
+    }

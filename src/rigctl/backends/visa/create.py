@@ -1,0 +1,71 @@
+"""Make a bench behind VISA from a rig file and the options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+
+from rigctl.backends.lines.create import line_bench
+from rigctl.backends.options import refuse_unknown
+from rigctl.backends.protocol import Backend
+from rigctl.backends.transport.address import Address
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Lines, Rig
+
+OPTIONS = ("port", "baud", "library")
+BAUD = 9600  #: of a serial line, where nothing says it
+
+
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
+    """A bench behind VISA, not yet open.
+
+    Parameters
+    ----------
+    rig: its ``backend.lines`` says what is sent, and what the answers mean.
+    clock: real.
+    options: ``port`` (a VISA resource name), ``baud`` (of a serial line), ``library`` (PyVISA's: ``@py`` for
+        pyvisa-py, which is taken where nothing is said, ``@ivi`` for an installed VISA, or its file).
+
+    Raises
+    ------
+    RigctlError
+        as `address_of`.
+    """
+    return line_bench(rig, _lines(rig).of_a_client, clock, address_of(rig, options))
+
+
+def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
+    """Which instrument, and how its messages end.
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong, no port is named, or PyVISA is missing.
+    """
+    refuse_unknown("option of the visa backend", options, OPTIONS)
+    port = options.get("port") or rig.backend.port
+    if not isinstance(port, str):
+        raise RigctlError(
+            "which instrument?",
+            expected="e.g. '--port TCPIP::192.168.0.21::5025::SOCKET', or GPIB0::9::INSTR",
+        )
+    library = options.get("library") or "@py"
+    needed = ("pyvisa", "pyvisa_py") if library == "@py" else ("pyvisa",)
+    if any(find_spec(module) is None for module in needed):
+        raise RigctlError("an instrument behind VISA needs PyVISA", hint="pip install 'rigctl[visa]'")
+    lines = _lines(rig)
+    settings = {
+        "library": str(library),
+        "timeout": lines.timeout,
+        "baud": options.get("baud") or rig.backend.baud or BAUD,
+        "send_ends": lines.send_ends,
+        "reply_ends": lines.reply_ends,
+    }
+    return Address("visa", port, settings)
+
+
+def _lines(rig: Rig) -> Lines:
+    if rig.backend.lines is None:
+        raise RigctlError(f"the rig '{rig.name}' describes no lines", expected="'backend: {lines: …}'")
+    return rig.backend.lines

@@ -1,0 +1,196 @@
+"""A device with Modbus registers: where each number stands, how it is written there, and what it means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal
+
+from pydantic import Field, FiniteFloat
+
+from rigctl.files.name import Name
+from rigctl.files.quantity import Q
+from rigctl.rig.actuator import Actuator
+from rigctl.rig.base import Part
+from rigctl.rig.client_lines import client_lines, positions_of
+from rigctl.rig.lines import Lines
+
+_Seconds = Annotated[float, Q("s", positive=True)]
+Table = Literal["coil", "discrete", "input", "holding"]
+NumberType = Literal["bool", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"]
+Order = Literal["big", "little"]
+
+#: 16-bit registers that a number takes
+WIDTHS: Mapping[str, int] = {
+    "bool": 1,
+    "int16": 1,
+    "uint16": 1,
+    "int32": 2,
+    "uint32": 2,
+    "float32": 2,
+    "int64": 4,
+    "uint64": 4,
+    "float64": 4,
+}
+BITS = ("coil", "discrete")  #: tables of single bits
+WRITABLE = ("coil", "holding")
+#: what one request may ask for, by the standard
+_LONGEST = {"coil": 2000, "discrete": 2000, "input": 125, "holding": 125}
+
+
+class Register(Part):
+    """Where a number stands, and how it is written there."""
+
+    table: Table = Field(description="coil, discrete (input), input (register) or holding (register)")
+    address: int = Field(ge=0, le=65535, description="as it is sent, from 0; 40001 in a manual is holding 0")
+    type: NumberType | None = Field(
+        default=None, description="of the number; left out: bool of a coil or discrete input, else uint16"
+    )
+    byte_order: Order | None = Field(default=None, description="within a register, where it is another one")
+    word_order: Order | None = Field(default=None, description="of the registers, where it is another one")
+    scale: FiniteFloat = Field(default=1.0, description="the number in its unit is register * scale + offset")
+    offset: FiniteFloat = Field(default=0.0, description="see scale")
+    invalid: int | None = Field(
+        default=None, description="what stands there while there is no value, e.g. -32768"
+    )
+
+    @property
+    def number_type(self) -> NumberType:
+        """The type, also where the file does not say it."""
+        return self.type or ("bool" if self.table in BITS else "uint16")
+
+    @property
+    def end(self) -> int:
+        """The address after it."""
+        return self.address + WIDTHS[self.number_type]
+
+
+class ReadRegister(Register):
+    """A number that is read for a channel."""
+
+    every: _Seconds | None = Field(
+        default=None, description="read at most so often, the last value holds; left out: for each sample"
+    )
+
+
+class IdentityRegister(Register):
+    """A number by which the device is known."""
+
+    equals: FiniteFloat = Field(description="what stands there; anything else is another device")
+
+
+class Heartbeat(Register):
+    """A register that counts up while rigctl lives, for a device that switches off when it stops."""
+
+    every: _Seconds = Field(default=0.5, description="time between two counts")
+
+
+class WrittenRegister(Register):
+    """A number that an actuator is set by."""
+
+    values: dict[str, int] | None = Field(
+        default=None,
+        description="of a switch or a directional valve: the numbers of its positions; left out: 0 and 1",
+    )
+    readback: Register | bool = Field(
+        default=True,
+        description="where its state is read with each sample: true: where it is written; false: nowhere",
+    )
+
+
+class Modbus(Part):
+    """A device on Modbus TCP, or RTU on a serial line."""
+
+    unit: int = Field(default=1, ge=0, le=255, description="the device's number on its line, or gateway")
+    frame: str = Field(
+        default="8E1", pattern="^8[NEO][12]$", description="of RTU: data bits, parity, stop bits"
+    )
+    byte_order: Order = Field(default="big", description="of the two bytes of a register")
+    word_order: Order = Field(default="big", description="of the registers of a longer number")
+    timeout: Annotated[float, Q("s", low="0.02 s", high="5 s")] = Field(
+        default=0.3, description="how long an answer may take"
+    )
+    tries: int = Field(default=2, ge=1, le=5, description="how often a question is asked before it is lost")
+    wake: _Seconds = Field(default=3.0, description="how long it may be silent after it was connected")
+    read_gaps: int = Field(
+        default=0, ge=0, le=100, description="registers between two that may be read along in one request"
+    )
+    fastest: Annotated[float, Q("Hz", positive=True)] | None = Field(
+        default=None, description="the highest rate at which it can be asked for a sample"
+    )
+    identify: IdentityRegister | None = Field(default=None, description="read first")
+    channels: dict[Name, ReadRegister] = Field(description="where each channel is read")
+    actuators: dict[Name, WrittenRegister] = Field(
+        default_factory=dict, description="where each driven actuator is written"
+    )
+    heartbeat: Heartbeat | None = Field(default=None, description="written again and again")
+    watchdog: Annotated[float, Q("s", low="0.5 s", high="60 s")] = Field(
+        default=2.0,
+        description="when rigctl has stood still or was killed for so long, its guard makes outputs safe",
+    )
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """What is read, in as few requests as the tables allow."""
+        return tuple(_blocks(self))
+
+    def identity(self) -> str:
+        """What its client answers when it is asked who it is."""
+        known = "" if self.identify is None else f" is {self.identify.equals:g}"
+        return f"modbus unit {self.unit}{known}"
+
+    def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
+        """The lines that its client understands, `rigctl.backends.modbus.client`."""
+        return client_lines(
+            identity=self.identity(),
+            reads=[(tuple(block.registers), block.every) for block in self.blocks],
+            writes={
+                name: positions_of(actuators, name, part.values) for name, part in self.actuators.items()
+            },
+            timeout=self.timeout,
+            tries=self.tries,
+            wake=self.wake,
+            fastest=self.fastest,
+            beat=None if self.heartbeat is None else self.heartbeat.every,
+            watchdog=self.watchdog,
+        )
+
+
+@dataclass(frozen=True)
+class Block:
+    """Neighbouring registers that one request reads, by the names of what they hold.
+
+    Parameters
+    ----------
+    every: s between two requests at the least; None for each sample.
+    """
+
+    table: Table
+    address: int
+    count: int
+    every: float | None
+    registers: Mapping[str, Register]
+
+
+def _blocks(modbus: Modbus) -> Iterator[Block]:
+    """Neighbours of one table that are read equally often, each group as one block."""
+    read: dict[tuple[Table, float | None], list[tuple[Register, str]]] = {}
+    for name, channel in modbus.channels.items():
+        read.setdefault((channel.table, channel.every), []).append((channel, name))
+    for name, part in modbus.actuators.items():
+        state = part if part.readback is True else part.readback
+        if isinstance(state, Register):
+            read.setdefault((state.table, None), []).append((state, name))
+    for (table, every), registers in read.items():
+        held: dict[str, Register] = {}
+        first = end = 0
+        for register, name in sorted(registers, key=lambda one: one[0].address):
+            far = register.address > end + modbus.read_gaps or register.end - first > _LONGEST[table]
+            if held and far:
+                yield Block(table, first, end - first, every, held)
+                held = {}
+            if not held:
+                first = end = register.address
+            held[name], end = register, max(end, register.end)
+        yield Block(table, first, end - first, every, held)

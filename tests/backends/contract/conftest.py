@@ -1,0 +1,27 @@
+"""The benches that the contract holds for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from backends.contract.subjects import REAL, Subject, served, unreal
+from rigctl.clock import real_clock
+
+
+@pytest.fixture(params=["simulated", "emulated", *REAL])
+def subject(request: pytest.FixtureRequest) -> Iterator[Subject]:
+    """Each kind of bench."""
+    if request.param == "simulated":
+        yield unreal("simulated", "hl32-bench")
+    elif request.param == "emulated":
+        yield unreal("emulated", "hl32-bench-uno")
+    else:
+        yield from served(request.param, real_clock())
+
+
+@pytest.fixture(params=REAL)
+def device(request: pytest.FixtureRequest) -> Iterator[Subject]:
+    """Each kind of bench that has a device at the end of a port."""
+    yield from served(request.param, real_clock())

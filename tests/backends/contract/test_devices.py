@@ -1,0 +1,202 @@
+"""What a device at the end of a port may do: fall silent, vanish, refuse, answer nonsense, act by itself."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import rigctl
+from backends.contract.subjects import Subject, samples, value
+from rigctl.backends.errors import BackendLost
+from rigctl.backends.protocol import Backend, Notice, Sample
+
+#: opens a bench, switches its heater on, says so, and goes on sampling
+HOST = """
+import sys
+from pathlib import Path
+from rigctl.backends.registry import create_backend
+from rigctl.clock import real_clock
+from rigctl.rig import load_rig
+bench = create_backend(load_rig(Path(sys.argv[1])), sys.argv[2], real_clock(), {"port": sys.argv[3]})
+bench.open()
+bench.start(10.0)
+bench.command("relief_valve", 2e6).wait()
+bench.command("heater", 1.0).wait()
+print("on", flush=True)
+while True:
+    bench.next_sample(1.0)
+"""
+
+STEP = """\
+procedure: step
+rig: rig.yaml
+steps:
+  - set: {heater: on}
+  - record: {name: step, rate: 20 Hz}
+    do:
+      - set: {relief_valve: 20 bar}
+      - wait: 1 s
+"""
+
+
+@contextmanager
+def opened(device: Subject) -> Iterator[Backend]:
+    bench = device.make()
+    bench.open()
+    try:
+        bench.start(20.0)
+        yield bench
+    finally:
+        bench.close()
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    while not condition():
+        time.sleep(0.005)
+
+
+class Watched:
+    """A bench that goes on being sampled until something has happened."""
+
+    def __init__(self, bench: Backend) -> None:
+        self.bench = bench
+        self.notices: list[Notice] = []
+        self.newest: Sample | None = None
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        while not condition():
+            self.newest = self.bench.next_sample(0.2) or self.newest
+            self.notices += self.bench.take_notices()
+
+    def said(self, kind: str, text: str) -> bool:
+        return any(one.kind == kind and text in one.message for one in self.notices)
+
+
+def test_what_is_read_is_what_the_plant_has(device: Subject) -> None:
+    server = device.server
+    assert server is not None
+    with opened(device) as bench:
+        bench.command("relief_valve", 30e5).wait()
+        watched = Watched(bench)
+        watched.until(lambda: server.circuit.read()["supply_pressure"] > 29.9e5)
+        newest = samples(bench, 3)[-1]
+        assert value(device.rig, newest, "supply_pressure") == pytest.approx(30.0, abs=0.15)
+        celsius = server.circuit.read()["oil_temperature"] - 273.15
+        assert value(device.rig, newest, "oil_temperature") == pytest.approx(celsius, abs=0.05)
+        assert newest.commands == (0.0, 30e5)
+
+
+@pytest.mark.parametrize("fault", ["silent", "unplugged"])
+def test_a_device_that_is_lost_is_found_again_with_outputs_off(device: Subject, fault: str) -> None:
+    server = device.server
+    assert server is not None
+    with opened(device) as bench:
+        bench.command("heater", 1.0).wait()
+        samples(bench, 2)
+        watched = Watched(bench)
+        if fault == "silent":
+            server.mute = True
+        else:
+            server.stop()
+        watched.until(lambda: watched.said("fault", "contact with the device is lost"))
+        with pytest.raises(BackendLost):
+            bench.command("heater", 1.0)
+        with pytest.raises(BackendLost):
+            bench.safe()
+        if fault == "silent":
+            server.mute = False
+        else:
+            server.start()
+        watched.until(lambda: watched.said("note", "the device is back"))
+        assert watched.said("gap", "heater went to the safe state")
+        assert server.circuit.off
+        assert samples(bench, 2)[-1].commands == (0.0, 0.0)
+        bench.command("heater", 1.0).wait()
+        assert server.circuit.outputs["heater"] == 1.0
+    assert server.circuit.off
+
+
+def test_what_is_no_number_is_none_here_either(device: Subject) -> None:
+    server = device.server
+    assert server is not None
+    with opened(device) as bench:
+        watched = Watched(bench)
+
+        def pressure() -> float:
+            return value(device.rig, watched.newest, "supply_pressure") if watched.newest else 0.0
+
+        server.broken = True
+        watched.until(lambda: math.isnan(pressure()))
+        server.broken = False
+        watched.until(lambda: not math.isnan(pressure()))
+        server.refusing = True
+        watched.until(lambda: math.isnan(pressure()) and bool(watched.notices))
+        assert any(notice.kind == "fault" for notice in watched.notices)
+        server.refusing = False
+        watched.until(lambda: not math.isnan(pressure()))
+
+
+def test_an_output_that_the_device_sets_by_itself_ends_the_samples(device: Subject) -> None:
+    server = device.server
+    assert server is not None
+    with opened(device) as bench:
+        bench.command("relief_valve", 20e5).wait()
+        server.circuit.set("relief_valve", 55e5)
+        watched = Watched(bench)
+        with pytest.raises(BackendLost, match="the device has set relief_valve to 55 bar by itself"):
+            watched.until(lambda: False)
+        assert watched.said("alarm", "by itself")
+    assert server.circuit.off
+
+
+@pytest.mark.parametrize("ending", ["SIGKILL", "SIGSTOP"])
+def test_a_host_that_is_killed_or_stands_still_leaves_the_outputs_off(
+    device: Subject, ending: str, tmp_path: Path
+) -> None:
+    if not hasattr(signal, ending):
+        ending = "SIGTERM"  # on Windows all there is is to end it
+    server = device.server
+    assert server is not None
+    (tmp_path / "rig.yaml").write_text(device.rig.text, encoding="utf-8")
+    port = f"socket://127.0.0.1:{server.number}" if device.kind == "serial" else server.port
+    command = [sys.executable, "-c", HOST, str(tmp_path / "rig.yaml"), device.kind, port]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
+        try:
+            assert host.stdout is not None
+            assert host.stdout.readline() == "on\n"
+            assert server.circuit.outputs == pytest.approx({"heater": 1.0, "relief_valve": 2e6})
+            host.send_signal(getattr(signal, ending))
+            wait_for(lambda: server.circuit.off)
+        finally:
+            host.kill()
+
+
+@pytest.mark.parametrize("ending", ["finished", "failed"])
+def test_a_run_ends_with_outputs_off(device: Subject, ending: str, tmp_path: Path) -> None:
+    server = device.server
+    assert server is not None
+    text = device.rig.text
+    if ending == "failed":
+        text = text.replace("above: 65 bar", "above: 10 bar")
+    (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "step.yaml").write_text(STEP, encoding="utf-8")
+    port = f"socket://127.0.0.1:{server.number}" if device.kind == "serial" else server.port
+    result = rigctl.run(tmp_path / "step.yaml", port=port, runs=tmp_path / "runs", answers={})
+    assert result.status == ending, result.reason
+    assert ("Supply over-pressure" in (result.reason or "")) == (ending == "failed")
+    assert server.circuit.off
+    driven = [(name, value) for _, name, value in server.circuit.switched if value]
+    assert [name for name, _ in driven] == ["heater", "relief_valve"]
+    if ending == "finished":
+        assert result.folder is not None
+        record = rigctl.open_run(result.folder).samples(record=0)
+        assert float(record["supply_pressure"].iloc[-1]) == pytest.approx(20.0, abs=0.5)
+        assert float(record["relief_valve"].iloc[-1]) == pytest.approx(20.0)

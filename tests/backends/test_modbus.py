@@ -1,0 +1,189 @@
+"""Modbus: numbers in registers, requests for neighbours, mistakes in the map, RTU on a line, the doctor."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from commands import call
+from protocol_servers import ModbusServer, RtuServer
+from rigctl.backends.modbus.numbers import Place
+from rigctl.backends.registry import create_backend
+from rigctl.clock import real_clock
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
+from rigctl.rig.registers import Modbus
+
+RIG = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
+
+FORMATS = {
+    "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
+    "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+
+
+def modbus(**fields: Any) -> Modbus:
+    return Modbus.model_validate({"channels": {"x": {"table": "input", "address": 0}}, **fields})
+
+
+def place(**fields: Any) -> Place:
+    plain = {"table": "holding", "address": 0, "kind": "uint16", "swap_bytes": False, "swap_words": False}
+    return Place(**{**plain, "scale": 1.0, "offset": 0.0, "invalid": None, **fields})
+
+
+@given(
+    kind=st.sampled_from(sorted(FORMATS)),
+    swap_bytes=st.booleans(),
+    swap_words=st.booleans(),
+    data=st.data(),
+)
+def test_a_number_is_read_as_it_was_packed(
+    kind: str, swap_bytes: bool, swap_words: bool, data: st.DataObject
+) -> None:
+    """The registers are made here, by the standard's words, and not by what reads them."""
+    if kind.startswith("float"):
+        width = int(kind[5:])
+        number: float = data.draw(
+            st.floats(width=width, allow_nan=False, allow_infinity=False, allow_subnormal=False)  # type: ignore[arg-type]
+        )
+    else:
+        bits, signed = int(kind.removeprefix("u")[3:]), not kind.startswith("u")
+        low = -(1 << bits - 1) if signed else 0
+        number = data.draw(st.integers(low, low + (1 << bits) - 1))
+    packed = struct.pack(">" + FORMATS[kind], number)
+    registers = [packed[at : at + 2] for at in range(0, len(packed), 2)]
+    if swap_bytes:
+        registers = [register[::-1] for register in registers]
+    if swap_words:
+        registers.reverse()
+    words = [int.from_bytes(register, "big") for register in registers]
+    there = place(kind=kind, swap_bytes=swap_bytes, swap_words=swap_words)
+    assert float(there.text(words)) == pytest.approx(number, rel=1e-7)
+    if abs(number) < 2**53:
+        assert there.words(number) == words
+
+
+def test_scale_and_offset_hold_both_ways() -> None:
+    there = place(kind="int16", scale=0.1, offset=-40.0)
+    assert there.text([650]) == "25"
+    assert there.words(25.0) == [650]
+    assert place(kind="int16", scale=0.1).text([0xFFFF]) == "-0.1"
+
+
+def test_no_value_is_no_number() -> None:
+    assert place(kind="int16", invalid=-32768).text([0x8000]) == "nan"
+    assert place(kind="float32").text([0x7FC0, 0]) == "nan"
+    assert place(kind="float32", swap_words=True).text([0x41F0, 0x0000]) == "nan"  # 30 the other way round
+    assert place(kind="float32").text([0, 0]) == "0"
+
+
+def test_what_does_not_fit_is_not_written() -> None:
+    for number in (65536.0, -1.0, math.inf):
+        with pytest.raises(ValueError, match=r"does not fit|can be written"):
+            place(kind="uint16").words(number)
+
+
+def test_neighbours_are_read_in_one_request_and_long_tables_in_several() -> None:
+    channels = {
+        f"c{index}": {"table": "input", "address": 2 * index, "type": "float32"} for index in range(100)
+    }
+    blocks = modbus(channels=channels).blocks
+    assert [(block.address, block.count) for block in blocks] == [(0, 124), (124, 76)]
+    gaps = {"a": {"table": "input", "address": 0}, "b": {"table": "input", "address": 4}}
+    assert [block.count for block in modbus(channels=gaps).blocks] == [1, 1]
+    assert [block.count for block in modbus(channels=gaps, read_gaps=3).blocks] == [5]
+    slow = {"a": {"table": "input", "address": 0}, "b": {"table": "input", "address": 1, "every": "1 s"}}
+    assert [block.every for block in modbus(channels=slow).blocks] == [None, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("supply_pressure: {table: input", "suply_pressure: {table: input", "did you mean 'supply_pressure'"),
+        ("heater: {table: coil", "heater: {table: discrete", "can only be read, got 'discrete'"),
+        ("type: uint16, scale: 0.01}", "type: bool, scale: 0.01}", "none of a holding"),
+        ("type: uint16, scale: 0.01}", "type: uint16, scale: 0}", "all numbers would be the same"),
+        ("address: 0, type: float32", "address: 65535, type: float32", "behind the last register"),
+        ("      relief_valve: {table: holding", "      # {table: holding", "where 'relief_valve' is written"),
+        ("heater: {table: coil, address: 0}", "heater: {table: coil, address: 0, values: {on: 1}}", "none"),
+        ("kind: modbus", "kind: modbuss", "did you mean 'modbus'"),
+        ("timeout: 0.3 s", "timeout: 0.3 bar", "timeout"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_the_map_is_said_with_its_place(old: str, new: str, says: str) -> None:
+    assert old in RIG.text
+    with pytest.raises(RigctlError, match=says) as refused:
+        parse_rig(RIG.text.replace(old, new, 1), Path("rig.yaml"))
+    assert "rig.yaml:" in str(refused.value)
+
+
+def doctor(rig: Path, port: str) -> dict[str, Any]:
+    done = call("doctor", "--rig", str(rig), "--port", port, "--json")
+    answer: dict[str, Any] = json.loads(done.stdout)
+    asked = {finding["subject"]: finding for finding in answer["findings"]}
+    return {"code": done.exit_code, **answer["asked"][0], "findings": asked}
+
+
+def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(RIG.text, encoding="utf-8")
+    with ModbusServer(RIG) as server:
+        server.circuit.set("relief_valve", 30e5)
+        while server.circuit.read()["supply_pressure"] < 29.99e5:
+            pass
+        well = doctor(rig, server.port)
+        assert well["values"]["supply_pressure"] == pytest.approx(30e5, rel=1e-3)
+        assert well["findings"]["supply_pressure"]["state"] == "ok"
+        assert server.circuit.outputs["relief_valve"] == 30e5, "nothing is set"
+        server.little = True
+        wrong = doctor(rig, server.port)
+        assert wrong["code"] == 1
+        assert "with 'word_order: little'" in wrong["findings"]["supply_pressure"]["fix"]
+        assert "supply_pressure 30 bar" in wrong["findings"]["supply_pressure"]["fix"]
+        other = rig.with_name("other.yaml")
+        other.write_text(RIG.text.replace("equals: 4711", "equals: 4712"), encoding="utf-8")
+        assert "another device" in doctor(other, server.port)["error"]
+    assert "nobody is there" in doctor(rig, server.port)["error"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_rtu_on_a_serial_line() -> None:
+    with RtuServer(RIG) as server:
+        rig = parse_rig(RIG.text.replace("unit: 1 ", "unit: 1\n    frame: 8N1 "))  # a pty knows no parity
+        bench = create_backend(rig, None, real_clock(), {"port": server.port})
+        bench.open()
+        try:
+            bench.start(10.0)
+            bench.command("relief_valve", 12e5).wait()
+            assert server.circuit.outputs["relief_valve"] == 12e5
+            server.mute = True
+            while not any(notice.kind == "fault" for notice in bench.take_notices()):
+                bench.next_sample(0.2)
+            server.mute = False
+            while not (sample := bench.next_sample(1.0)):
+                pass
+            assert sample.commands == (0.0, 0.0)
+        finally:
+            bench.close()
+        assert server.circuit.off
+
+
+def test_the_heartbeat_goes_on_while_samples_are_taken() -> None:
+    with ModbusServer(RIG) as server:
+        bench = create_backend(RIG, None, real_clock(), {"port": server.port})
+        bench.open()
+        try:
+            bench.start(20.0)
+            while server.beats < 3:
+                bench.next_sample(1.0)
+        finally:
+            bench.close()

@@ -1,0 +1,308 @@
+"""Real servers of the protocols that instruments speak, each with the simulated bench of a rig behind it.
+
+They know nothing of rigctl's clients; what they offer is written down once more here, as a manual would.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import struct
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Coroutine
+from typing import Any, Self
+
+from rigctl.backends.simulated.create import prepare
+from rigctl.rig import Rig
+
+
+class Circuit:
+    """The simulated bench of an oil circuit, in real time, switched by whoever serves it.
+
+    Attributes
+    ----------
+    switched: wall times (monotonic) at which an output was set, with its name and SI value.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._device = prepare(rig, {"noise": "off", "quantised": "off", "plant": "roles"}).switch_on()
+        self._names = rig.layout.channels
+        self._began = time.monotonic()
+        self._lock = threading.Lock()
+        self.outputs = dict.fromkeys(rig.actuators, 0.0)
+        self.switched: list[tuple[float, str, float]] = []
+
+    def read(self) -> dict[str, float]:
+        """The sensors now, SI."""
+        with self._lock:
+            self._device.run_to(time.monotonic() - self._began)
+            return dict(zip(self._names, self._device.read(), strict=True))
+
+    def set(self, actuator: str, value: float) -> None:
+        with self._lock:
+            now = time.monotonic()
+            self._device.run_to(now - self._began)
+            self._device.command(actuator, value, now - self._began, None)
+            self._device.run_to(now - self._began)
+            if self.outputs[actuator] != value:
+                self.switched.append((now, actuator, value))
+            self.outputs[actuator] = value
+
+    @property
+    def off(self) -> bool:
+        return not any(self.outputs.values())
+
+
+class Server(ABC):
+    """A protocol server on this machine, in a thread with an event loop.
+
+    Attributes
+    ----------
+    circuit: what it controls.
+    port: what a rig file calls it.
+    asked: requests so far.
+    mute: it hears and answers nothing; may be set at any time.
+    refusing: it answers every reading with an exception; may be set at any time.
+    broken: values are NaN, or what the device has for that; may be set at any time.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self.circuit = Circuit(rig)
+        self.asked = 0
+        self.mute = self.refusing = self.broken = False
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.number = int(free.getsockname()[1])
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self.start()
+
+    @property
+    @abstractmethod
+    def port(self) -> str: ...
+
+    @abstractmethod
+    async def _start(self) -> None: ...
+
+    @abstractmethod
+    async def _stop(self) -> None: ...
+
+    def start(self) -> None:
+        """Plug it in."""
+        self._wait(self._start())
+
+    def stop(self) -> None:
+        """Unplug it: connections end, and nobody takes new ones."""
+        self._wait(self._stop())
+
+    def close(self) -> None:
+        self.stop()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _wait(self, work: Coroutine[Any, Any, None]) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(10.0)
+
+
+class ModbusServer(Server):
+    """The controller of `rigs/oil-circuit-modbus.yaml`, on TCP, or on a line that RTU is spoken on.
+
+    Attributes
+    ----------
+    little: its words are the other way round than its manual says.
+    beats: how often its heartbeat has changed.
+    """
+
+    little = False
+    beats = 0
+
+    @property
+    def port(self) -> str:
+        return f"127.0.0.1:{self.number}"
+
+    async def _start(self) -> None:
+        from pymodbus.server import ModbusTcpServer
+
+        self._server: Any = ModbusTcpServer(
+            self._device(), address=("127.0.0.1", self.number), trace_packet=self._packet
+        )
+        await self._server.serve_forever(background=True)
+
+    async def _stop(self) -> None:
+        await self._server.shutdown()
+
+    def _device(self) -> Any:
+        from pymodbus.simulator import DataType, SimData, SimDevice
+
+        return SimDevice(
+            1,
+            (
+                [SimData(0, count=16, values=False, datatype=DataType.BITS)],
+                [SimData(0, count=16, values=False, datatype=DataType.BITS)],
+                [SimData(0, count=120, values=0, datatype=DataType.REGISTERS)],
+                [SimData(0, count=120, values=0, datatype=DataType.REGISTERS)],
+            ),
+            action=self._act,
+        )
+
+    def _packet(self, sending: bool, data: bytes) -> bytes:
+        return b"" if self.mute else data
+
+    async def _act(
+        self, function: int, start: int, address: int, count: int, registers: list[int], written: Any
+    ) -> Any:
+        from pymodbus.constants import ExcCodes
+
+        self.asked += 1
+        if written:
+            self._written(function, address, written)
+            return None
+        if self.refusing:
+            return ExcCodes.DEVICE_FAILURE
+        if function == 4:
+            registers[: len(self._inputs())] = self._inputs()
+        elif function == 3:
+            registers[99 - start] = 4711
+            registers[0] = round(self.circuit.outputs["relief_valve"] / 1e3)
+        elif function == 1:
+            registers[0] = int(self.circuit.outputs["heater"])
+        return None
+
+    def _written(self, function: int, address: int, values: list[Any]) -> None:
+        if function == 5:
+            self.circuit.set("heater", float(values[0]))
+        elif address == 0:
+            self.circuit.set("relief_valve", values[0] * 1e3)
+        else:
+            self.beats += 1
+
+    def _inputs(self) -> list[int]:
+        now = self.circuit.read()
+        pressure = float("nan") if self.broken else now["supply_pressure"] / 1e5
+        packed = struct.unpack(">HH", struct.pack(">f", pressure))
+        celsius = -32768 if self.broken else round(100.0 * (now["oil_temperature"] - 273.15))
+        return [*(packed[::-1] if self.little else packed), celsius & 0xFFFF]
+
+
+class RtuServer(ModbusServer):
+    """The same on a serial line: two pseudo-terminals, back to back."""
+
+    def __init__(self, rig: Rig) -> None:
+        import os
+        import tty
+
+        self._ends = [os.openpty(), os.openpty()]
+        for master, slave in self._ends:
+            tty.setraw(slave)
+            os.set_blocking(master, False)
+        self._names = [os.ttyname(slave) for _, slave in self._ends]
+        super().__init__(rig)
+
+    @property
+    def port(self) -> str:
+        return self._names[1]
+
+    async def _start(self) -> None:
+        import os
+
+        from pymodbus.server import ModbusSerialServer
+
+        (here, _), (there, _) = self._ends
+
+        def carry(source: int, target: int) -> None:
+            data = os.read(source, 4096)
+            if not self.mute:
+                os.write(target, data)
+
+        self._loop.add_reader(here, carry, here, there)
+        self._loop.add_reader(there, carry, there, here)
+        self._server = ModbusSerialServer(self._device(), port=self._names[0], baudrate=19200)
+        await self._server.serve_forever(background=True)
+
+    async def _stop(self) -> None:
+        import os
+
+        await super()._stop()
+        for master, slave in self._ends:
+            self._loop.remove_reader(master)
+            os.close(master)
+            os.close(slave)
+
+
+class ScpiServer(Server):
+    """The switch and measurement unit of `rigs/oil-circuit-visa.yaml`, on a TCP port.
+
+    Attributes
+    ----------
+    received: every line.
+    errors: what `SYST:ERR?` gives, first come first.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self.received: list[str] = []
+        self.errors: list[str] = []
+        self._writers: set[asyncio.StreamWriter] = set()
+        super().__init__(rig)
+
+    @property
+    def port(self) -> str:
+        return f"TCPIP::127.0.0.1::{self.number}::SOCKET"
+
+    async def _start(self) -> None:
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", self.number)
+
+    async def _stop(self) -> None:
+        self._server.close()
+        for writer in self._writers:
+            writer.close()
+        self._writers.clear()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._writers.add(writer)
+        while line := await reader.readline():
+            self.asked += 1
+            text = line.decode("ascii", "replace").strip()
+            self.received.append(text)
+            answers = [answer for part in text.split(";") if (answer := self._answer(part)) is not None]
+            if answers and not self.mute:
+                writer.write(f"{';'.join(answers)}\n".encode())
+                await writer.drain()
+
+    def _answer(self, part: str) -> str | None:
+        command, _, arguments = part.partition(" ")
+        if command == "MEAS:VOLT:DC?":
+            now = self.circuit.read()
+            volts = ((now["supply_pressure"] / 1e5 + 12.5) / 12.5, (now["oil_temperature"] - 223.15) / 20.0)
+            if self.refusing:
+                return "OVLD"
+            return ",".join("+9.91000000E+37" if self.broken else f"{volt:+.8E}" for volt in volts)
+        fixed = {
+            "*IDN?": "ACME,34980,MY44001234,2.1",
+            "*OPC?": "1",
+            "ROUT:CLOS?": f"{self.circuit.outputs['heater']:.0f}",
+            "SOUR:VOLT?": f"{self.circuit.outputs['relief_valve'] / 6e5:+.6E}",
+        }
+        if command == "SYST:ERR?":
+            return self.errors.pop(0) if self.errors else '+0,"No error"'
+        if command in fixed:
+            return fixed[command]
+        if command in ("ROUT:CLOS", "ROUT:OPEN"):
+            self.circuit.set("heater", float(command == "ROUT:CLOS"))
+        elif command == "SOUR:VOLT":
+            self.circuit.set("relief_valve", 6e5 * float(arguments.partition(",")[0]))
+        elif command and command != "*CLS":
+            self.errors.append('-113,"Undefined header"')
+        return None
+
+
+#: kind of backend -> the server that its shipped rig is for
+SERVERS: dict[str, Callable[[Rig], Server]] = {"modbus": ModbusServer, "visa": ScpiServer}
