@@ -180,7 +180,7 @@ class Design:
     def model(self) -> Model:
         """That has none of the effects."""
         known = {name: Value(10.0, fit=True) for name in NUISANCES}
-        return Model(FAMILY, parameters=known, own=self.effects)
+        return Model(FAMILY, parameters=known, own_effects=self.effects)
 
 
 def _regions() -> Floats:

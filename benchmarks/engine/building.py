@@ -82,7 +82,7 @@ def one_start() -> dict[str, dict[str, float]]:
     start = stage("superset", *start)
     effect = load_effect(shipped("models", "effects", "piston-leakage-eccentric.yaml"))
     chosen = whole_library(superset.FAMILY) | {effect.name: effect.null}
-    compile_system(build_system(superset.FAMILY, chosen, bench, own=[effect]))
+    compile_system(build_system(superset.FAMILY, chosen, bench, own_effects=[effect]))
     stage("own_effect", *start)
     return found
 

@@ -176,4 +176,4 @@ def test_a_term_of_the_wrong_dimension_is_named() -> None:
         parameters=(EffectParameter("size", "N", 0.0, 1.0, 0.0, 2.0, "f"),),
     )
     with pytest.raises(RigctlError, match="the term of mine at friction has the dimension"):
-        build_system("hydraulic_cylinder", {"mine": {}}, own=[wrong])
+        build_system("hydraulic_cylinder", {"mine": {}}, own_effects=[wrong])

@@ -47,7 +47,8 @@ def shuffled(draw: st.DrawFn) -> tuple[list[Effect], list[Effect]]:
 @given(shuffled())
 def test_the_order_of_effects_makes_no_difference(orders: tuple[list[Effect], list[Effect]]) -> None:
     first, second = (
-        build_system(FAMILY, {effect.name: effect.start for effect in order}, own=OWN) for order in orders
+        build_system(FAMILY, {effect.name: effect.start for effect in order}, own_effects=OWN)
+        for order in orders
     )
     assert first.state_names == second.state_names
     assert first.parameter_names == second.parameter_names
@@ -67,7 +68,7 @@ def test_shares_of_one_slot_add() -> None:
 
     def acceleration(*names: str) -> float:
         effects = {effect.name: effect.start for effect in (*LIBRARY, *OWN) if effect.name in names}
-        system = build_system(FAMILY, effects, own=OWN)
+        system = build_system(FAMILY, effects, own_effects=OWN)
         known = values | dict(zip(system.parameter_names, system.nominal, strict=True))
         return evaluate(system.rhs[system.state_names.index("velocity")], known)
 
@@ -153,7 +154,7 @@ def test_a_model_file_names_effect_files_beside_it(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
     file.write_text(MODEL.format(file="mine.yaml"), encoding="utf-8")
     model = load_model(file)
-    assert [effect.name for effect in model.own] == ["piston_leakage_eccentric"]
+    assert [effect.name for effect in model.own_effects] == ["piston_leakage_eccentric"]
     assert model.fitted == ("piston_leakage_eccentric.conductance",)
 
 
@@ -186,7 +187,7 @@ def test_a_model_names_a_folder_of_effects(tmp_path: Path) -> None:
     (folder / "notes.yaml").write_text("what: no effect\n", encoding="utf-8")
     text = "model: hydraulic_cylinder\nown_effects: [effects]\n"
     model = parse_model(text, tmp_path / "model.yaml")
-    assert [effect.name for effect in model.own] == ["lower", "upper"]
+    assert [effect.name for effect in model.own_effects] == ["lower", "upper"]
     whole = model.system(library=True).parameter_names
     assert {"lower.size", "upper.size"} <= set(whole)  # what a diagnosis differentiates
     assert "lower.size" not in model.system().parameter_names

@@ -77,7 +77,7 @@ def test_a_function_becomes_an_effect() -> None:
     assert (drag.name, drag.slots, drag.kind) == ("drag", ("friction",), "process")
     assert drag.summary == "A force in proportion to the speed."
     assert examine(drag, FAMILY) == ()
-    system = build_system(FAMILY, {"drag": {"size": 60.0}}, own=[drag])
+    system = build_system(FAMILY, {"drag": {"size": 60.0}}, own_effects=[drag])
     assert system.nominal[system.parameter_names.index("drag.size")] == 60.0
 
 
@@ -98,7 +98,7 @@ def test_a_registered_function_is_an_effect_like_any_other(installed: Any) -> No
     assert parse_effect_option("drag:size=80 N") == ("drag", {"size": 80.0})
     model = Model(FAMILY).with_effect("drag", {"size": 80.0})
     assert model.values["drag.size"] == 80.0
-    assert model.own == ()
+    assert model.own_effects == ()
     assert "drag.size" in model.system().parameter_names
     assert "drag.size" in Model(FAMILY).system(library=True).parameter_names
 

@@ -362,7 +362,10 @@ def test_an_impossible_parameter_is_refused(fields: dict[str, object], message: 
     ("spoil", "message"),
     [
         (lambda b: b[:-1], "the fit returned 4 records; expected 5"),
-        (lambda b: [Block(x.residual, x.shared, None) for x in b], "record 1: derivatives by the own"),
+        (
+            lambda b: [Block(x.residual, x.shared, None) for x in b],
+            "record 1: derivatives by the record-level",
+        ),
         (
             lambda b: [Block(x.residual, x.shared[:, :1], x.local) for x in b],
             r"shape \(40, 1\); expected \(40, 2\)",

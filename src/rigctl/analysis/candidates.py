@@ -119,7 +119,7 @@ def candidates(
     present = [model.effect(name) for name in model.effects]
     impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
     found: list[Candidate] = []
-    for effect in (*library(model.family).values(), *model.own):
+    for effect in (*library(model.family).values(), *model.own_effects):
         says_the_same = any(other.name in effect.instead_of for other in present)
         if effect.terms and effect.name not in impossible and not says_the_same:
             found += _at_each_shape(effect, ranges or {})

@@ -66,7 +66,7 @@ def disturbed_system(problem: Problem, moving: Sequence[Slot], reading: Sequence
         problem.measurements.rig or model.rig,
         parameters={name: value for name, value in model.values.items() if "." not in name},
         oil=model.oil,
-        own=(*model.own, *((level_effect,) if level_effect is not None else ()), effect),
+        own_effects=(*model.own_effects, *((level_effect,) if level_effect is not None else ()), effect),
     )
 
 

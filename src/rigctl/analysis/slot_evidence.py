@@ -254,7 +254,7 @@ def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part,
 def _together(problem: Problem) -> list[tuple[str, ...]]:
     """The slots at which one effect of the library acts at once."""
     model = problem.model
-    effects = [*library(model.family).values(), *model.own]
+    effects = [*library(model.family).values(), *model.own_effects]
     slots = {effect.slots for effect in effects if effect.name not in model.effects}
     return [together for together in sorted(slots) if len(together) > 1]
 

@@ -78,10 +78,10 @@ def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
 
 def latex_of(expr: Expr, effect: Effect) -> str:
     """The LaTeX of a term, its own parameters by their plain names."""
-    own = {
+    plain = {
         qualified(effect.name, name): rf"\mathrm{{{name}}}".replace("_", r"\_") for name in _own_names(effect)
     }
-    text = to_latex(expr, {**SYMBOLS, **own})
+    text = to_latex(expr, {**SYMBOLS, **plain})
     for number, (latex, _) in _NUMBERS.items():
         text = text.replace(number, latex)
     return text

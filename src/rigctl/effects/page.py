@@ -100,8 +100,8 @@ def _slots(family: ModelFamily) -> Iterator[str]:
     yield "## Slots\n"
     yield "| slot | unit | | meaning | its own variables |\n|---|---|---|---|---|"
     for slot in family.slots:
-        own = ", ".join(f"`{name}` [{unit}]" for name, unit in slot.local)
-        yield f"| `{slot.name}` | {slot.unit} | {slot.combine} | {_plain(slot.meaning)} | {own} |"
+        local = ", ".join(f"`{name}` [{unit}]" for name, unit in slot.local)
+        yield f"| `{slot.name}` | {slot.unit} | {slot.combine} | {_plain(slot.meaning)} | {local} |"
     yield ""
 
 

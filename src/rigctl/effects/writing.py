@@ -69,10 +69,10 @@ def _write_equations(
 ) -> None:
     for state in family.states:
         scope.rate(state.name)
-    for own in effect.states:
-        rate = graph.expression(effect.bind(own.rate)(scope))
-        expected = parse_unit(own.unit).dimension / parse_unit("s").dimension
-        check_dimension(rate, expected, f"the rate of {own.name}")
+    for more in effect.states:
+        rate = graph.expression(effect.bind(more.rate)(scope))
+        expected = parse_unit(more.unit).dimension / parse_unit("s").dimension
+        check_dimension(rate, expected, f"the rate of {more.name}")
         written.rates.append(rate)
     for output in family.outputs:
         output.formula(scope)

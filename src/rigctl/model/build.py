@@ -29,7 +29,7 @@ def build_system(
     *,
     parameters: Mapping[str, float] | None = None,
     oil: str | None = None,
-    own: Iterable[Effect] = (),
+    own_effects: Iterable[Effect] = (),
     unrecorded: Collection[str] = (),
 ) -> System:
     """The equations of `family` with `effects`, for the channels and dimensions of `rig`.
@@ -45,7 +45,7 @@ def build_system(
     effects: what is not given of an effect's parameters has its null value.
     parameters: of the family, SI; they count more than the rig's.
     oil: instead of the rig's.
-    own: a user's effects, which may then be named in `effects`.
+    own_effects: a user's effects, which may then be named in `effects`.
     unrecorded: inputs to which the parameter of their name of the effect `record` is added.
 
     Raises
@@ -54,7 +54,7 @@ def build_system(
         an unknown family, effect or parameter, or a term of the wrong dimension.
     """
     chosen = find_family(family) if isinstance(family, str) else family
-    used = _find(chosen, effects or {}, own)
+    used = _find(chosen, effects or {}, own_effects)
     builder = SystemBuilder()
     known = _declare(builder, chosen, parameter_values(chosen, rig, parameters, oil))
     for effect, values in used:
@@ -74,28 +74,28 @@ def build_system(
 
 
 def superset(
-    family: str | ModelFamily, effects: Effects | None = None, own: Iterable[Effect] = ()
+    family: str | ModelFamily, effects: Effects | None = None, own_effects: Iterable[Effect] = ()
 ) -> dict[str, dict[str, float]]:
     """`effects`, and every other effect at its null: what a diagnosis differentiates.
 
     Parameters
     ----------
-    own: a user's effects, which are candidates like those of the library.
+    own_effects: a user's effects, which are candidates like those of the library.
 
     Raises
     ------
     RigctlError
         an unknown family.
     """
-    known = (*library(family).values(), *own)
+    known = (*library(family).values(), *own_effects)
     off = {effect.name: effect.null for effect in known if effect.terms}
     return off | {effect: dict(values) for effect, values in (effects or {}).items()}
 
 
 def _find(
-    family: ModelFamily, effects: Effects, own: Iterable[Effect]
+    family: ModelFamily, effects: Effects, own_effects: Iterable[Effect]
 ) -> list[tuple[Effect, dict[str, float]]]:
-    users = {effect.name: effect for effect in own}
+    users = {effect.name: effect for effect in own_effects}
     found = []
     for name, values in sorted(effects.items()):
         effect = users.get(name) or find_effect(name, family)

@@ -74,10 +74,10 @@ def _build(document: Document, path: Path | None) -> Model:
     reader.stop_at_errors()
     given = {name: value.si for name, value in parameters.items()}
     known = parameter_values(family, rig, given, written.oil)
-    own = tuple(_own_effects(reader, family, written, path))
+    own_effects = tuple(_own_effects(reader, family, written, path))
     reader.stop_at_errors()
     model = Model(
-        family, rig, written.oil, parameters, {}, written.description, path, own, text=document.text
+        family, rig, written.oil, parameters, {}, written.description, path, own_effects, text=document.text
     )
     effects = dict(_effects(reader, model, written, known))
     reader.read(("effects",), partial(refuse_contradictions, [*map(model.effect, effects)]), of_key=True)

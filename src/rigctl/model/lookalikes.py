@@ -45,16 +45,16 @@ def lookalikes(
     others = [other for other in library(family).values() if other.terms and other.name != effect.name]
     compiled = compile_system(build_system(family, superset(family), rig), progress=progress)
     system = compiled.system
-    own = {qualified(o.name, s.name): s.start for o in library(family).values() for s in o.states}
+    effect_starts = {qualified(o.name, s.name): s.start for o in library(family).values() for s in o.states}
     columns = [qualified(o.name, p.name) for o in others for p in o.parameters if not p.shape]
-    record = standard_excitation(family, system, system.nominal, own)
+    record = standard_excitation(family, system, system.nominal, effect_starts)
     found = simulate(compiled, [record], columns=columns).require()
     scale = _scales(seen, rig)
     mine = _directions(seen.slopes / scale[:, None])
     result = []
     for other in others:
-        places = [columns.index(qualified(other.name, p.name)) for p in other.parameters if not p.shape]
-        theirs = _directions(found.sensitivities[0][:, :, places] / scale[:, None])
+        indices = [columns.index(qualified(other.name, p.name)) for p in other.parameters if not p.shape]
+        theirs = _directions(found.sensitivities[0][:, :, indices] / scale[:, None])
         result.append(Lookalike(other.name, _likeness(mine, theirs)))
     return tuple(sorted(result, key=lambda each: -each.likeness))
 

@@ -58,7 +58,7 @@ class Model:
     oil: the fluid when it is not the rig's.
     parameters: what the file says of the family's parameters.
     effects: by name, each with all of its parameters.
-    own: the user's own effects that `effects` may name besides the library's.
+    own_effects: the user's own effects that `effects` may name besides the library's.
     path: the file, when there is one; ``m.yaml@3`` for version 3 of it.
     text: what the file says, layout and comments included.
     """
@@ -70,7 +70,7 @@ class Model:
     effects: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
     description: str = ""
     path: Path | None = None
-    own: tuple[Effect, ...] = ()
+    own_effects: tuple[Effect, ...] = ()
     text: str = ""
 
     @property
@@ -98,16 +98,16 @@ class Model:
         RigctlError
             there is none; it says the nearest.
         """
-        own = {effect.name: effect for effect in self.own}
-        return own[name] if name in own else find_effect(name, self.family)
+        users = {effect.name: effect for effect in self.own_effects}
+        return users[name] if name in users else find_effect(name, self.family)
 
     @property
     def fitted(self) -> tuple[str, ...]:
         """The parameters that a fit may change, by the names of `values`."""
-        own = [name for name, value in self.parameters.items() if value.fit]
+        free = [name for name, value in self.parameters.items() if value.fit]
         for effect, parameters in self.effects.items():
-            own += [qualified(effect, name) for name, value in parameters.items() if value.fit]
-        return tuple(own)
+            free += [qualified(effect, name) for name, value in parameters.items() if value.fit]
+        return tuple(free)
 
     def __repr__(self) -> str:
         """What it is, on one line."""
@@ -160,11 +160,11 @@ class Model:
         }
         return build_system(
             self.family,
-            superset(self.family, effects, self.own) if library else effects,
+            superset(self.family, effects, self.own_effects) if library else effects,
             self.rig,
             parameters={name: value.si for name, value in self.parameters.items()},
             oil=self.oil,
-            own=self.own,
+            own_effects=self.own_effects,
         )
 
     def with_effect(
@@ -229,29 +229,29 @@ class Model:
             a name is none of the model's.
         """
         parameters = dict(self.parameters)
-        effects = {effect: dict(own) for effect, own in self.effects.items()}
+        effects = {effect: dict(known) for effect, known in self.effects.items()}
         for name, value in values.items():
             if name not in self.values:
                 raise unknown_name("parameter of the model", name, self.values)
             effect, dot, parameter = name.partition(".")
-            place = effects[effect] if dot else parameters
+            where = effects[effect] if dot else parameters
             key = parameter if dot else name
             given = Value(float(value), std=(std or {}).get(name), source=source)
-            old = place.get(key, Value(self.values[name]))
-            if key not in place or given != Value(old.si):
-                place[key] = replace(given, fit=old.fit, unit=old.unit, prior=old.prior)
+            old = where.get(key, Value(self.values[name]))
+            if key not in where or given != Value(old.si):
+                where[key] = replace(given, fit=old.fit, unit=old.unit, prior=old.prior)
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
 
     def _knowing(self, effect: Effect) -> Model:
         """The model that may name `effect`, which is a user's own unless the library has it."""
         if library(self.family).get(effect.name) is effect:
             return self
-        known = {own.name: own for own in (*self.own, effect)}
-        return replace(self, own=tuple(known.values()))
+        known = {each.name: each for each in (*self.own_effects, effect)}
+        return replace(self, own_effects=tuple(known.values()))
 
     def _with_base(self, effect: Effect, *, present: bool) -> Model:
-        own = parameter_values(self.family, self.rig, None, self.oil)
-        changed = {name: own[name] if present else nothing for name, nothing in effect.base.items()}
+        usual = parameter_values(self.family, self.rig, None, self.oil)
+        changed = {name: usual[name] if present else nothing for name, nothing in effect.base.items()}
         model = self.with_values(changed)
         settings = {
             name: replace(value, fit=value.fit and present) if name in changed else value

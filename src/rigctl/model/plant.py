@@ -58,7 +58,7 @@ def plant_stepper(
     *,
     initial: Mapping[str, float] | None = None,
     commands: Mapping[str, float] | None = None,
-    own: Iterable[Effect] = (),
+    own_effects: Iterable[Effect] = (),
     family: ModelFamily | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Stepper:
@@ -71,7 +71,7 @@ def plant_stepper(
     initial: states by name, SI; else what the rig's simulation says the channels read, else the family's.
     commands: of the actuators at the start, SI; 0 for those left out, and a relief valve at the supply
         pressure of the start.
-    own: a user's effects, which may then be named in `effects`.
+    own_effects: a user's effects, which may then be named in `effects`.
     family: whose equations hold; the one that the rig names unless it is given.
     progress: told when something takes long.
 
@@ -84,10 +84,10 @@ def plant_stepper(
     from rigctl.engine.stepper import Stepper
 
     chosen = family or family_of(rig)
-    users = tuple(own)
+    users = tuple(own_effects)
     hidden = _resolved(chosen, effects or {}, users)
     sizes = {effect.name: effect.start | dict((effects or {})[effect.name]) for effect in hidden}
-    system = build_system(chosen, sizes, rig, parameters=parameters, own=users)
+    system = build_system(chosen, sizes, rig, parameters=parameters, own_effects=users)
     start = _initial(chosen, rig, initial or {}, hidden)
     given = dict.fromkeys(rig.actuators, 0.0)
     role = rig.roles.set_pressure
@@ -126,6 +126,6 @@ def _initial(
     return initial_state(family, effects, read | dict(given))
 
 
-def _resolved(family: ModelFamily, names: Iterable[str], own: Iterable[Effect]) -> list[Effect]:
-    users = {effect.name: effect for effect in own}
+def _resolved(family: ModelFamily, names: Iterable[str], own_effects: Iterable[Effect]) -> list[Effect]:
+    users = {effect.name: effect for effect in own_effects}
     return [users.get(name) or find_effect(name, family) for name in names]

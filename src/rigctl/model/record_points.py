@@ -40,9 +40,9 @@ def record_points(
     """
     used = [other for other, _ in alongside if other.terms]
     sizes = {other.name: dict(values) for other, values in alongside if other.terms}
-    system = build_system(family, sizes, rig, own=used)
-    own = {qualified(each.name, state.name): state.start for each in used for state in each.states}
-    excitation = standard_excitation(family, system, system.nominal, own)
+    system = build_system(family, sizes, rig, own_effects=used)
+    effect_starts = {qualified(each.name, state.name): state.start for each in used for state in each.states}
+    excitation = standard_excitation(family, system, system.nominal, effect_starts)
     found = simulate(compile_system(system, progress=progress), [excitation]).require()
     parameters = dict(zip(system.parameter_names, system.nominal, strict=True))
     record = family.standard_record

@@ -89,14 +89,14 @@ def signature(
     used = [each for each in (effect, *(other for other, _ in alongside)) if each.terms]
     refuse_contradictions(used)
     sizes = {other.name: dict(values) for other, values in alongside} | {effect.name: effect.start}
-    system = build_system(family, {each.name: sizes[each.name] for each in used}, rig, own=used)
+    system = build_system(family, {each.name: sizes[each.name] for each in used}, rig, own_effects=used)
     compiled, record = compile_system(system, progress=progress), standard_record(family)
     nominal = dict(zip(system.parameter_names, system.nominal, strict=True))
-    own = {qualified(each.name, state.name): state.start for each in used for state in each.states}
+    effect_starts = {qualified(each.name, state.name): state.start for each in used for state in each.states}
 
     def run(values: Mapping[str, float], columns: Iterable[str]) -> Trajectories:
         parameters = list((nominal | dict(values)).values())
-        excitation = standard_excitation(family, system, parameters, own)
+        excitation = standard_excitation(family, system, parameters, effect_starts)
         return simulate(compiled, [excitation], columns=tuple(columns), tolerance=TIGHT).require()
 
     null = {qualified(effect.name, name): value for name, value in effect.null.items()} | dict(effect.base)

@@ -30,9 +30,9 @@ def standard_record(family: ModelFamily) -> StandardRecord:
 
 
 def standard_excitation(
-    family: ModelFamily, system: System, parameters: Sequence[float], own: Mapping[str, float]
+    family: ModelFamily, system: System, parameters: Sequence[float], effect_starts: Mapping[str, float]
 ) -> Excitation:
-    """The standard record for a system of `family`; `own` are the starts of its effects' states.
+    """The standard record for a system of `family`; `effect_starts` are the starts of its effects' states.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def standard_excitation(
         the family has none.
     """
     record = standard_record(family)
-    start = {state.name: state.start for state in family.states} | dict(own) | dict(record.initial)
+    start = {state.name: state.start for state in family.states} | dict(effect_starts) | dict(record.initial)
     given = {item.name: item.value for item in family.inputs}
     rows = []
     for _, changed in record.switches:

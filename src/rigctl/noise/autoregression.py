@@ -47,12 +47,12 @@ class Innovations:
         return _forward(self.root, self.below, u)
 
 
-def innovations(places: NDArray[np.float64], correlation: float, white: float) -> Innovations:
-    """The innovations of noise sampled at `places` (in units of the spacing that `correlation` refers to)."""
-    if places.size < 2 or correlation < _NO_CORRELATION or white == 1.0:
-        return Innovations(np.empty(0), np.ones(places.size), None)
-    kept = correlation ** np.diff(places)
-    variance = np.ones(places.size)
+def innovations(positions: NDArray[np.float64], correlation: float, white: float) -> Innovations:
+    """The innovations of noise sampled at `positions`, in units of the spacing of `correlation`."""
+    if positions.size < 2 or correlation < _NO_CORRELATION or white == 1.0:
+        return Innovations(np.empty(0), np.ones(positions.size), None)
+    kept = correlation ** np.diff(positions)
+    variance = np.ones(positions.size)
     variance[1:] = (1.0 - white) * (1.0 - kept**2) + white * (1.0 + kept**2)
     if white == 0.0:
         return Innovations(kept, np.sqrt(variance), None)

@@ -81,8 +81,8 @@ class ChannelNoise:
         """
         if self.law is not None and times is not None:
             return self.law.sigma(*smooth_course(times, values))
-        own = self.share * np.abs(values)
-        return np.where(own > 0.0, own, self.sigma)
+        scaled = self.share * np.abs(values)
+        return np.where(scaled > 0.0, scaled, self.sigma)
 
     def covariance(self, times: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
         """Covariance matrix (n, n) of the samples at `times` (s); SI². `bias` is not part of it."""

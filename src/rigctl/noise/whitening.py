@@ -137,11 +137,13 @@ def whiten(
     each = []
     for i, channel in enumerate(noise.channels):
         samples = np.flatnonzero(ok[:, i])
-        places = times[samples] / noise.spacing
+        positions = times[samples] / noise.spacing
         size = channel.sigma_at(values[samples, i]) if sigma is None else sigma[samples, i]
         if extra is not None and extra[i] > 0.0:
             size = np.hypot(size, extra[i])
-        each.append(_ChannelWhitener(samples, size, innovations(places, channel.correlation, channel.white)))
+        each.append(
+            _ChannelWhitener(samples, size, innovations(positions, channel.correlation, channel.white))
+        )
     rows = np.concatenate(
         [np.column_stack([one.samples, np.full(one.samples.size, i)]) for i, one in enumerate(each)]
     )

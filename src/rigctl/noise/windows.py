@@ -88,7 +88,7 @@ def cut_windows(
 
     Returns
     -------
-    groups of windows sampled alike, and the cells to which their `cells` are indices.
+    groups of windows sampled alike, and the cells to which their `cells` are positions.
     """
     found: dict[tuple[float, ...], list[tuple[NDArray[np.float64], int, int]]] = defaultdict(list)
     cells: dict[Cell, int] = {}
@@ -97,9 +97,9 @@ def cut_windows(
             use = first + np.flatnonzero(kept[first:last, channel])
             if use.size < max(SHORTEST, _LEFT * (last - first)):
                 continue
-            places = np.round((record.times[use] - record.times[use[0]]) / spacing, 1)
+            positions = np.round((record.times[use] - record.times[use[0]]) / spacing, 1)
             cell = cells.setdefault((phase, nth), len(cells))
-            found[tuple(places.tolist())].append((record.values[use, channel], cell, record.condition))
+            found[tuple(positions.tolist())].append((record.values[use, channel], cell, record.condition))
     patterns = sorted(found, key=lambda pattern: -len(found[pattern]))[:_PATTERNS]
     return [_group(pattern, found[pattern], order) for pattern in patterns], list(cells)
 
@@ -124,8 +124,8 @@ def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[i
 def _group(
     pattern: tuple[float, ...], members: Sequence[tuple[NDArray[np.float64], int, int]], order: int
 ) -> WindowGroup:
-    places = np.array(pattern)
-    polynomials = np.polynomial.legendre.legvander(2.0 * places / places[-1] - 1.0, order)
+    positions = np.array(pattern)
+    polynomials = np.polynomial.legendre.legvander(2.0 * positions / positions[-1] - 1.0, order)
     trend = np.linalg.qr(polynomials)[0]
     values = np.stack([value for value, _, _ in members])
     # the level is taken off first, so that nothing is lost to rounding on 300 K with noise of 1 mK
@@ -133,7 +133,9 @@ def _group(
     rows = values - level
     cells = np.array([cell for _, cell, _ in members], np.intp)
     conditions = np.array([condition for _, _, condition in members], np.intp)
-    return WindowGroup(places, trend, rows, cells, conditions, level - values[:, :1] + rows @ trend @ trend.T)
+    return WindowGroup(
+        positions, trend, rows, cells, conditions, level - values[:, :1] + rows @ trend @ trend.T
+    )
 
 
 def contrasts(groups: Sequence[WindowGroup]) -> list[WindowGroup]:

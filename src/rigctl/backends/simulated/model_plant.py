@@ -37,7 +37,7 @@ class ModelPlant:
             {parameter.name: model.values[parameter.name] for parameter in model.family.parameters},
             initial={s.name: initial[s.name] for s in model.family.states if _says_start(rig, s.name)},
             commands=self._commands,
-            own=model.own,
+            own_effects=model.own_effects,
             family=model.family,
             progress=progress,
         )

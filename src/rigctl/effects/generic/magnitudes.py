@@ -46,8 +46,8 @@ class Magnitudes:
 
     def time(self, state: str) -> float:
         """In which a state goes through its range, or a tenth of the standard record if that is shorter."""
-        own = self.state(state) / self.rate(state)
-        return min(own, 0.1 * self.duration) if self.duration else own
+        its_time = self.state(state) / self.rate(state)
+        return min(its_time, 0.1 * self.duration) if self.duration else its_time
 
     @property
     def shortest(self) -> float:

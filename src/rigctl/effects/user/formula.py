@@ -17,14 +17,14 @@ from rigctl.physics.scope import Scope
 
 @dataclass(frozen=True)
 class TextTerm:
-    """A checked term; `own` are the effect's parameters among its names."""
+    """A checked term; `parameters` are the effect's among its names."""
 
     tree: Node
-    own: frozenset[str]
+    parameters: frozenset[str]
 
     def __call__(self, m: Scope, p: Own) -> Scalar:
         """Its value with the model's variables `m` and the effect's own `p`."""
-        return lower(self.tree, m, lambda name: p[name] if name in self.own else m[name])
+        return lower(self.tree, m, lambda name: p[name] if name in self.parameters else m[name])
 
 
 def read_term(

@@ -39,8 +39,8 @@ class Vector:
     def like(self, flat: Floats) -> Vector:
         """`flat` divided as this one is."""
         end, local = self.shared.size, []
-        for own in self.local:
-            begin, end = end, end + own.size
+        for record_local in self.local:
+            begin, end = end, end + record_local.size
             local.append(flat[begin:end])
         return Vector(flat[: self.shared.size], tuple(local))
 
@@ -63,38 +63,38 @@ class Arrow:
     def scaled(self, size: Vector) -> Arrow:
         """The same problem in the variables ``step·size``: every column divided by its size."""
         triangles = tuple(
-            triangle / np.concatenate([own, size.shared, [1.0]])
-            for triangle, own in zip(self.triangles, size.local, strict=True)
+            triangle / np.concatenate([record_local, size.shared, [1.0]])
+            for triangle, record_local in zip(self.triangles, size.local, strict=True)
         )
         return Arrow(triangles, self.local, self.shared)
 
     def norms(self) -> Vector:
         """The length of each parameter's column: how strongly it acts on the residuals."""
-        own = tuple(
+        record_local = tuple(
             np.linalg.norm(triangle[:, :m], axis=0)
             for triangle, m in zip(self.triangles, self.local, strict=True)
         )
         squares = np.zeros(self.shared)
         for triangle, m in zip(self.triangles, self.local, strict=True):
             squares += np.square(triangle[:, m:-1]).sum(axis=0)
-        return Vector(np.sqrt(squares), own)
+        return Vector(np.sqrt(squares), record_local)
 
     def gradient(self) -> Vector:
         """``Jᵀr``: the gradient of the cost, without priors."""
-        own = tuple(
+        record_local = tuple(
             -triangle[:, :m].T @ triangle[:, -1]
             for triangle, m in zip(self.triangles, self.local, strict=True)
         )
         shared = np.zeros(self.shared)
         for triangle, m in zip(self.triangles, self.local, strict=True):
             shared -= triangle[:, m:-1].T @ triangle[:, -1]
-        return Vector(shared, own)
+        return Vector(shared, record_local)
 
     def change(self, step: Vector) -> float:
         """The change of half the sum of squares that the linear model expects from `step`."""
         total = 0.0
-        for triangle, m, own in zip(self.triangles, self.local, step.local, strict=True):
-            moved = triangle[:, :m] @ own + triangle[:, m:-1] @ step.shared
+        for triangle, m, record_local in zip(self.triangles, self.local, step.local, strict=True):
+            moved = triangle[:, :m] @ record_local + triangle[:, m:-1] @ step.shared
             total += 0.5 * float(moved @ moved) - float(moved @ triangle[:, -1])
         return total
 
@@ -151,12 +151,12 @@ class Factors:
     def solve(self) -> Vector:
         """The step; where the data say nothing, the shortest one."""
         shared = _least(self.matrix, self.rhs)
-        own = [np.empty(0)] * self.count
+        record_local = [np.empty(0)] * self.count
         for group in self.groups:
             solved = _least_each(group.top, group.rhs - group.coupling @ shared)
             for place, values in zip(group.places, solved, strict=True):
-                own[place] = values
-        return Vector(shared, tuple(own))
+                record_local[place] = values
+        return Vector(shared, tuple(record_local))
 
 
 def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed: Vector) -> Factors:
@@ -179,18 +179,18 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
     groups = []
     for (_, m, _), places in alike.items():
         triangles = np.stack([arrow.triangles[k] for k in places])
-        own = free.local[places[0]].astype(bool)
+        record_local = free.local[places[0]].astype(bool)
         given, weights, targets = (
             np.stack([vector.local[k] for k in places]) for vector in (fixed, weight, target)
         )
         rhs = triangles[:, :, -1] - triangles[:, :, m:-1] @ fixed.shared
         rhs -= (triangles[:, :, :m] @ given[:, :, None])[:, :, 0]
-        size, first = triangles.shape[1], int(own.sum())
+        size, first = triangles.shape[1], int(record_local.sum())
         matrix = np.zeros((len(places), size + m, first + count + 1))
-        matrix[:, :size, :first] = triangles[:, :, :m][:, :, own]
+        matrix[:, :size, :first] = triangles[:, :, :m][:, :, record_local]
         matrix[:, :size, first:-1] = triangles[:, :, m:-1][:, :, chosen]
         matrix[:, :size, -1] = rhs
-        matrix[:, size:, :first] = (weights[:, :, None] * np.eye(m))[:, :, own]
+        matrix[:, size:, :first] = (weights[:, :, None] * np.eye(m))[:, :, record_local]
         matrix[:, size:, -1] = targets - weights * given
         if first:
             matrix = np.asarray(np.linalg.qr(matrix, mode="r"))

@@ -52,9 +52,12 @@ def check_blocks(blocks: Sequence[Block], shared: int, local: Sequence[int]) -> 
     """
     if len(blocks) != len(local):
         raise RigctlError(f"the fit returned {len(blocks)} records", expected=str(len(local)))
-    for number, (block, own) in enumerate(zip(blocks, local, strict=True), start=1):
+    for number, (block, record_local) in enumerate(zip(blocks, local, strict=True), start=1):
         n = block.residual.size
-        for kind, found, columns in (("shared", block.shared, shared), ("own", block.local, own)):
+        for kind, found, columns in (
+            ("shared", block.shared, shared),
+            ("record-level", block.local, record_local),
+        ):
             if columns and (found is None or found.shape != (n, columns)):
                 shape = None if found is None else found.shape
                 raise RigctlError(

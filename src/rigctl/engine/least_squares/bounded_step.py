@@ -77,10 +77,10 @@ def _complete(solved: Vector, free: Floats, fixed: Floats, like: Vector) -> Floa
 def _pull(arrow: Arrow, weight: Vector, target: Vector, step: Vector) -> Floats:
     """Where each parameter wants to go from `step`: minus the gradient of the sum of squares there."""
     shared = weight.shared * (target.shared - weight.shared * step.shared)
-    own = []
+    record_local = []
     for k, (triangle, m) in enumerate(zip(arrow.triangles, arrow.local, strict=True)):
         left = triangle[:, -1] - triangle[:, :m] @ step.local[k] - triangle[:, m:-1] @ step.shared
         shared = shared + triangle[:, m:-1].T @ left
         given = weight.local[k] * (target.local[k] - weight.local[k] * step.local[k])
-        own.append(given + triangle[:, :m].T @ left)
-    return np.concatenate([shared, *own])
+        record_local.append(given + triangle[:, :m].T @ left)
+    return np.concatenate([shared, *record_local])

@@ -35,7 +35,7 @@ def conclude(
     Covariance: the inverse of JᵀJ with priors, over the parameters that are not held at a bound; for the
     shared ones with the records' own ones free (their Schur complement, by orthogonal elimination).
     """
-    everyone = [*unknowns, *(unknown for own in local for unknown in own)]
+    everyone = [*unknowns, *(unknown for record_local in local for unknown in record_local)]
     _, weight = prior_rows(everyone, point.flat())
     scale = np.maximum(arrow.norms().flat(), weight)
     scale[scale == 0.0] = 1.0
@@ -96,12 +96,12 @@ def _local_std(factors: Factors, shared: Floats, mask: Vector, size: Vector) -> 
     """Standard deviations of the records' own parameters: own noise, and what the shared ones pass on."""
     known = np.isfinite(np.diag(shared))  # what the data do not determine passes nothing on
     finite = np.where(np.outer(known, known), shared, 0.0)
-    result = [np.zeros(own.size) for own in mask.local]
+    result = [np.zeros(record_local.size) for record_local in mask.local]
     for group in factors.groups:
-        own = mask.local[group.places[0]].astype(bool)
+        record_local = mask.local[group.places[0]].astype(bool)
         top = np.linalg.pinv(group.top)
         passed = top @ group.coupling
         variance = np.square(top).sum(axis=2) + np.einsum("rij,jk,rik->ri", passed, finite, passed)
         for place, each in zip(group.places, variance, strict=True):
-            result[place][own] = np.sqrt(np.maximum(each, 0.0)) / size.local[place][own]
+            result[place][record_local] = np.sqrt(np.maximum(each, 0.0)) / size.local[place][record_local]
     return tuple(result)

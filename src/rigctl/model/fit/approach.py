@@ -50,14 +50,14 @@ def approach(
     progress: Callable[[Iteration], None] | None = None,
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
     """The unknowns, begun where the misfit is small; as they were where nothing brings it down."""
-    begun, own = list(shared), [list(each) for each in local]
+    begun, record_local = list(shared), [list(each) for each in local]
     unknown = [k for k, one in enumerate(begun) if one.prior is None]
     everything = list(range(len(begun)))
     for moved in [part for part in (unknown, everything) if part]:
-        begun, own = _descend(evaluate, begun, own, moved, progress)
+        begun, record_local = _descend(evaluate, begun, record_local, moved, progress)
         if len(moved) == len(everything):
             break
-    return begun, own
+    return begun, record_local
 
 
 def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
@@ -84,8 +84,8 @@ def _descend(
     progress: Callable[[Iteration], None] | None,
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
     """Rounds of a fit of the shared unknowns at `moved`, each in a noise as large as the misfit."""
-    begun, own = list(shared), [list(each) for each in local]
-    misfit, count = _misfit(evaluate, begun, own)
+    begun, record_local = list(shared), [list(each) for each in local]
+    misfit, count = _misfit(evaluate, begun, record_local)
     for _ in range(_ROUNDS):
         if not _NEAR < misfit < math.inf:
             break
@@ -93,21 +93,21 @@ def _descend(
         found = least_squares(
             _blurred(_part(evaluate, at, moved), misfit * max(1.0, math.sqrt(count / _WEIGHT))),
             [_held(begun[k]) for k in moved],
-            own,
+            record_local,
             options=_OPTIONS,
             progress=progress,
         )
         at[list(moved)] = found.values
         next_begun = started(begun, at)
-        next_own = [started(each, values) for each, values in zip(own, found.local, strict=True)]
-        fallen, _ = _misfit(evaluate, next_begun, next_own)
+        next_local = [started(each, values) for each, values in zip(record_local, found.local, strict=True)]
+        fallen, _ = _misfit(evaluate, next_begun, next_local)
         if fallen >= misfit:
             break
         done = fallen > _FALL * misfit
-        begun, own, misfit = next_begun, next_own, fallen
+        begun, record_local, misfit = next_begun, next_local, fallen
         if done:
             break
-    return begun, own
+    return begun, record_local
 
 
 def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
@@ -132,7 +132,9 @@ def _misfit(
 ) -> tuple[float, int]:
     """Root mean square of the whitened residuals, infinite where the model has no value; and their number."""
     blocks = evaluate(
-        np.array([u.start for u in shared]), [np.array([u.start for u in own]) for own in local], False
+        np.array([u.start for u in shared]),
+        [np.array([u.start for u in record_local]) for record_local in local],
+        False,
     )
     if isinstance(blocks, Refused):
         return math.inf, 0

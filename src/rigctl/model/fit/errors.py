@@ -41,31 +41,31 @@ class ChannelError:
 
 
 def channel_errors(
-    problem: Problem, outputs: Sequence[Floats], places: Sequence[int]
+    problem: Problem, outputs: Sequence[Floats], indices: Sequence[int]
 ) -> dict[str, ChannelError]:
-    """By channel, over the records at `places`; a channel without a reading there is left out."""
+    """By channel, over the records at `indices`; a channel without a reading there is left out."""
     found = {}
-    white = {place: whitened_residual(problem, outputs[place], place) for place in places}
+    white = {index: whitened_residual(problem, outputs[index], index) for index in indices}
     for column, name in enumerate(problem.measurements.outputs):
         pieces, readings, squares, sigmas = [], [], [], []
-        for place in places:
-            good = problem.ok[place][:, column]
-            measured = problem.records[place].values[good, column]
-            pieces.append(outputs[place][good, column] - measured)
+        for index in indices:
+            good = problem.ok[index][:, column]
+            measured = problem.records[index].values[good, column]
+            pieces.append(outputs[index][good, column] - measured)
             readings.append(measured)
-            sigmas.append(problem.sigma[place][good, column])
-            squares.append(white[place][problem.whiteners[place].rows[:, 1] == column] ** 2)
+            sigmas.append(problem.sigma[index][good, column])
+            squares.append(white[index][problem.whiteners[index].rows[:, 1] == column] ** 2)
         error, values, square, sigma = (np.concatenate(part) for part in (pieces, readings, squares, sigmas))
         if error.size:
             found[name] = _error(error, values, square, sigma, float(problem.noise.sigma[column]))
     return found
 
 
-def whitened_residual(problem: Problem, outputs: Floats, place: int) -> Floats:
-    """(rows) W(f − y) of the record at `place`."""
-    ok = problem.ok[place]
-    values = np.where(ok, problem.records[place].values, 0.0)
-    return problem.whiteners[place](np.where(ok, outputs - values, 0.0))
+def whitened_residual(problem: Problem, outputs: Floats, index: int) -> Floats:
+    """(rows) W(f − y) of the record at `index`."""
+    ok = problem.ok[index]
+    values = np.where(ok, problem.records[index].values, 0.0)
+    return problem.whiteners[index](np.where(ok, outputs - values, 0.0))
 
 
 def _error(error: Floats, values: Floats, squares: Floats, sigma: Floats, noise: float) -> ChannelError:

@@ -30,7 +30,7 @@ def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) 
     noisy = {
         measurements.inputs.index(name): sigma for name, sigma in measurements.input_noise.items() if sigma
     }
-    if not any(place in noisy for record in problem.records for place in record.along):
+    if not any(index in noisy for record in problem.records for index in record.along):
         return problem
     plain = problem.simulate(shared, local)
     squares = [np.zeros(len(measurements.outputs)) for _ in problem.records]
@@ -38,15 +38,15 @@ def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) 
     for _ in range(_DRAWS):
         records = []
         for record in problem.records:
-            sigma = np.array([noisy.get(place, 0.0) for place in record.along])
+            sigma = np.array([noisy.get(index, 0.0) for index in record.along])
             more = generator.standard_normal(record.lines.shape) * sigma
             records.append(replace(record, lines=record.lines + more))
         moved = replace(problem, measurements=replace(measurements, records=tuple(records)))
         found = moved.simulate(shared, local)
         if not (plain.ok and found.ok):
             return problem
-        for place, (before, after) in enumerate(zip(plain.outputs, found.outputs, strict=True)):
-            squares[place] += np.square((after - before)[:, problem.channels]).mean(axis=0) / _DRAWS
+        for index, (before, after) in enumerate(zip(plain.outputs, found.outputs, strict=True)):
+            squares[index] += np.square((after - before)[:, problem.channels]).mean(axis=0) / _DRAWS
     extra = [
         np.where(np.sqrt(square) > _SHARE * sigma.mean(axis=0), np.sqrt(square), 0.0)
         for square, sigma in zip(squares, problem.sigma, strict=True)

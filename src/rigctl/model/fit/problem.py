@@ -390,16 +390,16 @@ def make_problem(
     level, settings = level_of_rows(record_level(model.family), measurements)
     unrecorded = sorted({name for record in measurements.records for name in record.unrecorded})
     level = level.with_inputs(unrecorded, model.family)
-    effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
-    everything = superset(model.family, effects, model.own) if library else effects
-    own = (*model.own, *((level.effect,) if level.effect is not None else ()))
+    effects = {name: {p: value.si for p, value in values.items()} for name, values in model.effects.items()}
+    everything = superset(model.family, effects, model.own_effects) if library else effects
+    own_effects = (*model.own_effects, *((level.effect,) if level.effect is not None else ()))
     system = build_system(
         model.family,
         {**everything, **level.null},
         measurements.rig or model.rig,
         parameters={name: value for name, value in model.values.items() if "." not in name},
         oil=model.oil,
-        own=own,
+        own_effects=own_effects,
         unrecorded=unrecorded,
     )
     used = [effect for effect in map(model.effect, everything) if effect.terms]

@@ -37,8 +37,8 @@ def level_of_rows(level: RecordLevel, measurements: Measurements) -> tuple[Recor
 
 def set_values(measurements: Measurements, setting: Setting) -> np.ndarray:
     """(rows) what was set for each row, SI; values that are meant to be the same are."""
-    place = measurements.inputs.index(setting.input)
-    values = [float(record.inputs[-1, place]) for record in measurements.records]
+    index = measurements.inputs.index(setting.input)
+    values = [float(record.inputs[-1, index]) for record in measurements.records]
     return np.array(cluster(values, _SAME * max(map(abs, values))))
 
 

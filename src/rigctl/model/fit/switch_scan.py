@@ -26,7 +26,7 @@ from rigctl.engine.least_squares import (
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.errors import RigctlError
 from rigctl.model.fit.problem import Problem
-from rigctl.model.fit.switching import HABITS, moves_switches, own_switch, switch_shifts
+from rigctl.model.fit.switching import HABITS, moves_switches, switch_name, switch_shifts
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def with_best_switches(problem: Problem, found: LeastSquaresResult, options: Opt
     found: a fit of `problem`.
     options: of the fits made here.
     """
-    if not any(one.kind == "switch" for own in problem.local for one in own):
+    if not any(one.kind == "switch" for record_local in problem.local for one in record_local):
         return found
     for _ in range(_SCANS):
         values, local, moved = scanned_switches(problem, found.values, found.local)
@@ -73,17 +73,19 @@ def _refitted(
     become too short to get anywhere.
     """
     shared = started(problem.shared, values)
-    own = [started(unknowns, each) for unknowns, each in zip(problem.local_unknowns(), local, strict=True)]
+    record_local = [
+        started(unknowns, each) for unknowns, each in zip(problem.local_unknowns(), local, strict=True)
+    ]
     held = least_squares(
         problem.evaluate,
         [_held(one) if one.name in HABITS else one for one in shared],
-        [[_held(one) if moves_switches(one.name) else one for one in each] for each in own],
+        [[_held(one) if moves_switches(one.name) else one for one in each] for each in record_local],
         options=options,
     )
     return least_squares(
         problem.evaluate,
         started(shared, held.values),
-        [started(unknowns, each) for unknowns, each in zip(own, held.local, strict=True)],
+        [started(unknowns, each) for unknowns, each in zip(record_local, held.local, strict=True)],
         options=options,
     )
 
@@ -106,7 +108,7 @@ def scanned_switches(
     local: the unknowns of each record; all but the time that is tried are held.
     """
     best = [np.array(values) for values in local]
-    times = [[k for k, one in enumerate(own) if one.kind == "switch"] for own in problem.local]
+    times = [[k for k, one in enumerate(each) if one.kind == "switch"] for each in problem.local]
     if not any(times):
         return shared, tuple(best), False
     shared, best, moved = _shared_out(problem, shared, best)
@@ -114,18 +116,18 @@ def scanned_switches(
     if lowest is None:
         return shared, tuple(best), False
     unknowns = problem.local_unknowns()
-    for rank in range(max(len(own) for own in times)):
-        asked = [own[rank] if rank < len(own) else None for own in times]
+    for rank in range(max(len(each) for each in times)):
+        asked = [each[rank] if rank < len(each) else None for each in times]
         for share in _TRIED:
             tried = [
-                _at(own, values, place, share)
-                for own, values, place in zip(unknowns, best, asked, strict=True)
+                _at(record_local, values, index, share)
+                for record_local, values, index in zip(unknowns, best, asked, strict=True)
             ]
             costs = _costs(problem, shared, tried)
             if costs is None:
                 continue
-            for place in np.flatnonzero(costs < lowest - _BETTER):
-                best[place], lowest[place] = tried[place], costs[place]
+            for index in np.flatnonzero(costs < lowest - _BETTER):
+                best[index], lowest[index] = tried[index], costs[index]
                 moved = True
     return shared, tuple(best), moved
 
@@ -138,7 +140,7 @@ def _shared_out(
     Of ``(w + δ)²/s_w² + Σ (d_k − 2h_k·δ)²/s_k²`` the minimum over δ, within the bounds: a fit by derivatives
     may not get along this valley, where the cost jumps beside it.
     """
-    values, own = shared.copy(), [np.array(each) for each in local]
+    values, record_local = shared.copy(), [np.array(each) for each in local]
     gained = 0.0
     for column, habit in enumerate(problem.shared):
         members = _members(problem, habit.name)
@@ -146,45 +148,45 @@ def _shared_out(
             continue
         weight, pull = 1.0 / habit.prior.std**2, -(values[column] - habit.prior.mean) / habit.prior.std**2
         low, high = habit.lower - values[column], habit.upper - values[column]
-        for record, place, width in members:
-            one, d = problem.local[record][place].unknown, own[record][place]
+        for record, index, width in members:
+            one, d = problem.local[record][index].unknown, record_local[record][index]
             std = one.prior.std if one.prior is not None else width
             weight += (width / std) ** 2
             pull += width * d / std**2
             low, high = max(low, (d - one.upper) / width), min(high, (d - one.lower) / width)
         delta = float(np.clip(pull / weight, low, high))
         values[column] += delta
-        for record, place, width in members:
-            own[record][place] -= width * delta
+        for record, index, width in members:
+            record_local[record][index] -= width * delta
         gained += 2.0 * pull * delta - weight * delta**2
-    return (values, own, True) if gained > _BETTER else (shared, list(local), False)
+    return (values, record_local, True) if gained > _BETTER else (shared, list(local), False)
 
 
 def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
     """Record, place among its unknowns and ∂t/∂w (s) of each switch that `habit` moves; none where switches
     of several habits share an unknown."""
     found = []
-    for number, (record, own) in enumerate(zip(problem.records, problem.local, strict=True)):
+    for number, (record, record_local) in enumerate(zip(problem.records, problem.local, strict=True)):
         moved = switch_shifts(record, [habit])[:, 0] if habit in HABITS else np.zeros(0)
         if not moved.any():
             continue
-        places = {one.name: place for place, one in enumerate(own)}
+        indices = {one.name: index for index, one in enumerate(record_local)}
         for k in np.flatnonzero(moved):
-            place = places.get(own_switch(int(k)))
-            if place is None:
+            index = indices.get(switch_name(int(k)))
+            if index is None:
                 return []
-            found.append((number, place, float(moved[k])))
+            found.append((number, index, float(moved[k])))
     return found
 
 
-def _at(unknowns: Sequence[Unknown], values: Floats, place: int | None, share: float) -> Floats:
-    """`values` with the one at `place` tried at `share` of what it may be off."""
-    if place is None:
+def _at(unknowns: Sequence[Unknown], values: Floats, index: int | None, share: float) -> Floats:
+    """`values` with the one at `index` tried at `share` of what it may be off."""
+    if index is None:
         return values
     tried = values.copy()
-    one = unknowns[place]
+    one = unknowns[index]
     middle, half = 0.5 * (one.lower + one.upper), 0.5 * (one.upper - one.lower)
-    tried[place] = middle + share * half
+    tried[index] = middle + share * half
     return tried
 
 
@@ -193,7 +195,10 @@ def _costs(problem: Problem, shared: Floats, local: Sequence[Floats]) -> Floats 
     blocks = problem.evaluate(shared, local, False)
     if isinstance(blocks, Refused):
         return None
-    priors = [prior_rows(own, each)[0] for own, each in zip(problem.local_unknowns(), local, strict=True)]
+    priors = [
+        prior_rows(record_local, each)[0]
+        for record_local, each in zip(problem.local_unknowns(), local, strict=True)
+    ]
     return np.array(
         [block.residual @ block.residual + off @ off for block, off in zip(blocks, priors, strict=True)]
     )

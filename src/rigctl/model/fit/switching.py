@@ -38,14 +38,14 @@ _MOST_SCATTERED = 60
 _UNIFORM = 1.0 / math.sqrt(3.0)
 
 
-def own_switch(k: int) -> str:
+def switch_name(k: int) -> str:
     """What the unknown of a record's switch k is called."""
     return qualified(RECORD, f"switch_{k}")
 
 
 def moves_switches(name: str) -> bool:
     """Whether an unknown of this name moves the times of commands, and nothing else."""
-    return name in HABITS or name == ALL or name.startswith(own_switch(0)[:-1])
+    return name in HABITS or name == ALL or name.startswith(switch_name(0)[:-1])
 
 
 def habit_unknowns(measurements: Measurements) -> list[Unknown]:
@@ -60,12 +60,12 @@ def habit_unknowns(measurements: Measurements) -> list[Unknown]:
 
 def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
     """What moves each switch of a record, or all of them where there are many; in s."""
-    places = record.rough_switches
-    if not places.size:
+    indices = record.rough_switches
+    if not indices.size:
         return []
-    if places.size > MOST_SWITCHES:
-        return [_moved_by(ALL, float(np.median(record.switch_half[places])))]
-    return [_moved_by(own_switch(int(k)), float(record.switch_half[k])) for k in places]
+    if indices.size > MOST_SWITCHES:
+        return [_moved_by(ALL, float(np.median(record.switch_half[indices])))]
+    return [_moved_by(switch_name(int(k)), float(record.switch_half[k])) for k in indices]
 
 
 def _moved_by(name: str, half: float) -> Unknown:
@@ -75,16 +75,16 @@ def _moved_by(name: str, half: float) -> Unknown:
 def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
     """(switches, names) by how much each quantity moves each switch, s per unit of it."""
     shifts = np.zeros((record.switch_times.size, len(names)))
-    places = record.rough_switches
+    indices = record.rough_switches
     for column, name in enumerate(names):
         if name in HABITS:
-            own = places[record.switch_kinds[places] == HABITS.index(name)]
-            shifts[own, column] = 2.0 * record.switch_half[own]
+            of_kind = indices[record.switch_kinds[indices] == HABITS.index(name)]
+            shifts[of_kind, column] = 2.0 * record.switch_half[of_kind]
         elif name == ALL:
-            shifts[places, column] = 1.0
+            shifts[indices, column] = 1.0
         else:
             k = int(name.rsplit("_", 1)[1])
-            shifts[places[places == k], column] = 1.0
+            shifts[indices[indices == k], column] = 1.0
     return shifts
 
 
@@ -93,14 +93,14 @@ def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
 
     They are those whose commands change most where there are very many.
     """
-    places = record.rough_switches
-    if places.size <= MOST_SWITCHES:
+    indices = record.rough_switches
+    if indices.size <= MOST_SWITCHES:
         return (), np.empty(0)
     width = np.ptp(record.inputs, axis=0)
     jumps = np.abs(np.diff(record.inputs, axis=0)) / np.where(width > 0.0, width, 1.0)
-    size = jumps.sum(axis=1)[places - 1]
-    chosen = np.sort(places[np.argsort(-size, kind="stable")[:_MOST_SCATTERED]])
-    return tuple(own_switch(int(k)) for k in chosen), record.switch_half[chosen] * _UNIFORM
+    size = jumps.sum(axis=1)[indices - 1]
+    chosen = np.sort(indices[np.argsort(-size, kind="stable")[:_MOST_SCATTERED]])
+    return tuple(switch_name(int(k)) for k in chosen), record.switch_half[chosen] * _UNIFORM
 
 
 def moved_times(record: MeasuredRecord, values: dict[str, float]) -> Floats:

@@ -46,10 +46,10 @@ def shared_unknowns(model: Model, extra: Sequence[Unknown] = ()) -> list[Unknown
 
 def parameter_unknown(model: Model, name: str) -> Unknown:
     """A parameter of the model or of one of its effects as an unknown that starts at the model's value."""
-    effect, dot, own = name.partition(".")
+    effect, dot, parameter = name.partition(".")
     value = model.values[name]
     if dot:
-        return effect_unknown(model.effect(effect), own, value)
+        return effect_unknown(model.effect(effect), parameter, value)
     declared = model.family.parameter(name)
     low = max(declared.low, _NARROW * value) if declared.low == 0.0 and value > 0.0 else declared.low
     high = declared.high if math.isfinite(declared.high) or not value else _WIDE * abs(value)
@@ -139,15 +139,15 @@ def _start(
 
 def _set(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
     """What a closed valve keeps of a setting: of this record's, or of an earlier one that was higher."""
-    place = measurements.inputs.index(start.input)
-    given = float(record.inputs[0, place])
+    index = measurements.inputs.index(start.input)
+    given = float(record.inputs[0, index])
     std, mean = start.spread * given, start.share * given
     if std <= 0.0:
         return None
     reading = _first(start.state, record, measurements)
     if math.isfinite(reading):  # the setting says nothing beside it
         return Unknown(start.state, reading, min(_VACUUM, reading), scale=std)
-    highest = max(float(each.inputs[:, place].max()) for each in measurements.records)
+    highest = max(float(each.inputs[:, index].max()) for each in measurements.records)
     return Unknown(start.state, mean, _VACUUM, 1.2 * highest, scale=std, prior=Prior(mean, std))
 
 

@@ -66,8 +66,8 @@ def _within_noise(records: Sequence[MeasuredRecord], model: Model, name: str) ->
     names = [item.name for item in model.family.inputs]
     if name not in names:
         return False
-    place = names.index(name)
-    along = [record.lines[:, record.along.index(place)] for record in records if place in record.along]
+    index = names.index(name)
+    along = [record.lines[:, record.along.index(index)] for record in records if index in record.along]
     if not along:
         return False
     middles = [float(np.median(values)) for values in along]
@@ -77,11 +77,11 @@ def _within_noise(records: Sequence[MeasuredRecord], model: Model, name: str) ->
 
 def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[str, list[float]]:
     """Where the first channel that has a reading began, where that differs on purpose."""
-    place = next((c for c in range(len(outputs)) if records[0].here[:, c].any()), None)
-    if place is None or any(record.times.size < 2 for record in records):
+    index = next((c for c in range(len(outputs)) if records[0].here[:, c].any()), None)
+    if index is None or any(record.times.size < 2 for record in records):
         return {}
-    starts = np.array([_first(record, place) for record in records])
-    present = [record.values[record.here[:, place], place] for record in records]
+    starts = np.array([_first(record, index) for record in records])
+    present = [record.values[record.here[:, index], index] for record in records]
     every = np.concatenate(present)
     changes = np.concatenate([np.abs(np.diff(values)) for values in present if values.size > 1] or [[0.0]])
     sigma = float(np.median(changes)) / 0.954  # of the differences of two readings, each with this sigma
@@ -89,12 +89,12 @@ def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[
     known = starts[np.isfinite(starts)]
     if not known.size or float(np.ptp(known)) <= least:
         return {}
-    return {outputs[place]: cluster(starts.tolist(), least)}
+    return {outputs[index]: cluster(starts.tolist(), least)}
 
 
-def _first(record: MeasuredRecord, place: int) -> float:
+def _first(record: MeasuredRecord, index: int) -> float:
     """The first reading: those after it may already be on the way to somewhere else."""
-    values = record.values[record.here[:, place], place]
+    values = record.values[record.here[:, index], index]
     return float(values[0]) if values.size else float("nan")
 
 

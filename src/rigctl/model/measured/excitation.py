@@ -87,19 +87,19 @@ def actuator_range(actuator: Actuator) -> tuple[float, float]:
 def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -> Acting:
     """What the inputs were in a record of `run`, in the order of `sources`; times from its first sample."""
     builder = _Builder(record, run, rig, len(sources))
-    for place, source in enumerate(sources):
+    for index, source in enumerate(sources):
         if source.actuators:
-            builder.commanded(place, source)
+            builder.commanded(index, source)
         elif source.channel is not None:
-            builder.measured(place, source)
+            builder.measured(index, source)
         else:
-            builder.unmeasured(place, source)
+            builder.unmeasured(index, source)
     builder.straighten()
     times, half, rows = builder.rows()
     commanded = rows.copy()
-    for place, source in enumerate(sources):
+    for index, source in enumerate(sources):
         if not source.actuators:
-            commanded[:, place] = np.median(commanded[:, place])
+            commanded[:, index] = np.median(commanded[:, index])
     lines = builder.lines
     return Acting(
         times=times - float(record.time[0]),
@@ -131,27 +131,27 @@ class _Builder:
         self.bridged: dict[str, int] = {}
         self.spikes: dict[str, int] = {}
 
-    def constant(self, place: int, value: float) -> None:
-        self._first[place] = value
+    def constant(self, index: int, value: float) -> None:
+        self._first[index] = value
 
-    def unmeasured(self, place: int, source: InputSource) -> None:
+    def unmeasured(self, index: int, source: InputSource) -> None:
         """An input that nothing records: what is said of it, else the family's value, which must be known."""
-        self.constant(place, source.value)
+        self.constant(index, source.value)
         if not source.said:
             self.taken[source.input] = source.value
 
-    def commanded(self, place: int, source: InputSource) -> None:
+    def commanded(self, index: int, source: InputSource) -> None:
         """An input of actuators: their commands, or anything that they can be told where none is there."""
         absent = unrecorded_actuators(source, self._run)
         if absent:
             self.unrecorded[source.input] = _span(source, absent, self._rig)
             self.absent[source.input] = tuple(absent)
         elif source.hold == "linear":
-            self.lines[place] = source.value + _sum(source, self._record)
+            self.lines[index] = source.value + _sum(source, self._record)
         else:
-            self.switched(place, source)
+            self.switched(index, source)
 
-    def measured(self, place: int, source: InputSource) -> None:
+    def measured(self, index: int, source: InputSource) -> None:
         """An input of a channel: its readings, else what is said of it, or what it can be."""
         readings = self.readings(source)
         if readings is None:
@@ -159,27 +159,27 @@ class _Builder:
             if span is not None:
                 self.unrecorded[source.input] = span
             else:
-                self.unmeasured(place, source)
+                self.unmeasured(index, source)
         elif source.hold == "previous":
-            self.steps(place, readings)
+            self.steps(index, readings)
         else:
-            self.lines[place] = readings
+            self.lines[index] = readings
 
     def straighten(self) -> None:
         """A line that never changes is a constant; of the others the middle stands among the commands."""
-        for place, values in list(self.lines.items()):
-            self.constant(place, float(np.median(values)))
+        for index, values in list(self.lines.items()):
+            self.constant(index, float(np.median(values)))
             if np.ptp(values) == 0.0:
-                del self.lines[place]
+                del self.lines[index]
 
-    def switched(self, place: int, source: InputSource) -> None:
+    def switched(self, index: int, source: InputSource) -> None:
         """The actuators' commands: what they were at the first sample, and every switch.
 
         A command given at the moment of the first sample holds from there on, whatever that sample says.
         """
         record = self._record
         now = {name: _first(record.commands[name]) for name, _ in source.actuators}
-        self._first[place] = last = source.of(now)
+        self._first[index] = last = source.of(now)
         begin, end = float(record.time[0]), float(record.time[-1])
         for switch in sorted(record.switches, key=lambda one: one.time):
             if switch.actuator not in now or not begin <= switch.time <= end:
@@ -187,16 +187,16 @@ class _Builder:
             now[switch.actuator] = switch.value
             value = source.of(now)
             if switch.time == begin:
-                self._first[place] = last = value
+                self._first[index] = last = value
             elif value != last:
-                self._changes.append((switch.time, switch.uncertainty, place, value))
+                self._changes.append((switch.time, switch.uncertainty, index, value))
                 last = value
 
-    def steps(self, place: int, readings: Floats) -> None:
+    def steps(self, index: int, readings: Floats) -> None:
         """Readings that hold until the next one."""
-        self._first[place] = readings[0]
+        self._first[index] = readings[0]
         for k in (np.flatnonzero(np.diff(readings)) + 1).tolist():
-            self._changes.append((float(self._record.time[k]), 0.0, place, float(readings[k])))
+            self._changes.append((float(self._record.time[k]), 0.0, index, float(readings[k])))
 
     def readings(self, source: InputSource) -> Floats | None:
         """What the input's channel read, gaps and spikes bridged; None where it has no reading."""
@@ -219,13 +219,13 @@ class _Builder:
     def rows(self) -> tuple[Floats, Floats, Floats]:
         """Times, half-widths and rows: what changes at one moment is one command."""
         times, half, rows = [float(self._record.time[0])], [0.0], [self._first]
-        for time, width, place, value in sorted(self._changes, key=lambda one: one[0]):
+        for time, width, index, value in sorted(self._changes, key=lambda one: one[0]):
             if time != times[-1]:
                 times.append(time)
                 half.append(width)
                 rows.append(rows[-1].copy())
             half[-1] = max(half[-1], width)
-            rows[-1][place] = value
+            rows[-1][index] = value
         return np.array(times), np.array(half), np.array(rows)
 
 

@@ -41,9 +41,9 @@ def _starts(records: Sequence[MeasuredRecord]) -> list[list[float]]:
     if not records:
         return []
     columns = []
-    for place in range(records[0].values.shape[1]):
-        first = [first_reading(record, place) for record in records]
-        present = [record.values[np.isfinite(record.values[:, place]), place] for record in records]
+    for index in range(records[0].values.shape[1]):
+        first = [first_reading(record, index) for record in records]
+        present = [record.values[np.isfinite(record.values[:, index]), index] for record in records]
         every = np.concatenate(present) if present else np.empty(0)
         width = _SAME_START * float(np.ptp(every)) if every.size else 0.0
         columns.append([-1.0 if np.isnan(value) else value for value in cluster(first, width)])

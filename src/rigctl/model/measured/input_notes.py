@@ -36,16 +36,16 @@ def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecor
     """Take as much of the noise of measured inputs out as their readings allow."""
     found, kept, notes = list(records), dict[str, float](), []
     for name, sigma in _input_noise(model, rig, records).items():
-        place = [item.name for item in model.family.inputs].index(name)
-        own = [(k, record.along.index(place)) for k, record in enumerate(found) if place in record.along]
-        lines = [found[k].lines[:, column] for k, column in own]
-        window = window_of([found[k].knots for k, _ in own], lines, sigma)
+        index = [item.name for item in model.family.inputs].index(name)
+        columns = [(k, record.along.index(index)) for k, record in enumerate(found) if index in record.along]
+        lines = [found[k].lines[:, column] for k, column in columns]
+        window = window_of([found[k].knots for k, _ in columns], lines, sigma)
         kept[name] = sigma
         text = f"a reading of the input {name} has noise of "
         text += show(sigma, input_unit(model, rig, name), difference=True, digits=2)
         if window > 1:
             text += f": it is smoothed over {window} readings"
-            for (k, column), line in zip(own, lines, strict=True):
+            for (k, column), line in zip(columns, lines, strict=True):
                 changed = found[k].lines.copy()
                 changed[:, column] = smoothed(found[k].knots, line, window)
                 found[k] = replace(found[k], lines=changed)
@@ -56,13 +56,13 @@ def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecor
 def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
     """Standard deviation of a reading of each input that changes steadily, SI, where the data tell it."""
     found = {}
-    for place in sorted({place for record in records for place in record.along}):
-        name = model.family.inputs[place].name
-        measured = [record for record in records if place in record.along]
+    for index in sorted({index for record in records for index in record.along}):
+        name = model.family.inputs[index].name
+        measured = [record for record in records if index in record.along]
         readings = [
             NoiseRecord(
                 record.knots,
-                record.lines[:, [record.along.index(place)]],
+                record.lines[:, [record.along.index(index)]],
                 number,
                 np.zeros(record.knots.size, dtype=np.intp),
             )
@@ -81,7 +81,7 @@ def acting_notes(
 ) -> Iterator[str]:
     """Measured inputs act as they were measured; what was not recorded is unknown."""
     names = [item.name for item in model.family.inputs]
-    along = dict.fromkeys(names[place] for record in records for place in record.along)
+    along = dict.fromkeys(names[index] for record in records for index in record.along)
     for name in along:
         yield f"{name} acts as it was measured: straight lines between its readings"
         bridged, spikes = (
@@ -93,15 +93,15 @@ def acting_notes(
         if spikes:
             yield f"{spikes} readings of {name} are spikes: it is taken as a straight line across them"
     for name in dict.fromkeys(name for record in records for name in record.unrecorded):
-        own = [record.unrecorded[name] for record in records if name in record.unrecorded]
-        low, high = own[0]
+        ranges = [record.unrecorded[name] for record in records if name in record.unrecorded]
+        low, high = ranges[0]
         unit = input_unit(model, rig, name)
         rows = all(record.row for record in records)
         unknown = (
             "it is one unknown of all rows"
             if rows
-            else f"in {len(own)} of {len(records)} records; it is an unknown of each of them, the same all "
-            "through it"
+            else f"in {len(ranges)} of {len(records)} records; it is an unknown of each of them, the same "
+            "all through it"
         )
         yield (
             f"not recorded: {name}, {unknown}, between {show(low, unit)} and {show(high, unit)}. If it is "

@@ -17,12 +17,12 @@ def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator
     if half > 0.0:
         yield f"Commands were written down with the samples: their times are known to ±{1e3 * half:.3g} ms"
     yield from _gaps(records)
-    for place, name in enumerate(outputs):
-        missing = sum(int((~record.here[:, place]).sum()) for record in records)
+    for index, name in enumerate(outputs):
+        missing = sum(int((~record.here[:, index]).sum()) for record in records)
         if missing:
             total = sum(record.times.size for record in records)
             yield f"{name} is missing in {missing} of {total} samples: they are left out"
-        if _never_changes([record.values[:, place] for record in records if record.times.size > 1]):
+        if _never_changes([record.values[:, index] for record in records if record.times.size > 1]):
             yield (
                 f"{name} never changes: the sensor may be dead, or the channel is not connected, "
                 "and its noise cannot be told"

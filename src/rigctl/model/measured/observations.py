@@ -125,7 +125,7 @@ def _moving(
     standard = model.family.standard_record
     known = _values(row)
     measures = _MEASURES.get(model.family.name, {})
-    found = {name: place for name, place in measures.items() if name in known}
+    found = {name: index for name, index in measures.items() if name in known}
     if standard is None or rig is None or not found:
         return None
     times = sorted({time for _, time in found.values()})
@@ -157,17 +157,17 @@ def _commanded(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The standard record's commands, with the row's own set-points instead of the record's."""
     names = [item.name for item in model.family.inputs]
-    own = {}
+    set_points = {}
     for source in input_sources(model.family, rig):
         for actuator, factor in source.actuators:
             if actuator in row.sweep:
-                own[source.input] = factor * row.sweep[actuator]
+                set_points[source.input] = factor * row.sweep[actuator]
     role = rig.roles.set_pressure
     if role is not None and role.channel in row.sweep:
-        own.setdefault("pressure_setpoint", row.sweep[role.channel])
+        set_points.setdefault("pressure_setpoint", row.sweep[role.channel])
     now = {item.name: item.value for item in model.family.inputs}
     rows = []
     for _, changed in standard.switches:
         now |= dict(changed)
-        rows.append([{**now, **own}[name] for name in names])
+        rows.append([{**now, **set_points}[name] for name in names])
     return np.array([time for time, _ in standard.switches]), np.array(rows)

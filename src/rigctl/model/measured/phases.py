@@ -27,13 +27,13 @@ def phases_of(
     an early, a middle and a late part instead.
     """
     changes = [0, *(k for k in range(1, len(inputs)) if not np.array_equal(inputs[k], inputs[k - 1]))]
-    place = np.searchsorted(switch_times[changes[1:]], times, side="left")
-    used = np.unique(place)
+    index = np.searchsorted(switch_times[changes[1:]], times, side="left")
+    used = np.unique(index)
     if used.size == 1 and times.size >= _ENOUGH:
         ends = [round(share * times.size) for _, share in _PARTS]
         return np.searchsorted(ends, np.arange(times.size), side="right"), tuple(name for name, _ in _PARTS)
     names = _names([inputs[changes[k]] for k in used], family, units)
-    return np.searchsorted(used, place).astype(np.intp), names
+    return np.searchsorted(used, index).astype(np.intp), names
 
 
 def _names(rows: Sequence[Floats], family: ModelFamily, units: Sequence[str]) -> tuple[str, ...]:

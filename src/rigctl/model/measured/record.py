@@ -82,10 +82,10 @@ class MeasuredRecord:
             return np.zeros(len(self.inputs), dtype=np.intp)
         changes = np.diff(self.inputs, axis=0, prepend=self.inputs[:1])
         width = np.ptp(self.inputs, axis=0)
-        place = np.argmax(np.abs(changes) / np.where(width > 0.0, width, 1.0), axis=1)
-        row = np.arange(len(place))
-        kinds = np.where(changes[row, place] > 0.0, 0, 1)
-        return np.asarray(np.where(self.inputs[row, place] == 0.0, 2, kinds), dtype=np.intp)
+        index = np.argmax(np.abs(changes) / np.where(width > 0.0, width, 1.0), axis=1)
+        row = np.arange(len(index))
+        kinds = np.where(changes[row, index] > 0.0, 0, 1)
+        return np.asarray(np.where(self.inputs[row, index] == 0.0, 2, kinds), dtype=np.intp)
 
     @property
     def here(self) -> NDArray[np.bool_]:
@@ -139,6 +139,6 @@ class Measurements:
             name for name in names if len({record.condition.get(name) for record in self.records}) > 1
         )
 
-    def only(self, places: Iterable[int]) -> Measurements:
+    def only(self, indices: Iterable[int]) -> Measurements:
         """These records alone."""
-        return replace(self, records=tuple(self.records[place] for place in places))
+        return replace(self, records=tuple(self.records[index] for index in indices))

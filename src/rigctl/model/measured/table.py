@@ -36,11 +36,11 @@ def as_table(
     points, series = curves(found)
     kept: list[int] = []
     notes: list[str] = []
-    for place, name in enumerate(found.outputs):
-        values = column(found, place)
+    for index, name in enumerate(found.outputs):
+        values = column(found, index)
         source = next((k for k in kept if same_reading(column(found, k), values, points, series)), None)
         if source is None:
-            kept.append(place)
+            kept.append(index)
         else:
             notes.append(
                 f"{name} scatters exactly as {found.outputs[source]} does: it was worked out from it, says "
@@ -49,13 +49,13 @@ def as_table(
     return _only_columns(found, kept, notes)
 
 
-def column(measurements: Measurements, place: int) -> Floats:
+def column(measurements: Measurements, index: int) -> Floats:
     """(rows) SI, what was read of one output: the last reading of each row, NaN where there is none."""
-    return np.array([_last(record, place) for record in measurements.records])
+    return np.array([_last(record, index) for record in measurements.records])
 
 
-def _last(record: MeasuredRecord, place: int) -> float:
-    present = record.values[np.isfinite(record.values[:, place]), place]
+def _last(record: MeasuredRecord, index: int) -> float:
+    present = record.values[np.isfinite(record.values[:, index]), index]
     return float(present[-1]) if present.size else float("nan")
 
 
@@ -105,9 +105,9 @@ def _only_columns(measurements: Measurements, kept: Sequence[int], notes: Sequen
             beside={
                 **record.beside,
                 **{
-                    name: _last(record, place)
-                    for place, name in enumerate(measurements.outputs)
-                    if place not in kept
+                    name: _last(record, index)
+                    for index, name in enumerate(measurements.outputs)
+                    if index not in kept
                 },
             },
         )
@@ -115,8 +115,8 @@ def _only_columns(measurements: Measurements, kept: Sequence[int], notes: Sequen
     )
     return replace(
         measurements,
-        outputs=tuple(measurements.outputs[place] for place in kept),
-        units=tuple(measurements.units[place] for place in kept),
+        outputs=tuple(measurements.outputs[index] for index in kept),
+        units=tuple(measurements.units[index] for index in kept),
         records=records,
         notes=(*measurements.notes, *notes),
     )
