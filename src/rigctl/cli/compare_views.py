@@ -160,7 +160,7 @@ def _tests(model: ModelComparison) -> Table:
         dof = str(test.dof) if test.dof else ""
         made.add_row(name, _ASKS.get(name, ""), f"{test.statistic:.4g}", dof, chance(test.p_value))
     made.add_row(
-        "all", "Holm: the chance that a right model fares so ill", "", "", chance(model.adequacy.p_value)
+        "all", "Holm: the smallest p, corrected for three tests", "", "", chance(model.adequacy.p_value)
     )
     return made
 

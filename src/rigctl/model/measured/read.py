@@ -218,7 +218,7 @@ def _require_commands(model: Model, run: Run, rig: Rig, sources: Sequence[InputS
     if absent:
         columns = " and ".join(f"'{name} [{rig.actuators[name].display_unit}]'" for name in absent)
         raise RigctlError(
-            f"{run.id} does not tell {' and '.join(absent)}, which the model '{model.name}' needs",
+            f"{run.id} has no record of {' and '.join(absent)}, which the model '{model.name}' needs",
             value=", ".join(run.layout.commands) or "no command at all",
             expected=f"{columns} too",
             hint=f"'rigctl import' the file with it, or say what it was: '--assume {absent[0]}=…'",
