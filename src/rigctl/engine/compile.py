@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,20 +35,16 @@ _addresses = addresses_of((Path(__file__).parent / "straight_line.txt").read_tex
 def addresses(into):
     _addresses(into)
 '''
-_KERNELS = '''"""Made by rigctl: the kernels, compiled; deleted and made again at will."""
+_KERNEL = '''"""Made by rigctl: a kernel, compiled; deleted and made again at will."""
 
 from numba import njit
 
-from rigctl.engine.kernels import record, step
-from rigctl.engine.kernels.calling import OPTIONS
-from rigctl.engine.kernels.signatures import RECORD, STEP
-'''
-_KERNEL_FUNCTION = """
+from rigctl.engine.kernels.calling import OPTIONS, moved_to
+from rigctl.engine.kernels.{module} import {name} as written
+from rigctl.engine.kernels.signatures import {signature}
 
-@njit({signature}, cache=True, **OPTIONS)
-def {name}({arguments}):
-    return {module}.{name}({arguments})
-"""
+{name} = njit({signature}, cache=True, **OPTIONS)(moved_to(written.py_func, __name__, __file__))
+'''
 
 
 @dataclass(frozen=True)
@@ -63,46 +58,61 @@ class CompiledSystem:
     system: the equations.
     source: the straight-line code it was made from; ``source.digest`` names the model.
     addresses: of the model's functions, in the order of `source.ARGUMENTS`.
-    integrate_record, step_to: the compiled kernels of `kernels.record` and `kernels.step`.
     """
 
     system: System
     source: Source
     addresses: Integers = field(repr=False)
-    integrate_record: Callable[..., Any] = field(repr=False)
-    step_to: Callable[..., Any] = field(repr=False)
+
+    @property
+    def integrate_record(self) -> Callable[..., Any]:
+        """The compiled kernel of `kernels.record`."""
+        return _kernel("record", width() > 0)
+
+    @property
+    def step_to(self) -> Callable[..., Any]:
+        """The compiled kernel of `kernels.step`."""
+        return _kernel("step", width() > 0)
 
     def __reduce__(self) -> tuple[Callable[[System], CompiledSystem], tuple[System]]:
         return compile_system, (self.system,)
 
 
-def compile_system(system: System, *, progress: Progress | None = None) -> CompiledSystem:
+def compile_system(
+    system: System, *, stepping: bool = False, progress: Progress | None = None
+) -> CompiledSystem:
     """Compile `system`, or fetch its machine code from the cache.
 
     Takes some tenths of a second for a new model, less for a known one. The first model after installation
-    also compiles the kernels, which takes some seconds; `progress` is told so.
+    also compiles the kernel that integrates whole records, or with `stepping` the one that goes on step by
+    step; that takes some seconds, and `progress` is told so. The other one is compiled when it is first used.
     """
-    kernels = _load_kernels(progress)
+    _kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
     model = load_compiled("model", {"compiled.py": _MODEL, "straight_line.txt": source.text})
     addresses = np.zeros(len(ARGUMENTS), dtype=np.int64)
     model.addresses.ctypes(addresses.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)))
-    return CompiledSystem(system, source, addresses, kernels.integrate_record, kernels.step_to)
+    return CompiledSystem(system, source, addresses)
 
 
-def _load_kernels(progress: Progress | None) -> Any:
-    from rigctl.engine.kernels.record import integrate_record
-    from rigctl.engine.kernels.step import step_to
+#: by module of the kernel, and whether its bounds are checked
+_loaded: dict[tuple[str, bool], Callable[..., Any]] = {}
+_NAMES = {"record": ("integrate_record", "RECORD"), "step": ("step_to", "STEP")}
 
-    text = _KERNELS + ("# with bounds checked\n" if width() else "")
-    for module, signature, kernel in (("record", "RECORD", integrate_record), ("step", "STEP", step_to)):
-        arguments = ", ".join(inspect.signature(kernel.py_func).parameters)
-        text += _KERNEL_FUNCTION.format(
-            signature=signature, name=kernel.__name__, module=module, arguments=arguments
-        )
+
+def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Callable[..., Any]:
+    """A compiled kernel. Each is a module of its own: what integrates records never steps, and a compilation
+    takes seconds.
+    """
 
     def announce() -> None:
         if progress is not None:
-            progress("Compiling the integrator, once for this installation (about 15 s)")
+            progress("Compiling the integrator, once for this installation (about 10 s)")
 
-    return load_compiled("kernels", {"compiled.py": text}, before_compiling=announce)
+    if (module, checked) not in _loaded:
+        name, signature = _NAMES[module]
+        text = _KERNEL.format(module=module, name=name, signature=signature)
+        text += "# with bounds checked\n" if checked else ""
+        made = load_compiled(f"kernel-{module}", {"compiled.py": text}, before_compiling=announce)
+        _loaded[module, checked] = getattr(made, name)
+    return _loaded[module, checked]

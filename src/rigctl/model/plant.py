@@ -94,7 +94,7 @@ def plant_stepper(
     if role is not None and role.channel in start:
         given[role.actuator] = start[role.channel]
     inputs = input_values(plant_inputs(rig, chosen).sources, given | dict(commands or {}))
-    compiled = compile_system(system, progress=progress)
+    compiled = compile_system(system, stepping=True, progress=progress)
     return Stepper(compiled, [start[name] for name in system.state_names], system.nominal, inputs)
 
 
