@@ -6,12 +6,16 @@ They know nothing of rigctl's clients; what they offer is written down once more
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import struct
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from functools import cache, partial
 from typing import Any, Self
 
 from rigctl.backends.simulated.create import prepare
@@ -304,5 +308,135 @@ class ScpiServer(Server):
         return None
 
 
+class _Controller:
+    """asyncua's server, made once: its standard nodes take seconds. It serves one `OpcUaServer` at a time."""
+
+    def __init__(self) -> None:
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+        self.served: OpcUaServer
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.number = int(free.getsockname()[1])
+        self._loop = asyncio.new_event_loop()
+        threading.Thread(target=self._loop.run_forever, daemon=True).start()
+        asyncio.run_coroutine_threadsafe(self._serve(), self._loop).result(60.0)
+
+    async def _serve(self) -> None:
+        from asyncua import ua
+        from asyncua.server.server import Server as Ua
+
+        kinds: dict[str, Any] = {
+            "Plant": ua.VariantType.String,
+            "SupplyPressure": ua.VariantType.Float,
+            "OilTemperature": ua.VariantType.Int32,
+            "Heater": ua.VariantType.Boolean,
+            "ReliefValve": ua.VariantType.Float,
+            "HostAlive": ua.VariantType.Byte,
+        }
+        server = Ua()
+        await server.init()
+        server.set_endpoint(f"opc.tcp://127.0.0.1:{self.number}")
+        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        assert await server.register_namespace("circuit") == 2
+        aspace, value = server.iserver.aspace, ua.AttributeIds.Value
+        for name, kind in kinds.items():
+            there = ua.NodeId.from_string(f"ns=2;s=Circuit.{name}")
+            node = await server.nodes.objects.add_variable(there, name, "" if name == "Plant" else 0, kind)
+            await node.set_writable()
+            aspace.set_attribute_value_callback(there, value, partial(self._read, name, kind))
+            aspace.set_attribute_value_setter(there, value, partial(self._written, name))
+        await server.start()
+
+    def _read(self, name: str, kind: Any, *_: object) -> Any:
+        from asyncua import ua
+
+        served = self.served
+        served.asked += 1
+        if served.refusing and name == "SupplyPressure":
+            return ua.DataValue(StatusCode_=ua.StatusCode(ua.StatusCodes.BadSensorFailure))
+        here = datetime.now(UTC) + timedelta(seconds=served.skew)
+        return ua.DataValue(
+            ua.Variant(served.values()[name], kind),
+            SourceTimestamp=served.frozen or here,
+            ServerTimestamp=here,
+        )
+
+    def _written(self, name: str, _node: object, _attribute: object, value: Any) -> None:
+        self.served.written(name, float(value.Value.Value))
+
+
+@cache
+def _controller() -> _Controller:
+    return _Controller()
+
+
+class OpcUaServer(Server):
+    """The controller of `rigs/oil-circuit-opcua.yaml`, and a plug between its server and clients.
+
+    Attributes
+    ----------
+    beats: how often its heartbeat has changed.
+    frozen: its sources have stopped, and their last time stamp stays; may be set at any time.
+    skew: s by which the controller's clock is ahead of this computer's; may be set at any time.
+    """
+
+    beats = 0
+    frozen: datetime | None = None
+    skew = 0.0
+
+    def __init__(self, rig: Rig) -> None:
+        self._ends: set[asyncio.StreamWriter] = set()
+        _controller().served = self
+        super().__init__(rig)
+
+    @property
+    def port(self) -> str:
+        return f"opc.tcp://127.0.0.1:{self.number}"
+
+    def values(self) -> dict[str, Any]:
+        now, outputs = self.circuit.read(), self.circuit.outputs
+        return {
+            "Plant": "oil circuit 4711",
+            "SupplyPressure": float("nan") if self.broken else now["supply_pressure"] / 1e5,
+            "OilTemperature": round(100.0 * (now["oil_temperature"] - 273.15)),
+            "Heater": bool(outputs["heater"]),
+            "ReliefValve": outputs["relief_valve"] / 1e5,
+            "HostAlive": self.beats % 128,
+        }
+
+    def written(self, name: str, number: float) -> None:
+        if name == "Heater":
+            self.circuit.set("heater", number)
+        elif name == "ReliefValve":
+            self.circuit.set("relief_valve", number * 1e5)
+        else:
+            self.beats += 1
+
+    async def _start(self) -> None:
+        self._plug = await asyncio.start_server(self._carry, "127.0.0.1", self.number)
+
+    async def _stop(self) -> None:
+        self._plug.close()
+        for writer in self._ends:
+            writer.close()
+        self._ends.clear()
+
+    async def _carry(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        there, back = await asyncio.open_connection("127.0.0.1", _controller().number)
+        self._ends |= {writer, back}
+        await asyncio.gather(self._copy(reader, back), self._copy(there, writer))
+
+    async def _copy(self, source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
+        with suppress(OSError):
+            while data := await source.read(65536):
+                if not self.mute:
+                    target.write(data)
+                    await target.drain()
+        target.close()
+
+
 #: kind of backend -> the server that its shipped rig is for
-SERVERS: dict[str, Callable[[Rig], Server]] = {"modbus": ModbusServer, "visa": ScpiServer}
+SERVERS: dict[str, Callable[[Rig], Server]] = {
+    "modbus": ModbusServer,
+    "visa": ScpiServer,
+    "opcua": OpcUaServer,
+}

@@ -15,6 +15,7 @@ from rigctl.rig import Rig
 _MODULES: Mapping[str, str] = {
     "emulated": "rigctl.backends.emulated.create",
     "modbus": "rigctl.backends.modbus.create",
+    "opcua": "rigctl.backends.opcua.create",
     "replay": "rigctl.backends.replay.create",
     "serial": "rigctl.backends.serial_port",
     "simulated": "rigctl.backends.simulated.create",

@@ -26,6 +26,7 @@ _EXTRAS = (
     ("asammdf", "mdf", "reads and writes MDF4 files"),
     ("openpyxl", "xlsx", "reads and writes spreadsheets"),
     ("pyvisa", "visa", "speaks to instruments behind VISA: network, USB, GPIB"),
+    ("asyncua", "opcua", "reads and writes the nodes of OPC UA servers"),
     ("pymodbus", "modbus", "speaks to devices with Modbus registers"),
 )
 

@@ -18,7 +18,7 @@ def run(
     backend: Annotated[
         str | None,
         typer.Option(
-            help="serial, modbus, visa, emulated, simulated or replay; the rig file names the default."
+            help="serial, modbus, visa, opcua, emulated, simulated or replay; the rig file names the default."
         ),
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,

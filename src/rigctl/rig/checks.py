@@ -12,6 +12,7 @@ from rigctl.rig.channel import QUANTITIES, Channel
 from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
 from rigctl.rig.line_checks import line_problems
+from rigctl.rig.node_checks import node_problems
 from rigctl.rig.problem import Problem
 from rigctl.rig.register_checks import register_problems
 from rigctl.rig.rig import Rig
@@ -40,6 +41,10 @@ def problems(rig: Rig) -> Iterator[Problem]:
         yield from register_problems(rig.backend.modbus, rig.channels, rig.actuators)
     elif rig.backend.kind == "modbus":
         yield Problem(("backend",), RigctlError("nothing says where its registers are", expected="'modbus:'"))
+    if rig.backend.opcua is not None:
+        yield from node_problems(rig.backend.opcua, rig.channels, rig.actuators)
+    elif rig.backend.kind == "opcua":
+        yield Problem(("backend",), RigctlError("nothing says where its nodes are", expected="'opcua:'"))
     if rig.backend.kind == "visa" and rig.backend.lines is None:
         yield Problem(
             ("backend",), RigctlError("nothing says what the instrument is sent", expected="'lines:'")

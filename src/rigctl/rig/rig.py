@@ -22,6 +22,7 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Lines
+from rigctl.rig.nodes import OpcUa
 from rigctl.rig.registers import Modbus
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
@@ -34,10 +35,10 @@ _WORKED_OUT = ("layout", "sha256")
 class Backend(Part):
     """How the bench is reached."""
 
-    kind: Literal["simulated", "serial", "modbus", "visa", "emulated", "replay"] = "simulated"
+    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "emulated", "replay"] = "simulated"
     port: str | None = Field(
         default=None,
-        description="serial port or pyserial URL, e.g. /dev/ttyACM0; host:port of Modbus; a VISA resource",
+        description="serial port or pyserial URL, e.g. /dev/ttyACM0; host:port of Modbus; a VISA resource; opc.tcp://…",
     )
     baud: int | None = Field(default=None, ge=300, description="bits per second")
     options: dict[str, Any] = Field(
@@ -48,6 +49,7 @@ class Backend(Part):
         description="the protocol of a device without rigctl's firmware, on a serial port or behind VISA",
     )
     modbus: Modbus | None = Field(default=None, description="the registers of a device on Modbus")
+    opcua: OpcUa | None = Field(default=None, description="the nodes of a server of OPC UA")
 
 
 class Rig(Part):
@@ -117,7 +119,7 @@ class Rig(Part):
         if "kind" not in self.backend.model_fields_set:
             raise RigctlError(
                 f"the rig '{self.name}' does not say how its bench is reached",
-                expected="'--backend serial' (modbus, visa, emulated, simulated, replay), or "
+                expected="'--backend serial' (modbus, visa, opcua, emulated, simulated, replay), or "
                 "'backend: {kind: serial}' in the rig file",
                 where=Location(self.path),
                 hint="Nothing is simulated unasked; 'rigctl simulate' does it",
@@ -155,6 +157,8 @@ class Rig(Part):
         backend = self.backend
         if backend.lines is None and backend.modbus is not None:
             return backend.modbus.in_lines(self.actuators)
+        if backend.lines is None and backend.opcua is not None:
+            return backend.opcua.in_lines(self.actuators)
         if backend.lines is not None and backend.kind == "visa":
             return backend.lines.of_a_client
         return backend.lines

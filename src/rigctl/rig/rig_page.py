@@ -15,6 +15,7 @@ from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
+from rigctl.rig.nodes import HeartbeatNode, IdentityNode, OpcUa, ReadNode, WrittenNode
 from rigctl.rig.registers import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
@@ -45,6 +46,11 @@ A device on Modbus TCP, or RTU on a serial line: which number stands in which re
 [How to connect a Modbus device](../how-to/connect-a-modbus-device.md) explains it.
 """
 
+_OPCUA = """\
+A server of OPC UA, without encryption and as an anonymous user: which node is read or written for what.
+[How to connect an OPC UA server](../how-to/connect-an-opc-ua-server.md) explains it.
+"""
+
 #: heading, where it is written, the model, and what stands before its table
 _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("backend", Backend, ""),
@@ -58,6 +64,11 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("backend.modbus.actuators.NAME", WrittenRegister, ""),
     ("backend.modbus.identify", IdentityRegister, ""),
     ("backend.modbus.heartbeat", Heartbeat, ""),
+    ("backend.opcua", OpcUa, _OPCUA),
+    ("backend.opcua.channels.NAME", ReadNode, ""),
+    ("backend.opcua.actuators.NAME", WrittenNode, ""),
+    ("backend.opcua.identify", IdentityNode, ""),
+    ("backend.opcua.heartbeat", HeartbeatNode, ""),
     ("channels.NAME", Channel, ""),
     ("channels.NAME.raw", Raw, ""),
     ("channels.NAME.calibration", Calibration, ""),

@@ -95,6 +95,7 @@ def bench_options(
         "serial": ("port", "clear_trips"),
         "modbus": ("port",),
         "visa": ("port",),
+        "opcua": ("port",),
         "emulated": ("seed", "clear_trips"),
     }
     known = taken.get(backend, tuple(given))

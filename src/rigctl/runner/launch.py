@@ -74,7 +74,7 @@ def launch(plan: Plan, how: Launch) -> RunResult:
         the bench cannot be reached or is in use, cannot be read as often as a record asks for, or the run's
         folder cannot be made; nothing has moved.
     """
-    if (how.backend or plan.rig.backend.kind) in ("serial", "modbus", "visa", "emulated"):
+    if (how.backend or plan.rig.backend.kind) in ("serial", "modbus", "visa", "opcua", "emulated"):
         refuse_rates(plan)
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
         writer = RunWriter.create(how.runs, header_of(plan, backend, how))

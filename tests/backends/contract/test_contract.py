@@ -34,10 +34,10 @@ def test_a_session_from_open_to_close(subject: Subject) -> None:
     try:
         assert bench.identity["kind"] == subject.kind
         assert bench.without_host
-        bench.start(20.0)
+        bench.start(10.0)
         found = samples(bench, 6)
         assert all(a.time < b.time for a, b in pairwise(found))
-        assert found[-1].time - found[0].time == pytest.approx(5 / 20.0, abs=0.2)
+        assert found[-1].time - found[0].time == pytest.approx(5 / 10.0, abs=0.2)
         for sample in found:
             assert len(sample.values) == len(rig.layout.channels)
             assert sample.commands[rig.layout.commands.index("heater")] == 0.0
@@ -56,12 +56,12 @@ def test_a_session_from_open_to_close(subject: Subject) -> None:
         assert samples(bench, 3)[-1].commands[rig.layout.commands.index("heater")] == 0.0
 
         if not subject.real:  # the board lets its heater rest for 2 s
-            samples(bench, 50)
+            samples(bench, 25)
         bench.command("heater", 1.0, duration=0.3).wait()
         ended = until_a_receipt(bench, "heater")
         assert (ended.value, off(subject)) == (0.0, True)
         if not subject.real:
-            samples(bench, 50)
+            samples(bench, 25)
         bench.command("heater", 1.0).wait()
     finally:
         bench.close()

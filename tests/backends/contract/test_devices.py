@@ -40,7 +40,7 @@ procedure: step
 rig: rig.yaml
 steps:
   - set: {heater: on}
-  - record: {name: step, rate: 20 Hz}
+  - record: {name: step, rate: 10 Hz}
     do:
       - set: {relief_valve: 20 bar}
       - wait: 1 s
@@ -52,7 +52,7 @@ def opened(device: Subject) -> Iterator[Backend]:
     bench = device.make()
     bench.open()
     try:
-        bench.start(20.0)
+        bench.start(10.0)
         yield bench
     finally:
         bench.close()

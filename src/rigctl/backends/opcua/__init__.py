@@ -1,0 +1,1 @@
+"""A server of OPC UA, whose nodes the rig file names."""

@@ -1,0 +1,243 @@
+"""The client of a server of OPC UA: what `rigctl.rig.client_lines` asks, said in reads and writes of nodes.
+
+asyncua speaks the protocol, in an event loop of its own; the thread of a `ClientPort` waits for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import threading
+import time
+from collections.abc import Coroutine, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotInTime
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, TypeVar
+
+from rigctl.backends.transport.client_port import ClientPort
+from rigctl.backends.transport.port import PortLost
+from rigctl.clock import Clock
+
+_PRODUCT, _VERSION, _NOW = "i=2261", "i=2264", "i=2258"  # of the server's status; part 5, 12.10
+_ENDS_WITHIN = 0.5  # s to say goodbye
+
+#: status codes of a session that will not answer again
+_ENDED = (
+    "BadConnectionClosed",
+    "BadSecureChannelClosed",
+    "BadSecureChannelIdInvalid",
+    "BadSessionClosed",
+    "BadSessionIdInvalid",
+    "BadServerHalted",
+    "BadShutdown",
+)
+
+Result = TypeVar("Result")
+
+
+def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
+    """The port of an `Address`: ``opc.tcp://host:port/path``.
+
+    Its settings are those of `rigctl.backends.opcua.create.settings_of`.
+    """
+    return ClientPort(url, lambda: OpcUaClient(url, settings), clock)
+
+
+@dataclass(frozen=True)
+class _Item:
+    """A node, and what its number means; fields as in `rigctl.rig.nodes`."""
+
+    node: str
+    scale: float
+    offset: float
+    max_age: float | None
+    age: bool
+
+    def text(self, answer: Any, now: datetime | None) -> str:
+        """The number of a node's answer; ``nan`` where there is none, or only a bad or an old one."""
+        source, read_at = answer.SourceTimestamp, answer.ServerTimestamp or now
+        age = math.nan if source is None or read_at is None else (read_at - source).total_seconds()
+        if self.age:
+            return f"{age:.6f}" if math.isfinite(age) else "nan"
+        value = None if answer.Value is None else answer.Value.Value
+        if not (answer.StatusCode.is_good() and isinstance(value, bool | int | float)):
+            return "nan"
+        if self.max_age is not None and not age <= self.max_age:
+            return "nan"
+        if self.scale == 1.0 and self.offset == 0.0 and not isinstance(value, float):
+            return str(int(value))
+        return f"{value * self.scale + self.offset:.12g}"
+
+
+class OpcUaClient:
+    """One session with a server.
+
+    Raises
+    ------
+    PortLost
+        nobody is there.
+    """
+
+    def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
+        from asyncua import ua
+        from asyncua.client.client import Client
+        from asyncua.ua.uaerrors import UaError, UaStatusCodeError
+
+        logging.getLogger("asyncua").addHandler(logging.NullHandler())  # what matters is raised
+        logging.getLogger("asyncua").propagate = False
+        self._ua: Any = ua
+        self._error, self._refusal = UaError, UaStatusCodeError
+        self._ended = {getattr(self._ua.StatusCodes, name) for name in _ENDED}
+        self._name = url
+        self._timeout = float(settings["timeout"])
+        self._identify = settings["identify"]
+        self._reads = [{name: _Item(**item) for name, item in names.items()} for names in settings["reads"]]
+        self._writes = {name: _Item(**item) for name, item in settings["writes"].items()}
+        self._heartbeat = settings["heartbeat"]
+        self._count, self._beat_at = 0, -math.inf
+        self._types: dict[str, Any] = {}  # of the nodes that are written
+        self._set: dict[str, tuple[object, str]] = {}  # what was written last, and of which text
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True, name=f"loop of {url}")
+        self._thread.start()
+        self._session: Any = Client(url, timeout=self._timeout)
+        try:
+            if self._waited(self._session.connect(), float(settings["wake"])) is _LATE:
+                raise PortLost(f"{url}: nobody answers")
+        except (TimeoutError, OSError, UaError) as error:
+            self._stop()
+            raise PortLost(f"{url}: {error or 'nobody answers'}") from None
+        except BaseException:
+            self._stop()
+            raise
+
+    def answer(self, line: str) -> str | None:
+        """The answer to a line of `rigctl.rig.client_lines`."""
+        name, _, argument = line.partition(" ")
+        try:
+            answer = self._waited(self._carry_out(name, argument), self._timeout)
+        except (ValueError, self._refusal) as refused:
+            if getattr(refused, "code", None) in self._ended:
+                raise PortLost(f"{self._name}: {refused}") from None
+            return f"error {' '.join(str(refused).split())}"
+        except TimeoutError:
+            return None
+        except (OSError, self._error) as error:
+            raise PortLost(f"{self._name}: {error or 'the connection was closed'}") from None
+        return None if answer is _LATE else str(answer)
+
+    def close(self) -> None:
+        """Let it go."""
+        with suppress(OSError, self._error, asyncio.TimeoutError):
+            self._waited(self._session.disconnect(), _ENDS_WITHIN)
+        self._stop()
+
+    def _stop(self) -> None:
+        """End the loop, and whatever the library has left in it."""
+
+        async def cancel() -> None:
+            others = asyncio.all_tasks() - {asyncio.current_task()}
+            for task in others:
+                task.cancel()
+            await asyncio.gather(*others, return_exceptions=True)
+
+        self._waited(cancel(), _ENDS_WITHIN)
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(_ENDS_WITHIN)
+        if not self._thread.is_alive():
+            self._loop.close()
+
+    def _waited(self, work: Coroutine[Any, Any, Result], limit: float) -> Result | object:
+        """What some work in the loop comes to; `_LATE` where that takes longer than `limit` s."""
+        begun: Future[Result] = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            return begun.result(limit)
+        except NotInTime:
+            begun.cancel()
+            return _LATE
+
+    async def _carry_out(self, name: str, argument: str) -> str:
+        if name == "identify":
+            answer = await self._who()
+        elif name == "read":
+            answer = await self._read(int(argument))
+        elif name == "write":
+            answer = await self._write(*argument.split(" "))
+        elif name == "beat":
+            answer = "ok"
+        else:
+            raise ValueError(f"not understood: {name}")
+        if self._heartbeat is not None and time.monotonic() - self._beat_at >= self._heartbeat[1]:
+            await self._beat()  # whoever asks is alive
+        return answer
+
+    async def _who(self) -> str:
+        asked = [_PRODUCT, _VERSION] + ([] if self._identify is None else [self._identify[0]])
+        found = [self._text(answer) for answer in await self._fetch(asked)]
+        if self._identify is not None and found[2] != self._identify[1]:
+            return f"no plant {self._identify[1]} but {found[2]}"
+        return f"opcua {' '.join(text for text in found if text) or 'unknown'}"
+
+    @staticmethod
+    def _text(answer: Any) -> str:
+        return "" if answer.Value is None or answer.Value.Value is None else str(answer.Value.Value)
+
+    async def _read(self, index: int) -> str:
+        items = self._reads[index]
+        *answers, clock = await self._fetch([*(item.node for item in items.values()), _NOW])
+        now = clock.Value.Value if clock.Value is not None else None
+        texts = []
+        for (name, item), answer in zip(items.items(), answers, strict=True):
+            there = None if answer.Value is None else answer.Value.Value
+            written = self._set.get(name)
+            same = written is not None and answer.StatusCode.is_good() and written[0] == there
+            texts.append(written[1] if written is not None and same else item.text(answer, now))
+        return " ".join(texts)
+
+    async def _fetch(self, nodes: list[str]) -> list[Any]:
+        ua = self._ua
+        asked = [
+            ua.ReadValueId(NodeId=ua.NodeId.from_string(node), AttributeId=ua.AttributeIds.Value)
+            for node in nodes
+        ]
+        both = ua.TimestampsToReturn.Both
+        return list(
+            await self._session.uaclient.read(ua.ReadParameters(NodesToRead=asked, TimestampsToReturn=both))
+        )
+
+    async def _write(self, name: str, text: str) -> str:
+        item = self._writes[name]
+        self._set[name] = (await self._put(item.node, (float(text) - item.offset) / item.scale), text)
+        return "ok"
+
+    async def _beat(self) -> None:
+        self._beat_at = time.monotonic()
+        self._count = (self._count + 1) % (1 << 7)
+        await self._put(self._heartbeat[0], float(self._count))
+
+    async def _put(self, node: str, number: float) -> object:
+        """Write a number as the node's own type has it, and give back what was written."""
+        ua = self._ua
+        if node not in self._types:
+            self._types[node] = await self._session.get_node(node).read_data_type_as_variant_type()
+        kind = self._types[node]
+        value: bool | int | float = number
+        if kind is ua.VariantType.Boolean:
+            value = round(number) != 0
+        elif kind not in (ua.VariantType.Float, ua.VariantType.Double):
+            value = round(number)
+        written = ua.DataValue(ua.Variant(value, kind))
+        (status,) = await self._session.uaclient.write_attributes([ua.NodeId.from_string(node)], [written])
+        status.check()
+        if kind is ua.VariantType.Float:
+            from struct import pack, unpack
+
+            (value,) = unpack("<f", pack("<f", value))
+        return value
+
+
+_LATE = object()  # instead of an answer

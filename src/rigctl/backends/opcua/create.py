@@ -1,0 +1,86 @@
+"""Make a bench behind a server of OPC UA from a rig file and the options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+from typing import Any
+
+from rigctl.backends.lines.create import line_bench
+from rigctl.backends.options import refuse_unknown
+from rigctl.backends.protocol import Backend
+from rigctl.backends.transport.address import Address
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+from rigctl.rig.nodes import Node, OpcUa, ReadNode
+
+OPTIONS = ("port",)
+
+
+def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
+    """A bench behind a server of OPC UA, not yet open.
+
+    Parameters
+    ----------
+    rig: its ``backend.opcua`` names the nodes.
+    clock: real.
+    options: ``port`` (the server's ``opc.tcp://host:port/path``).
+
+    Raises
+    ------
+    RigctlError
+        as `address_of`.
+    """
+    return line_bench(rig, _nodes(rig).in_lines(rig.actuators), clock, address_of(rig, options))
+
+
+def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
+    """Where the server is, and what its client has to know.
+
+    Raises
+    ------
+    RigctlError
+        an option is unknown or wrong, no server is named, or asyncua is missing.
+    """
+    refuse_unknown("option of the opcua backend", options, OPTIONS)
+    port = options.get("port") or rig.backend.port
+    if not (isinstance(port, str) and port.startswith("opc.tcp://")):
+        raise RigctlError(
+            "where is the server?",
+            value=port if isinstance(port, str) else None,
+            expected="e.g. '--port opc.tcp://192.168.0.22:4840'",
+        )
+    if find_spec("asyncua") is None:
+        raise RigctlError("a server of OPC UA needs asyncua", hint="pip install 'rigctl[opcua]'")
+    return Address("opcua", port, settings_of(_nodes(rig)))
+
+
+def settings_of(server: OpcUa) -> dict[str, Any]:
+    """What the client has to know, as JSON holds it."""
+    who, beat = server.identify, server.heartbeat
+    return {
+        "timeout": server.timeout,
+        "wake": server.wake,
+        "identify": None if who is None else [who.node, who.equals],
+        "reads": [{name: _item(node) for name, node in nodes.items()} for _, nodes in server.reads],
+        "writes": {name: _item(part) for name, part in server.actuators.items()},
+        "heartbeat": None if beat is None else [beat.node, beat.every],
+    }
+
+
+def _item(node: Node) -> dict[str, Any]:
+    read = node if isinstance(node, ReadNode) else None
+    return {
+        "node": node.node,
+        "scale": node.scale,
+        "offset": node.offset,
+        "max_age": None if read is None else read.max_age,
+        "age": read is not None and read.read == "age",
+    }
+
+
+def _nodes(rig: Rig) -> OpcUa:
+    if rig.backend.opcua is None:
+        raise RigctlError(f"the rig '{rig.name}' names no nodes", expected="'backend: {opcua: …}'")
+    return rig.backend.opcua

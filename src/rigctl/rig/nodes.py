@@ -1,0 +1,122 @@
+"""A server of OPC UA: which node is read for each channel, and which is written for each actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, Literal
+
+from pydantic import Field, FiniteFloat
+
+from rigctl.files.name import Name
+from rigctl.files.quantity import Q
+from rigctl.rig.actuator import Actuator
+from rigctl.rig.base import Part
+from rigctl.rig.client_lines import client_lines, positions_of
+from rigctl.rig.lines import Lines
+
+_Seconds = Annotated[float, Q("s", positive=True)]
+
+#: a node by its identifier: a number, a text, a GUID or bytes in base64
+NODE = r"^(ns=\d{1,5};)?(i=\d{1,10}|s=.{1,1024}|g=[0-9A-Fa-f-]{36}|b=[A-Za-z0-9+/=]{1,1024})$"
+
+
+class Node(Part):
+    """A variable of the server, and what its number means."""
+
+    node: str = Field(pattern=NODE, description="its node id, e.g. ns=2;s=Circuit.SupplyPressure")
+    scale: FiniteFloat = Field(default=1.0, description="the number in its unit is node * scale + offset")
+    offset: FiniteFloat = Field(default=0.0, description="see scale")
+
+
+class ReadNode(Node):
+    """A variable that is read for a channel."""
+
+    every: _Seconds | None = Field(
+        default=None, description="read at most so often, the last value holds; left out: for each sample"
+    )
+    max_age: _Seconds | None = Field(
+        default=None, description="a value whose source is older by the server's clock is none"
+    )
+    read: Literal["value", "age"] = Field(
+        default="value", description="its value, or how long ago its source gave it, in s"
+    )
+
+
+class IdentityNode(Part):
+    """A variable by which the server is known."""
+
+    node: str = Field(pattern=NODE, description="its node id")
+    equals: str = Field(min_length=1, description="what stands there, as text; else it is another plant")
+
+
+class HeartbeatNode(Part):
+    """A whole number that counts up while rigctl lives, for a controller that switches off when it stops."""
+
+    node: str = Field(pattern=NODE, description="its node id")
+    every: _Seconds = Field(default=0.5, description="time between two counts")
+
+
+class WrittenNode(Node):
+    """A variable that an actuator is set by."""
+
+    values: dict[str, int] | None = Field(
+        default=None,
+        description="of a switch or a directional valve: the numbers of its positions; left out: 0 and 1",
+    )
+    readback: Node | bool = Field(
+        default=True,
+        description="where its state is read with each sample: true: where it is written; false: nowhere",
+    )
+
+
+class OpcUa(Part):
+    """A server of OPC UA, without encryption and as an anonymous user."""
+
+    timeout: Annotated[float, Q("s", low="0.1 s", high="10 s")] = Field(
+        default=1.0, description="how long an answer may take"
+    )
+    tries: int = Field(default=2, ge=1, le=5, description="how often a question is asked before it is lost")
+    wake: _Seconds = Field(default=5.0, description="how long connecting may take")
+    fastest: Annotated[float, Q("Hz", positive=True)] = Field(
+        default=10.0,
+        description="the highest rate at which it is read; servers look at their sources every 50 to 100 ms",
+    )
+    identify: IdentityNode | None = Field(default=None, description="read first")
+    channels: dict[Name, ReadNode] = Field(description="where each channel is read")
+    actuators: dict[Name, WrittenNode] = Field(
+        default_factory=dict, description="where each driven actuator is written"
+    )
+    heartbeat: HeartbeatNode | None = Field(default=None, description="written again and again")
+    watchdog: Annotated[float, Q("s", low="0.5 s", high="60 s")] = Field(
+        default=3.0,
+        description="when rigctl has stood still or was killed for so long, its guard makes outputs safe",
+    )
+
+    @cached_property
+    def reads(self) -> tuple[tuple[float | None, Mapping[str, Node]], ...]:
+        """What one request reads, and how often at the most: everything that is read equally often."""
+        found: dict[float | None, dict[str, Node]] = {}
+        for name, channel in self.channels.items():
+            found.setdefault(channel.every, {})[name] = channel
+        for name, part in self.actuators.items():
+            state = part if part.readback is True else part.readback
+            if isinstance(state, Node):
+                found.setdefault(None, {})[name] = state
+        return tuple(found.items())
+
+    def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
+        """The lines that its client understands, `rigctl.backends.opcua.client`."""
+        return client_lines(
+            identity="opcua {product}",
+            reads=[(tuple(nodes), every) for every, nodes in self.reads],
+            writes={
+                name: positions_of(actuators, name, part.values) for name, part in self.actuators.items()
+            },
+            timeout=self.timeout,
+            tries=self.tries,
+            wake=self.wake,
+            fastest=self.fastest,
+            beat=None if self.heartbeat is None else self.heartbeat.every,
+            watchdog=self.watchdog,
+        )

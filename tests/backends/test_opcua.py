@@ -1,0 +1,100 @@
+"""OPC UA: values that are bad or old are none, clocks may differ, refusals and mistakes are said."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from commands import call
+from protocol_servers import OpcUaServer
+from rigctl.backends.protocol import Backend
+from rigctl.backends.registry import create_backend
+from rigctl.clock import real_clock
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import Rig, load_rig, parse_rig
+
+RIG = load_rig(shipped("rigs", "oil-circuit-opcua.yaml"))
+PRESSURE, AGE = (RIG.layout.channels.index(name) for name in ("supply_pressure", "pressure_age"))
+
+
+@pytest.fixture
+def server() -> Iterator[OpcUaServer]:
+    with OpcUaServer(RIG) as made:
+        yield made
+
+
+@contextmanager
+def opened(server: OpcUaServer, rig: Rig = RIG) -> Iterator[Backend]:
+    bench = create_backend(rig, None, real_clock(), {"port": server.port})
+    bench.open()
+    try:
+        bench.start(10.0)
+        yield bench
+    finally:
+        bench.close()
+
+
+def test_an_old_value_is_none_by_the_servers_own_clock(server: OpcUaServer) -> None:
+    server.skew = 3600.0  # the controller's clock is an hour ahead, which is nobody's business
+    with opened(server) as bench:
+        while not (sample := bench.next_sample(1.0)):
+            pass
+        assert sample.values[PRESSURE] == 0.0
+        assert 0.0 <= sample.values[AGE] < 0.5
+        server.skew, server.frozen = 0.0, datetime.now(UTC)
+        while not (math.isnan(sample.values[PRESSURE])):
+            sample = bench.next_sample(1.0) or sample
+        assert sample.values[AGE] > 1.0
+        server.frozen = None
+        while math.isnan(sample.values[PRESSURE]):
+            sample = bench.next_sample(1.0) or sample
+        while server.beats < 3:
+            bench.next_sample(1.0)
+
+
+def test_what_the_server_refuses_is_refused_here(server: OpcUaServer) -> None:
+    rig = parse_rig(RIG.text.replace("s=Circuit.Heater", "s=Circuit.Heatr"))
+    with pytest.raises(RigctlError, match="does not exist"), opened(server, rig):
+        pass
+    assert server.circuit.off
+
+
+def test_another_plant_is_not_touched(server: OpcUaServer, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(RIG.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712"), encoding="utf-8")
+    server.circuit.set("heater", 1.0)
+    with pytest.raises(RigctlError, match="another device"), opened(server, load_rig(rig)):
+        pass
+    assert server.circuit.outputs["heater"] == 1.0
+    done = call("doctor", "--rig", str(rig), "--port", server.port, "--json")
+    assert "another device" in json.loads(done.stdout)["asked"][0]["error"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('node: "ns=2;s=Circuit.Heater"', 'node: "Circuit.Heater"', "node"),
+        ("quantity: time", "quantity: other", "an age is a time"),
+        ("read: age", "read: ages", "did you mean 'age'"),
+        ("pressure_age: {node", "presure_age: {node", "did you mean 'pressure_age'"),
+        ("scale: 0.01, max_age", "scale: 0, max_age", "all numbers would be the same"),
+        ("kind: opcua", "kind: opc", "did you mean 'opcua'"),
+    ],
+)
+def test_a_mistake_in_the_nodes_is_said_with_its_place(old: str, new: str, says: str) -> None:
+    assert old in RIG.text
+    with pytest.raises(RigctlError, match=says) as refused:
+        parse_rig(RIG.text.replace(old, new, 1), Path("rig.yaml"))
+    assert "rig.yaml:" in str(refused.value)
+
+
+def test_a_server_needs_its_whole_address() -> None:
+    with pytest.raises(RigctlError, match="where is the server"):
+        create_backend(RIG, None, real_clock(), {"port": "192.168.0.22:4840"})
