@@ -352,7 +352,7 @@ class _Controller:
         served = self.served
         served.asked += 1
         if served.refusing and name == "SupplyPressure":
-            return ua.DataValue(StatusCode_=ua.StatusCode(ua.StatusCodes.BadSensorFailure))
+            return ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadSensorFailure))
         here = datetime.now(UTC) + timedelta(seconds=served.skew)
         return ua.DataValue(
             ua.Variant(served.values()[name], kind),

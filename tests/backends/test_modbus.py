@@ -135,7 +135,7 @@ def doctor(rig: Path, port: str) -> dict[str, Any]:
 
 def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
-    rig.write_text(RIG.text, encoding="utf-8")
+    rig.write_text(RIG.text.replace("timeout: 0.3 s", "timeout: 0.3 s\n    wake: 1 s"), encoding="utf-8")
     with ModbusServer(RIG) as server:
         server.circuit.set("relief_valve", 30e5)
         while server.circuit.read()["supply_pressure"] < 29.99e5:
@@ -150,7 +150,7 @@ def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path:
         assert "with 'word_order: little'" in wrong["findings"]["supply_pressure"]["fix"]
         assert "supply_pressure 30 bar" in wrong["findings"]["supply_pressure"]["fix"]
         other = rig.with_name("other.yaml")
-        other.write_text(RIG.text.replace("equals: 4711", "equals: 4712"), encoding="utf-8")
+        other.write_text(rig.read_text("utf-8").replace("equals: 4711", "equals: 4712"), encoding="utf-8")
         assert "another device" in doctor(other, server.port)["error"]
     assert "nobody is there" in doctor(rig, server.port)["error"]
 

@@ -68,7 +68,8 @@ def test_what_the_server_refuses_is_refused_here(server: OpcUaServer) -> None:
 
 def test_another_plant_is_not_touched(server: OpcUaServer, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
-    rig.write_text(RIG.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712"), encoding="utf-8")
+    text = RIG.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712")
+    rig.write_text(text.replace("timeout: 1 s", "timeout: 1 s\n    wake: 2 s"), encoding="utf-8")
     server.circuit.set("heater", 1.0)
     with pytest.raises(RigctlError, match="another device"), opened(server, load_rig(rig)):
         pass

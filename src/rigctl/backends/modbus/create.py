@@ -85,7 +85,18 @@ def settings_of(modbus: Modbus, baud: int) -> dict[str, Any]:
     """What the client has to know, as JSON holds it."""
 
     def place(register: Register) -> dict[str, Any]:
-        return asdict(Place.of(register, modbus))
+        return asdict(
+            Place(
+                table=register.table,
+                address=register.address,
+                kind=register.number_type,
+                swap_bytes=(register.byte_order or modbus.byte_order) == "little",
+                swap_words=(register.word_order or modbus.word_order) == "little",
+                scale=register.scale,
+                offset=register.offset,
+                invalid=register.invalid,
+            )
+        )
 
     who = modbus.identify
     return {

@@ -1,4 +1,7 @@
-"""Numbers in registers of 16 bits: their type, their byte and word order, their scale."""
+"""Numbers in registers of 16 bits: their type, their byte and word order, their scale.
+
+Light on purpose: a guard starts with it.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-from rigctl.rig.registers import BITS, WIDTHS, Modbus, Register
 
 _FORMATS: Mapping[str, str] = {
     "int16": ">h",
@@ -48,29 +49,15 @@ class Place:
     offset: float
     invalid: int | None
 
-    @classmethod
-    def of(cls, register: Register, modbus: Modbus) -> Place:
-        """Of a register in a rig file."""
-        return cls(
-            register.table,
-            register.address,
-            register.number_type,
-            (register.byte_order or modbus.byte_order) == "little",
-            (register.word_order or modbus.word_order) == "little",
-            register.scale,
-            register.offset,
-            register.invalid,
-        )
-
     @property
     def width(self) -> int:
         """Registers, or bits, that it takes."""
-        return WIDTHS[self.kind]
+        return 1 if self.is_bit else struct.calcsize(_FORMATS[self.kind]) // 2
 
     @property
     def is_bit(self) -> bool:
         """Whether it is a coil or a discrete input."""
-        return self.table in BITS
+        return self.kind == "bool"
 
     def text(self, words: Sequence[int]) -> str:
         """The number that stands there, as text; ``nan`` where there is none.
