@@ -22,12 +22,14 @@ from rigctl.units import (
     convert,
     describe,
     describe_dimension,
+    known_digits,
     onto_bound,
     parse_quantity,
     parse_unit,
     read_si,
     registry,
     show,
+    with_uncertainty,
 )
 
 
@@ -246,3 +248,32 @@ def test_other_spellings_are_what_they_stand_for(written: str, read: str) -> Non
 def test_an_unknown_unit_suggests_one(written: str, nearest: str) -> None:
     with pytest.raises(RigctlError, match=f"did you mean '{nearest}'"):
         parse_unit(written)
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "shown"),
+    [
+        (0.0002296, 3e-5, "1", "(2.30 ± 0.30)e-04"),
+        (0.004631, 0.00017, "l/(min*bar)", "0.00463 ± 0.00017 l/(min*bar)"),
+        (4.787, 0.1, "cm^2", "4.79 ± 0.10 cm^2"),
+        (1.0324e-14, 1.4e-16, "m^3", "(1.032 ± 0.014)e-14 m^3"),
+        (12345.0, 2300.0, "N", "12300 ± 2300 N"),
+        (99.96, 0.0996, "K", "99.96 ± 0.10 K"),
+        (0.0, 0.021, "mm", "0.000 ± 0.021 mm"),
+        (-3.2e7, 2.0e5, "Pa", "(-3.200 ± 0.020)e+07 Pa"),
+        (1e-7, 2e-3, "1", "0.0000 ± 0.0020"),
+        (4.05, math.nan, "mm^2", "4.05 mm^2"),
+        (4.05123, 0.0, "1", "4.051"),
+    ],
+)
+def test_a_value_has_the_digits_that_its_uncertainty_allows(
+    value: float, std: float, unit: str, shown: str
+) -> None:
+    assert with_uncertainty(value, std, unit) == shown
+
+
+@given(st.floats(-1e20, 1e20), st.floats(1e-20, 1e20))
+def test_no_digit_that_counts_is_lost(value: float, std: float) -> None:
+    shown, spread = known_digits(value, std)
+    assert abs(float(spread) - std) <= 0.05001 * std
+    assert abs(float(shown) - value) <= 0.0501 * std + 1e-12 * abs(value)

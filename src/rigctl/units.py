@@ -466,3 +466,39 @@ def show(si: float, unit: str, *, difference: bool = False, digits: int = 4) -> 
         return f"{si:.{digits}g} K"
     value = parse_unit(unit).from_si(si, difference=difference)
     return f"{value:.{digits}g} {unit}" if unit != "1" else f"{value:.{digits}g}"
+
+
+#: values of this order and beyond are written with a power of ten
+_SMALL, _LARGE = -4, 6
+
+
+def known_digits(value: float, std: float) -> tuple[str, str]:
+    """A value and its standard deviation with the digits that this allows: ``("0.00463", "0.00017")``.
+
+    The standard deviation has two digits, and the value ends at the same one. Very small and large ones have
+    a power of ten, the same for both: ``("1.032e-14", "0.014e-14")``. A value without a finite standard
+    deviation above 0 has four digits, and "" beside it.
+
+    Source: JCGM 100 (GUM), 7.2.6.
+    """
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0.0):
+        return f"{value:.4g}", ""
+    last = math.floor(math.log10(float(f"{std:.1e}"))) - 1  # the power of ten of the last digit
+    order = max(math.floor(math.log10(abs(value))) if value else last, last + 1)
+    if _SMALL < order < _LARGE:
+        return tuple(f"{round(one, -last):.{max(-last, 0)}f}" for one in (value, std))  # type: ignore[return-value]
+    digits = order - last
+    value_text, std_text = (f"{one / 10.0**order:.{digits}f}e{order:+03d}" for one in (value, std))
+    return value_text, std_text
+
+
+def with_uncertainty(value: float, std: float, unit: str = "1") -> str:
+    """``0.00463 ± 0.00017 m``, ``(1.032 ± 0.014)e-14 m^3``; without a standard deviation the value alone."""
+    shown, spread = known_digits(value, std)
+    unit_text = "" if unit == "1" else f" {unit}"
+    if not spread:
+        return f"{shown}{unit_text}"
+    head, mark, power = shown.partition("e")
+    if mark:
+        return f"({head} ± {spread.partition('e')[0]})e{power}{unit_text}"
+    return f"{shown} ± {spread}{unit_text}"

@@ -123,6 +123,8 @@ def test_one_effect_and_two_others_of_nearly_the_same_odds_are_not_told_apart() 
     assert found.verdict is Verdict.AMBIGUOUS
     assert found.classes == (("alpha", "beta", "gamma"),)
     assert found.statement.count("together would look like alpha") == 1
+    assert any("together would look like alpha" in line for line in found.evidence)
+    assert not any("together would look like alpha" in line for line in found.further_evidence)
 
 
 def test_two_that_are_needed_are_both_named() -> None:

@@ -40,9 +40,9 @@ RIVAL = Rival("valve_leakage", "position_thermal_drift", NO_TRIAL, 0.94, 20.0, 1
 @pytest.mark.parametrize(
     ("value", "unit", "std", "said"),
     [
-        (6.837e-15, "m^3", 6.2e-17, "6.837e-15 ± 6e-17 m^3"),
-        (98.13, "N", 4.1, "98.13 ± 4 N"),
-        (40.7, "N", 212.0, "40.7 ± 200 N"),
+        (6.837e-15, "m^3", 6.2e-17, "(6.837 ± 0.062)e-15 m^3"),
+        (98.13, "N", 4.1, "98.1 ± 4.1 N"),
+        (40.7, "N", 212.0, "40 ± 210 N"),
         (0.0669, "1", float("nan"), "0.0669"),
         (5e-14, "m^3", 0.0, "5e-14 m^3 at its bound"),
         (1.0, "1", 0.0, "1 at its bound"),
@@ -58,7 +58,7 @@ def test_an_effect_is_what_is_seen_what_it_is_and_how_large() -> None:
     assert said == (
         "In neutral both chambers drift to half of the supply pressure, and a single-rod cylinder creeps "
         "out: oil passes the spool's clearance at every port, in neutral too "
-        "(valve_leakage, conductance 4e-15 ± 1e-16 m^3)"
+        "(valve_leakage, conductance (4.00 ± 0.10)e-15 m^3)"
     )
 
 

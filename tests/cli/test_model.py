@@ -70,7 +70,7 @@ def test_show_tells_values_with_their_uncertainty_and_source() -> None:
     with_leakage()
     text = said("show", MODEL)
     (line,) = [line for line in text.splitlines() if "flow_area" in line]
-    assert "3.31 ± 0.0031" in " ".join(line.split())
+    assert "3.3100 ± 0.0031" in " ".join(line.split())
     assert "fitted 2026-11-21" in line
     assert "effect piston_leakage at flow_a_to_b" in text
     values = {value["name"]: value for value in answer("show", MODEL)["parameters"]}

@@ -79,7 +79,7 @@ def test_moments_keep_their_zone_and_nonsense_stays_as_it_is() -> None:
     ("said", "printed"),
     [
         ("rises 2 % from 20 degC to 80 degC", "rises 2 % from 20 °C to 80 °C"),
-        ("conductance 6.83e-15 ± 6e-17 m^3 (p < 1e-6)", "conductance 6.83·10⁻¹⁵ ± 6·10⁻¹⁷ m³ (p < 10⁻⁶)"),
+        ("conductance (6.83 ± 0.06)e-15 m^3 (p < 1e-6)", "conductance (6.83 ± 0.06)·10⁻¹⁵ m³ (p < 10⁻⁶)"),
         ("from 213 to -114 N*s/m", "from 213 to −114 N·s/m"),
         ("20261121-101719-unknown-bench/4", "20261121-101719-unknown-bench/4"),
         ("valve_leakage and heater_1", "valve_leakage and heater_1"),

@@ -12,6 +12,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.notebook import as_html, one_line
+from rigctl.units import with_uncertainty
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,10 +70,8 @@ class FoundParameter:
     unusual: bool = False
 
     def __str__(self) -> str:
-        """As it is read, e.g. ``4e-15 ± 1e-16 m^3``; a spread that is not known is left out."""
-        spread = f" ± {float(f'{self.std:.1g}'):g}" if self.std and math.isfinite(self.std) else ""
-        where = "" if self.std else " at its bound"
-        return f"{self.value:.4g}{spread}{'' if self.unit == '1' else ' ' + self.unit}{where}"
+        """As it is read, e.g. ``(4.00 ± 0.10)e-15 m^3``; a spread that is not known is left out."""
+        return with_uncertainty(self.value, self.std, self.unit) + ("" if self.std else " at its bound")
 
 
 @dataclass(frozen=True)
@@ -214,6 +213,17 @@ class Diagnosis:
         if self.remainder is None or self.verdict is not Verdict.OUTSIDE_LIBRARY:
             return ""
         return self.remainder.statement
+
+    @property
+    def further_evidence(self) -> tuple[str, ...]:
+        """The evidence that the statement has not said already."""
+        said = self.statement.casefold()
+        sentences = [one.partition(": ")[2] or one for one in self.evidence]
+        return tuple(
+            one
+            for one, sentence in zip(self.evidence, sentences, strict=True)
+            if sentence.casefold() not in said
+        )
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""

@@ -84,7 +84,11 @@ def verdict_text(
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
     """Two that stand in the place of one are said together."""
-    return [one for k, one in enumerate(rivals) if not any(one.beside == other.name for other in rivals[:k])]
+    found: list[Rival] = []
+    for one in rivals:
+        if not any((other.name, other.beside) == (one.beside, one.name) for other in found):
+            found.append(one)
+    return found
 
 
 def whether_at_all(before: ModelComparison) -> str:

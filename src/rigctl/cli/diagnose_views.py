@@ -16,7 +16,7 @@ from rigctl.analysis.text import parameters_text
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
 from rigctl.report.bars import draw_bar
-from rigctl.units import parse_unit
+from rigctl.units import known_digits, parse_unit
 
 _COLOURS = {
     Verdict.ADEQUATE: "green",
@@ -39,12 +39,12 @@ def show_diagnosis(found: Diagnosis) -> None:
     for finding in found.before.findings:
         out.print(f"  {escape(finding)}.", soft_wrap=True)
     if found.verdict is Verdict.ADEQUATE:  # how much these data could have shown
-        for line in found.evidence:
+        for line in found.further_evidence:
             out.print(f"  {escape(line)}", soft_wrap=True)
     else:
         if found.ranking:
             out.print(_ranking(found))
-        _show_evidence(found.evidence)
+        _show_evidence(found.further_evidence)
         _show_classes(found.classes)
         for line in found.excluded_because:
             out.print(f"  {escape(line)}", soft_wrap=True)
@@ -113,7 +113,8 @@ def _drift(found: Sequence[Drift]) -> Table:
     """The fitted parameters, without and with the effects found."""
     made = table("fitted parameter", "without", "with it", "unit", "change")
     for one in found:
-        made.add_row(one.parameter, f"{one.before:.5g}", f"{one.after:.5g}", escape(one.unit), _change(one))
+        before, after = known_digits(one.before, one.before_std)[0], known_digits(one.after, one.after_std)[0]
+        made.add_row(one.parameter, before, after, escape(one.unit), _change(one))
     return made
 
 
@@ -143,8 +144,9 @@ def _show_step(step: Step) -> None:
     added = ", ".join(step.effects)
     out.print(f"[bold]Version {step.version.number}[/] of {escape(str(head))}: added [bold]{added}[/]")
     out.print(f"  {escape(step.reason)}.", soft_wrap=True)
-    about = [one for one in step.diagnosis.evidence if _subject(one) in step.effects]
-    _show_evidence(about)
+    gained = f"mBIC falls by {-step.delta_bic:.1f}"  # the reason has said it
+    evidence = step.diagnosis.evidence
+    _show_evidence([one for one in evidence if _subject(one) in step.effects and gained not in one])
     show_errors([("before", step.before), (f"with {' and '.join(step.effects)}", step.after)])
     out.print()
 

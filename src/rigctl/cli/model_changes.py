@@ -12,7 +12,7 @@ from rich.markup import escape
 from rigctl.analysis.fitting import fit_again, fit_to_data, read_runs, require_free_parameters
 from rigctl.cli.compare import open_runs
 from rigctl.cli.echo import echo
-from rigctl.cli.model_views import show_errors
+from rigctl.cli.model_views import show_errors, value_texts
 from rigctl.cli.next_command import DataOptions, analysis, show_next
 from rigctl.cli.plans import find_file
 from rigctl.cli.tables import console, print_json, table
@@ -149,6 +149,6 @@ def _show_values(made: Model) -> None:
     shown = table("fitted parameter", "value", "", "unit")
     for stated in stated_values(made):
         if stated.fit:
-            spread = "" if stated.std_value is None else f"± {stated.std_value:.2g}"
-            shown.add_row(stated.name, f"{stated.value:.6g}", spread, escape(stated.unit))
+            value, spread = value_texts(stated)
+            shown.add_row(stated.name, value, escape(spread), escape(stated.unit))
     console().print(shown)

@@ -13,6 +13,7 @@ from rigctl.model import Model, StatedValue, Version, VersionError, stated_value
 from rigctl.model.difference import ModelDifference, ValueDifference
 from rigctl.model.history.change import Change, ModelError
 from rigctl.report.bars import draw_bar
+from rigctl.units import known_digits, with_uncertainty
 
 #: who says a value that the model file does not explain itself
 _SAID_BY = {
@@ -53,34 +54,36 @@ def _parameters(values: Sequence[StatedValue]) -> Table:
     made = table("parameter", "value", "", "unit", "", "from", "meaning")
     made.columns[1].justify = "right"
     for stated in values:
+        value, spread = value_texts(stated)
         made.add_row(
             stated.name,
-            f"{stated.value:.6g}",
-            escape(_spread(stated)),
+            value,
+            escape(spread),
             escape(stated.unit),
-            _freedom(stated),
+            _whether_fitted(stated),
             escape(stated.source or _SAID_BY[stated.origin]),
             escape(stated.meaning),
         )
     return made
 
 
-def _freedom(stated: StatedValue) -> str:
+def _whether_fitted(stated: StatedValue) -> str:
     """Whether a fit may change it, and what it weighs beside the data."""
     if not stated.fit:
         return "fixed"
     if stated.prior_values is None:
         return "fitted"
     value, std = stated.prior_values
-    return f"fitted, prior {value:.4g} ± {std:.2g}"
+    return f"fitted, prior {with_uncertainty(value, std)}"
 
 
-def _spread(stated: StatedValue) -> str:
-    """The standard deviation, with its unit where that is another one."""
-    if stated.std_value is None:
-        return ""
+def value_texts(stated: StatedValue) -> tuple[str, str]:
+    """A value and its standard deviation, with its unit where that is another one, in the digits known."""
+    if not stated.std_value:
+        return f"{stated.value:.6g}", ""
     unit = "" if stated.std_unit == stated.unit else f" {stated.std_unit}"
-    return f"± {stated.std_value:.2g}{unit}"
+    value, std = known_digits(stated.value, stated.std_value)
+    return value, f"± {std}{unit}"
 
 
 def model_document(model: Model, version: Version) -> dict[str, Any]:
@@ -167,7 +170,7 @@ def _side(stated: StatedValue | None) -> str:
     """A value as one of two columns; what is fitted says so."""
     if stated is None:
         return ""
-    parts = (f"{stated.value:.6g}", _spread(stated), "fitted" if stated.fit else "")
+    parts = (*value_texts(stated), "fitted" if stated.fit else "")
     return " ".join(part for part in parts if part)
 
 

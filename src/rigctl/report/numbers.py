@@ -11,7 +11,7 @@ MISSING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"degC": "°C", "degF": "°F", "1": "", "percent": "%", "um": "µm", "uPa": "µPa"}
 _POWER = re.compile(r"\s*(?:\^|\*\*)\s*(-?\d+)")
-_EXPONENT = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-]?\d+)\b")
+_EXPONENT = re.compile(r"((?<![\w.])\d(?:\.\d+)?|(?<=\d)\))e([+-]?\d+)\b")
 _NAME = re.compile(r"[^\W\d]\w*|(?<!\d)1(?!\d)")
 
 

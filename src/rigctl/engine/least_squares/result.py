@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rigctl.engine.least_squares.identifiability import Combination
 from rigctl.engine.least_squares.unknown import Unknown
 from rigctl.errors import unknown_name
+from rigctl.units import with_uncertainty
 
 Floats = NDArray[np.float64]
 
@@ -123,6 +124,8 @@ class LeastSquaresResult:
         ]
         for unknown, value, std in zip(self.unknowns, self.values, self.std, strict=True):
             note = "  held at its bound" if unknown.name in self.at_bound else ""
-            lines.append(f"  {unknown.name} = {value:.6g} ± {std:.2g} {unknown.unit}".rstrip("1 ") + note)
+            lines.append(
+                f"  {unknown.name} = {with_uncertainty(float(value), float(std), unknown.unit)}{note}"
+            )
         lines += [f"not determined by these data: {combination}" for combination in self.weak]
         return "\n".join(lines)

@@ -45,7 +45,7 @@ def left_sections(improved: Improvement) -> list[Section]:
         remainder=last.remainder_text,
         chance=chance_text(last.before.adequacy.p_value),
         version=improved.steps[-1].version.number,
-        evidence=[text for text in last.evidence if last.verdict is not Verdict.ADEQUATE],
+        evidence=[text for text in last.further_evidence if last.verdict is not Verdict.ADEQUATE],
         classes=[names for names in last.classes if len(names) > 1],
     )
     return [Section("model-now", "The model as it is now", body)]
