@@ -197,7 +197,13 @@ def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
 
 
 def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
-    """Two others that explain more than the single effect that leads, though not surely so."""
+    """Two others that explain more than the single effect that leads, though not surely so.
+
+    Only where that one leaves nothing: else two were looked for, and what they explain beyond one is the
+    verdict's to weigh.
+    """
+    if search.left(best):
+        return []
     (member,) = best.candidates
     pairs = [
         trial
