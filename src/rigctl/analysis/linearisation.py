@@ -82,6 +82,10 @@ def make_regions(problem: Problem) -> Regions:
     )
 
 
+#: so near a bound, as a share of the distance of the two, an unknown counts as held there
+_AT_BOUND = 1e-6
+#: sigmas by which it has to push outwards
+_PUSHED = 3.0
 _MOST_PHASES = 24
 _MOST_VARIABLES = 3
 
@@ -420,6 +424,8 @@ def own_rows(
 ) -> tuple[Floats, Floats, Floats]:
     """What a record's own unknowns can do to its whitened rows, below which their priors' rows stand.
 
+    Not those that a bound holds (see `_held`): of these the fit says what they can do.
+
     Returns
     -------
     (rows + unknowns, directions) orthonormal; (unknowns) weights of the priors, 0 where there is none; and
@@ -429,14 +435,39 @@ def own_rows(
     own = [slopes.own[k][one.name] for one in problem.local[k]]
     basis = [whitener(np.stack(own, axis=2))] if own else []
     residual, weight = prior_rows([one.unknown for one in problem.local[k]], local)
+    held = _held(problem, k, local, outputs, basis[0], -weight * residual) if own else np.zeros(0, bool)
     quiet = quiet_columns(problem, k, outputs)
     if quiet is not None:
         basis.append(whitener(quiet))
         weight = np.concatenate([weight, np.ones(quiet.shape[2])])
         residual = np.concatenate([residual, np.zeros(quiet.shape[2])])
+        held = np.concatenate([held, np.zeros(quiet.shape[2], bool)])
     if not weight.size:
         return np.empty((whitener.size, 0)), weight, residual
-    return _range(np.vstack([np.concatenate(basis, axis=1), np.diag(weight)])), weight, residual
+    columns = np.vstack([np.concatenate(basis, axis=1), np.diag(weight)])
+    return _range(columns[:, ~held]), weight, residual
+
+
+def _held(
+    problem: Problem, k: int, local: Floats, outputs: Floats, columns: Floats, pull: Floats
+) -> NDArray[np.bool_]:
+    """(unknowns) which of a record's own are at a bound and would leave it by more than chance.
+
+    At the end of a fit ``cᵀr``, with the prior's pull, is zero for one that is free and points outwards
+    for one that is held; ``(cᵀr/‖c‖)²`` is what χ² would fall by. Little of that is chance, and then the
+    unknown is left in: what it can do inside its bounds, no effect is to be named for.
+    """
+    unknowns = [one.unknown for one in problem.local[k]]
+    lower, upper = (np.array([getattr(one, side) for one in unknowns]) for side in ("lower", "upper"))
+    near = _AT_BOUND * np.where(np.isfinite(upper - lower), upper - lower, 0.0)
+    low, high = local <= lower + near, local >= upper - near
+    if not (low | high).any():
+        return np.zeros(len(unknowns), dtype=bool)
+    ok, record = problem.ok[k], problem.records[k]
+    residual = problem.whiteners[k](np.where(ok, np.where(ok, record.values, 0.0) - outputs, 0.0))
+    lengths = np.linalg.norm(columns, axis=0)
+    push = (residual @ columns + pull) / np.where(lengths > 0.0, lengths, 1.0)
+    return np.asarray((high & (push > _PUSHED)) | (low & (push < -_PUSHED)))
 
 
 def _range(matrix: Floats) -> Floats:
