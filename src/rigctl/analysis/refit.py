@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.effects.declaration import EffectParameter, qualified
-from rigctl.engine.least_squares import Unknown
+from rigctl.engine.least_squares import Options, Refused, Unknown
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem
@@ -198,6 +198,7 @@ def refit(
     begin: FitResult | None = None,
     *,
     cost: float = _COST,
+    rival: float = math.inf,
     usual: bool = False,
 ) -> RefittedSet | None:
     """Fit the model's parameters and those of `chosen`; None when that cannot be done.
@@ -210,8 +211,10 @@ def refit(
     Parameters
     ----------
     fitted: of the model with none of the effects.
-    begin: where the unknowns begin: the fit of another set; `fitted` when left out.
+    begin: where the unknowns begin: the fit of another set; `fitted` when left out, or where that is better:
+        what is fitted beside an effect makes up for it, and is far off without it.
     cost: fitted until the next step would lower the cost by less than this share.
+    rival: the least cost of the sets known: one far behind it is fitted as coarsely.
     usual: keep to the bounds that say what is usual.
     """
     try:
@@ -219,9 +222,9 @@ def refit(
         for candidate in chosen:
             model = model.with_effect(candidate.effect, _values(candidate))
         problem = fitted.problem.rebuilt(model)
-        known = fitted if begin is None else begin
+        known = fitted if begin is None else _better_begun(problem, begin, fitted)
         problem = problem.with_shared(_started(problem, known))
-        found = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP)
+        found = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP, rival=rival)
         found, more = _refined(found, chosen, cost)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
@@ -303,6 +306,22 @@ def _started(problem: Problem, fitted: FitResult) -> list[Unknown]:
     return [replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared]
 
 
+def _better_begun(problem: Problem, begin: FitResult, fitted: FitResult) -> FitResult:
+    """Where a model begins with the smaller misfit: at `begin`, which has an effect more, or at `fitted`."""
+    if not set(begin.model.effects) - set(problem.model.effects):
+        return begin
+
+    def misfit(known: FitResult) -> float:
+        start = np.array([unknown.start for unknown in _started(problem, known)])
+        inner = problem.only(fitted.fitted)
+        blocks = inner.evaluate(start, [known.local[k] for k in fitted.fitted], False)
+        if isinstance(blocks, Refused):
+            return math.inf
+        return sum(float(block.residual @ block.residual) for block in blocks)
+
+    return min((begin, fitted), key=misfit)
+
+
 def _chi2(fitted: FitResult) -> float:
     return fitted.chi2_reduced * sum(fitted.problem.whiteners[k].size for k in fitted.fitted)
 
@@ -334,12 +353,18 @@ class Alone:
     at_sizes: tuple[FitResult, ...] = field(default=(), repr=False)
 
 
-def alone(before: ModelComparison, candidate: Candidate, *, from_null: bool) -> Alone | None:
+def alone(
+    before: ModelComparison, candidate: Candidate, *, from_null: bool, rival: float = math.inf
+) -> Alone | None:
     """Fit a model with one effect more, begun at its null or at its typical size.
 
     What an effect does may be no straight line in its size, and a fit stays in the minimum that it begins in:
     one that explains little is begun again where the effect explains more, held at sizes up to its bound.
     Nothing is compiled for it. None when the model has no value there.
+
+    Parameters
+    ----------
+    rival: χ² that another effect leaves: of one held at a size that leaves far more the fit is coarse.
     """
     share = 0.0 if from_null else 1.0
     begin = {
@@ -349,7 +374,7 @@ def alone(before: ModelComparison, candidate: Candidate, *, from_null: bool) -> 
     found = _fitted(before, candidate, begin, before.fit)
     if found is not None and _left(found) < _EXPLAINED * _left(before.fit):
         return Alone(candidate, found, _left(found))
-    held = _held_at_sizes(before, candidate)
+    held = _held_at_sizes(before, candidate, rival)
     if held:
         sizes, nearest = min(held, key=lambda one: _left(one[1]))
         if found is None or _left(nearest) < _BETTER * _left(found):
@@ -357,10 +382,10 @@ def alone(before: ModelComparison, candidate: Candidate, *, from_null: bool) -> 
     return None if found is None else Alone(candidate, found, _left(found), tuple(one for _, one in held))
 
 
-def at_sizes(before: ModelComparison, found: Alone) -> tuple[FitResult, ...]:
+def at_sizes(before: ModelComparison, found: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
     """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
     largest that is usual."""
-    return found.at_sizes or tuple(one for _, one in _held_at_sizes(before, found.candidate))
+    return found.at_sizes or tuple(one for _, one in _held_at_sizes(before, found.candidate, rival))
 
 
 def near_best(found: Mapping[str, Alone | None]) -> list[str]:
@@ -374,10 +399,12 @@ def _declared(candidate: Candidate) -> dict[str, EffectParameter]:
     return {name: candidate.parameter(name) for name in candidate.columns}
 
 
-def _sizes(candidate: Candidate) -> list[dict[str, float]]:
-    """Sizes of an effect's parameters, together, in equal ratios from the typical ones to the bounds."""
-    found = []
+def _sizes(candidate: Candidate) -> list[list[dict[str, float]]]:
+    """Sizes of an effect's parameters, together, in equal ratios from the typical ones to the bounds, upwards
+    and downwards."""
+    sides = []
     for side in (1.0, -1.0):
+        found = []
         for k in range(1, _SIZES + 1):
             sizes = {}
             for column, declared in _declared(candidate).items():
@@ -387,17 +414,26 @@ def _sizes(candidate: Candidate) -> list[dict[str, float]]:
                     sizes[column] = declared.at_null + typical * (limit / typical) ** (k / _SIZES)
             if len(sizes) == len(candidate.columns):
                 found.append(sizes)
-    return found
+        sides.append(found)
+    return sides
 
 
-def _held_at_sizes(before: ModelComparison, candidate: Candidate) -> list[tuple[dict[str, float], FitResult]]:
-    """Sizes of an effect, and the model's own parameters fitted with it; not where the model has no value."""
+def _held_at_sizes(
+    before: ModelComparison, candidate: Candidate, rival: float
+) -> list[tuple[dict[str, float], FitResult]]:
+    """Sizes of an effect, and the model's own parameters fitted with it; not where the model has no value.
+
+    Each size begins where the one before it ended, which has made up for most of the effect already.
+    """
     found = []
-    for sizes in _sizes(candidate):
-        held = {name: _inside(candidate, name, size) for name, size in sizes.items()}
-        one = _fit(before, candidate, held, (), before.fit)
-        if one is not None:
-            found.append((sizes, one))
+    for side in _sizes(candidate):
+        begin = before.fit
+        for sizes in side:
+            held = {name: _inside(candidate, name, size) for name, size in sizes.items()}
+            one = _fit(before, candidate, held, (), begin, rival)
+            if one is not None:
+                found.append((sizes, one))
+                begin = one
     return found
 
 
@@ -424,6 +460,7 @@ def _fit(
     held: Mapping[str, float],
     free: Sequence[Unknown],
     begin: FitResult,
+    rival: float = math.inf,
 ) -> FitResult | None:
     whole = before.whole
     names = whole.compiled.system.parameter_names
@@ -434,9 +471,11 @@ def _fit(
     own = before.fit.problem.shared
     shared = [replace(u, start=min(max(at[u.name], u.lower), u.upper)) for u in own]
     problem = whole.with_shared([*shared, *free], base)
+    cost, step = (_COARSE_HELD, Options.largest_step) if held else (_COARSE, _STEP)
     try:
-        cost = _COARSE_HELD if held else _COARSE
-        return fit(problem, before.fit.held_out, local=begin.local, cost=cost)
+        return fit(
+            problem, before.fit.held_out, local=begin.local, cost=cost, largest_step=step, rival=0.5 * rival
+        )
     except RigctlError:
         return None
 

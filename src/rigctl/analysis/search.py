@@ -443,7 +443,9 @@ class Search:
         for effect in effects:
             self.on_progress(f"Asking what {effect} could do alone")
             candidate = self.before.linearisation.candidates[scores[effect].candidate]
-            self.alone[effect] = alone(self.before, candidate, from_null=scores[effect].gain > 0.0)
+            begun_at_null = scores[effect].gain > 0.0
+            rival = min((one.chi2 for one in self.alone.values() if one is not None), default=math.inf)
+            self.alone[effect] = alone(self.before, candidate, from_null=begun_at_null, rival=rival)
         return near_best(self.alone)
 
     @staticmethod
@@ -616,7 +618,9 @@ class Search:
         key = _key(chosen)
         if key not in self.trials:
             # at ten times its size nearly every effect explains the few values of a table
-            found = refit(self.before.fit, chosen, begin.fit, usual=self._few)
+            known = [0.5 * trial.chi2 for trial in self.trials.values()]
+            rival = min(known, default=math.inf)
+            found = refit(self.before.fit, chosen, begin.fit, rival=rival, usual=self._few)
             if found is None:
                 return None
             self.trials[key] = found

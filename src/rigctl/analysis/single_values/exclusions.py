@@ -59,7 +59,7 @@ def exclusions(
         only = _only(before, trend, tried.fit)
         if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
             worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
-            held = () if only or reached >= _TURNS else at_sizes(before, tried)
+            held = () if only or reached >= _TURNS else at_sizes(before, tried, chi2)
             at_most = max([reached, *(_reached(trend, one) for one in held)])
             found.append(Exclusion(name, reached, only, worse, at_most))
     return tuple(sorted(found, key=lambda one: (bool(one.only), one.effect)))

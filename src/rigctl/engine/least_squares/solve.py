@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,7 @@ _LATE = 1e-3  # share of the cost: a step that promises more is not one of the l
 _BOLD = 2  # steps of little damping that may lead nowhere
 _ASIDE = 3  # steps from where one of them raised the cost
 _LEAST_GAIN = 1e-4  # share of the expected fall that a step must bring
+_NEARER = 0.01  # share of the distance to a rival that a step must promise
 _PATIENCE = 4  # iterations that together must lower the cost by the share at which a fit is done
 
 
@@ -45,6 +47,8 @@ class Options:
     gradient: stop when the cosine between residuals and every column is below this.
     iterations: never more than these.
     largest_step: the change of a parameter in one iteration, in units of its size.
+    rival: a cost that is known to be reached otherwise: far above it, a fit is done when it would not come
+        nearer by a hundredth of the distance.
     """
 
     loss: Loss = _SQUARES
@@ -53,6 +57,7 @@ class Options:
     gradient: float = 1e-10
     iterations: int = 100
     largest_step: float = 0.3
+    rival: float = math.inf
 
 
 def least_squares(
@@ -300,7 +305,7 @@ class _Search:
             if self.damping > 1.0:
                 return Outcome.STALLED, "No step lowers the cost"
             return Outcome.STEP, "No parameter moves any more"
-        if self.damping < 1.0 and 0.0 <= self._expected(found.step) <= self.options.cost * self.cost:
+        if self.damping < 1.0 and 0.0 <= self._expected(found.step) <= self._enough():
             return Outcome.COST, "The cost does not fall any more"
         return None
 
@@ -310,9 +315,13 @@ class _Search:
         Steps of which none is good are another matter: then the damping still has to find its size.
         """
         last = sum(self.falls[-_PATIENCE:])
-        if len(self.falls) >= _PATIENCE and 0.0 < last <= self.options.cost * self.cost:
+        if len(self.falls) >= _PATIENCE and 0.0 < last <= self._enough():
             return Outcome.COST, "The cost does not fall any more"
         return None
+
+    def _enough(self) -> float:
+        """The fall of the cost at which a fit is done."""
+        return max(self.options.cost * self.cost, _NEARER * (self.cost - self.options.rival))
 
     def _try(self, found: BoundedStep, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
         """Evaluate at the step's end and move there, or further on, if it is better.

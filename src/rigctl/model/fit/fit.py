@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -39,6 +40,11 @@ Floats = NDArray[np.float64]
 
 #: a fit ends when the next step would lower the cost by less than this share of it
 _COST = 1e-5
+#: the same of a fit that only finds out which valley is the deeper one
+_COARSE = 3e-4
+#: the same where χ² is so many of its standard deviations too large: wherever along its valley such a fit
+#: ends, what is left is what the model lacks, and the tests take out what its parameters could still do
+_ROUGH, _MISFIT = 1e-4, 20.0
 
 
 @dataclass(frozen=True)
@@ -170,6 +176,7 @@ def fit(
     local: Sequence[Floats] | None = None,
     cost: float = _COST,
     largest_step: float = Options.largest_step,
+    rival: float = math.inf,
     progress: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """Fit the shared unknowns on all records but `hold_out`; the records' own ones on each record.
@@ -179,7 +186,7 @@ def fit(
     refit: False keeps the shared unknowns at their starts.
     starts: how many points to begin at; more than one is for costs with several minima.
     local: where the records' own unknowns begin, when something better than their priors is known.
-    cost, largest_step: as in `rigctl.engine.least_squares.Options`.
+    cost, largest_step, rival: as in `rigctl.engine.least_squares.Options`.
 
     Raises
     ------
@@ -187,7 +194,7 @@ def fit(
         nothing is left to fit on, there are fewer values than parameters, or the model has no value at the
         start.
     """
-    options = Options(cost=cost, largest_step=largest_step)
+    options = Options(cost=cost, largest_step=largest_step, rival=rival)
     plan = _Plan(refit, starts, seed, options, progress)
     found = _fit(problem, hold_out, plan, local)
     sized = _sized(problem, found)
@@ -267,17 +274,24 @@ def _fitted(
 
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
     """The better of two fits: one begun where nothing is known yet, and one begun at its end, but for what it
-    has driven far from what is known of it."""
+    has driven far from what is known of it; both made coarsely, then the better one to its end."""
     begun, own = approach(problem.evaluate, problem.shared, local, plan.progress)
-    found = least_squares(problem.evaluate, begun, own, options=plan.options, progress=plan.progress)
+    coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
+    found = least_squares(problem.evaluate, begun, own, options=coarse, progress=plan.progress)
     back = brought_back(begun, found.values)
-    if back is None:
-        return found
-    try:
-        again = least_squares(problem.evaluate, back, own, options=plan.options, progress=plan.progress)
-    except RigctlError:  # the model has no value there: the first fit stands
-        return found
-    return again if again.cost < found.cost else found
+    if back is not None:
+        with suppress(RigctlError):  # the model has no value there: the first fit stands
+            again = least_squares(problem.evaluate, back, own, options=coarse, progress=plan.progress)
+            found = again if again.cost < found.cost else found
+    freedom = max(1, found.residual_count - found.parameter_count)
+    far = 2.0 * found.cost - freedom > _MISFIT * math.sqrt(2.0 * freedom)
+    return least_squares(
+        problem.evaluate,
+        started(begun, found.values),
+        [started(each, values) for each, values in zip(own, found.local, strict=True)],
+        options=replace(plan.options, cost=max(plan.options.cost, _ROUGH)) if far else plan.options,
+        progress=plan.progress,
+    )
 
 
 def _sized(problem: Problem, found: FitResult) -> Problem | None:
