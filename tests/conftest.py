@@ -19,23 +19,24 @@ settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("explore", max_examples=2_000, deadline=None)
 settings.load_profile("suite")
 
-#: files that take longest, longest first: they begin at once, so that no worker is left with one at the end
+#: files that take longest, longest first: they begin at once, so that no worker is left with one at the end;
+#: of three workers the one that follows the pages has every third: what repeats a page, and finds its fits
 LONGEST = (
     "test_docs.py",
-    "journeys/test_tables.py",
     "validation/test_work.py",
     "validation/test_expected_verdicts.py",
+    "journeys/test_tables.py",
     "benches/test_journeys.py",
     "engine/test_guards.py",
+    "journeys/test_heater_board.py",
     "journeys/test_diagnose.py",
     "noise/test_estimate.py",
     "journeys/test_measured_inputs.py",
     "faults/test_unconfirmed_endings.py",
-    "journeys/test_heater_board.py",
-    "diagnose/test_strong_effects.py",
+    "analysis/test_strong_effects.py",
     "journeys/test_demo.py",
     "journeys/test_switch_times.py",
-    "compare/test_single_values.py",
+    "analysis/single_values/test_verdicts.py",
     "cli/test_line_device.py",
     "journeys/test_own_effects.py",
     "model/test_plant.py",
@@ -97,7 +98,8 @@ def no_kept_results() -> Iterator[None]:
 def shared_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """For modules of commands as users type them: fits are kept for the other such modules of these tests.
 
-    Never beside `monkeypatch` of what fits: kept results are found by content, the code's own included.
+    They are found by content, that of the code included, and the folder is new. Not where a test puts other
+    code in the place of what fits: that is not looked at.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:

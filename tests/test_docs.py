@@ -15,6 +15,8 @@ from doc_page import PageRun, blocks, steps
 from rigctl.cli.init import create_project
 from rigctl.dataset import annotate
 
+pytestmark = pytest.mark.usefixtures("shared_results")
+
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 #: followed by tests/cli/test_effects.py, which also installs the package that the page shows

@@ -1,8 +1,10 @@
-"""Fit, compare and diagnose: ``python -m benchmarks.analysis``, and with ``--slow`` how they grow.
+"""Compare and diagnose, and how they grow: ``python -m benchmarks.analysis [--steps] [--slow]``.
 
-The standard campaign of 28 strokes has a valve that leaks, which the textbook model does not know. Every time
-is the shortest of several, warm; beside it stand the processor's seconds, which other work on the machine
-does not lengthen as much, and what was asked for on two quiet cores. ``--slow`` compares up to a thousand
+Whole commands as a user types them, with nothing kept but compiled code, and once more with what the same
+command has fitted before: on the standard campaign of 28 strokes, with a leaking valve that the textbook
+model does not know, and on the eight published strokes. Every time is the shortest of several; beside it
+stand the processor's seconds, which other work on the machine does not lengthen as much, and what was asked
+for on two quiet cores. ``--steps`` times their parts in one process. ``--slow`` compares up to a thousand
 records, and imports and compares ten million rows, each in a process of its own: that takes half an hour.
 ``--own`` diagnoses a user's own bench instead, as a whole command, compiled for the first time and again.
 """
@@ -20,12 +22,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.analysis.data import MODEL, run_of, write_fast
-from benchmarks.analysis.process import in_a_process
+from benchmarks.analysis.data import MODEL, RIG, ROOT, run_of, write_fast
+from benchmarks.analysis.process import in_a_command, in_a_process
 from benchmarks.engine.timing import best
 from benchmarks.record import keep, table
 
 HERE = Path(__file__).parent
+#: wall seconds of whole commands on two quiet cores
+ASKED_OF_COMMANDS = {"rigctl compare": 4.0, "rigctl diagnose": 8.0}
+TIMES = 3
 #: wall seconds on two cores, warm
 ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
 #: the same of a user's own bench, as a whole command
@@ -37,6 +42,7 @@ ASKED_MEGABYTES = 1000.0
 
 
 def main() -> None:
+    os.environ["RIGCTL_RESULTS"] = "off"  # what is timed is done, not found
     kept: dict[str, Any] = {}
     path = HERE / "results.json"
     if path.exists():
@@ -47,11 +53,43 @@ def main() -> None:
         if "--own" in sys.argv[1:]:
             kept["own bench"] = own_bench(folder / "own")
         else:
+            kept["commands"] = commands(folder)
+        if "--steps" in sys.argv[1:]:
             kept["standard"] = standard(folder)
         if "--slow" in sys.argv[1:]:
             kept["records"] = growing(folder)
             kept["rows"] = many_rows(folder)
     print(f"\nkept in {keep(HERE, kept, 'numpy', 'scipy', 'numba', 'pyarrow')}")
+
+
+def commands(folder: Path) -> dict[str, dict[str, float]]:
+    """Whole commands, their start included."""
+    rigctl = str(Path(sys.executable).parent / "rigctl")
+    strokes = [rigctl, "import", str(ROOT / "data" / "hl32-strokes.csv"), "--rig", str(RIG), "--json"]
+    (folder / "table").mkdir()
+    table_of = json.loads(
+        subprocess.run(strokes, cwd=folder / "table", check=True, capture_output=True).stdout
+    )
+    runs = {
+        "": str(run_of(28, folder / "commands").folder),
+        ", the eight published strokes": table_of["path"],
+    }
+    found = {}
+    rows = [("", "seconds", "of processor", "asked", "ratio")]
+    for data, run in runs.items():
+        for name in ("compare", "diagnose"):
+            command = [rigctl, name, run, "--model", str(MODEL), "--json"]
+            for kept, results in (("", "off"), (", asked again", str(folder / "results"))):
+                shown = f"rigctl {name}{data}{kept}"
+                took = in_a_command(command, {"RIGCTL_RESULTS": results}, TIMES)
+                found[shown] = took
+                asked = ASKED_OF_COMMANDS.get(shown)
+                beside = ("", "") if asked is None else (f"{asked:g}", f"{took['wall'] / asked:.2f}")
+                rows.append((shown, f"{took['wall']:.1f}", f"{took['cpu']:.1f}", *beside))
+                print("  ".join(rows[-1]), flush=True)
+    load = ", ".join(f"{one:.1f}" for one in os.getloadavg()) if hasattr(os, "getloadavg") else "not known"
+    table(f"whole commands, warm; load of the machine in the last 1, 5 and 15 minutes: {load}", rows)
+    return found
 
 
 def standard(folder: Path) -> dict[str, dict[str, float]]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +30,20 @@ def in_a_process(work: str, *arguments: str) -> Used:
     command = [sys.executable, "-m", "benchmarks.analysis.process", work, *arguments]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return Used(*json.loads(done.stdout))
+
+
+def in_a_command(command: Sequence[str], environment: Mapping[str, str], times: int) -> dict[str, float]:
+    """Wall and processor seconds of a whole command: the shortest, after one that is not counted."""
+    walls, cpus = [], []
+    for _ in range(1 + times):
+        wall, before = time.perf_counter(), os.times()
+        subprocess.run(command, check=True, capture_output=True, env={**os.environ, **environment})
+        walls.append(time.perf_counter() - wall)
+        after = os.times()
+        cpus.append(
+            after.children_user + after.children_system - before.children_user - before.children_system
+        )
+    return {"wall": min(walls[1:]), "cpu": min(cpus[1:])}
 
 
 def _import(file: str, runs: str) -> str:

@@ -7,6 +7,11 @@ from pathlib import Path
 import pytest
 
 
+@pytest.fixture(scope="module", autouse=True)
+def as_on_one_computer(shared_results: Path) -> None:
+    """What one journey has fitted, another one on the same data finds again, as a user's commands do."""
+
+
 @pytest.fixture
 def inside(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The working folder is the module's project."""
