@@ -78,3 +78,15 @@ def test_the_glossary_leads_to_what_is_there() -> None:
     for table in page.split("| term |")[1:]:
         terms = [line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ")]
         assert terms == sorted(terms, key=str.casefold), "in alphabetical order"
+
+
+def test_the_files_that_are_begun_first_are_there() -> None:
+    """One that moves would be begun last, and a worker be left with it at the end."""
+    here = Path(__file__).parent
+    body = ast.parse((here / "conftest.py").read_text("utf-8")).body
+    (listed,) = [
+        ast.literal_eval(node.value)
+        for node in body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "LONGEST"
+    ]
+    assert [name for name in listed if not (here / name).exists()] == []
