@@ -83,7 +83,7 @@ def new(
     from rigctl.cli.first_fit import first_fit
     from rigctl.cli.plans import find_file, read_assignments
     from rigctl.project import find_project
-    from rigctl.proposal.columns import read_table
+    from rigctl.proposal.columns import read_columns
     from rigctl.proposal.propose import empty_table, find_template, propose
     from rigctl.proposal.roles import with_roles
 
@@ -96,7 +96,7 @@ def new(
         table = empty_table(template or "")
     else:
         units = read_assignments(unit or (), "--unit")
-        table = with_roles(read_table(find_file(csv), units), inputs or (), outputs or (), leave or ())
+        table = with_roles(read_columns(find_file(csv), units), inputs or (), outputs or (), leave or ())
     proposal = propose(called, table, template)
     root = find_project().root
     # files name each other from the project's root: without a project they would not be found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
@@ -11,7 +11,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.dataset.importing.table import Heading, Part, Source
+from rigctl.dataset.importing.table import Heading
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
 from rigctl.units import Unit, is_speed_of_rotation, parse_unit
@@ -108,8 +108,8 @@ class Table:
         return [np.flatnonzero(self.record == code) for code in np.unique(self.record)]
 
 
-def read_table(path: Path, units: Mapping[str, str]) -> Table:
-    """The columns of a file of measurements that hold numbers.
+def read_columns(path: Path, units: Mapping[str, str]) -> Table:
+    """The columns of a file of measurements that hold numbers, as a bench would call them.
 
     Parameters
     ----------
@@ -123,40 +123,43 @@ def read_table(path: Path, units: Mapping[str, str]) -> Table:
     from rigctl.dataset.importing.formats import open_source
     from rigctl.dataset.importing.headings import folded
     from rigctl.dataset.importing.options import Options
+    from rigctl.dataset.importing.read_table import table_of
 
     source = open_source(path, Options())
-    clock = next((h.name for h in source.headings if h.name.strip().casefold() in _TIMES), None)
-    if clock is not None:  # it may be written as a date, which only a time is read from
-        source = open_source(path, Options(columns={clock: "time"}))
-    found = [_heading(heading, units) for heading in source.headings]
-    _check_units(units, found)
-    lower = [heading.plain.strip().casefold() for heading in found]
-    time = next((place for place, name in enumerate(lower) if name in _TIMES), None)
-    record = next((place for place, name in enumerate(lower) if name in _RECORDS), None)
-    unused = {place for place, heading in enumerate(source.headings) if heading.spent or not heading.name}
-    wanted = [place for place in range(len(found)) if place != record and place not in unused]
-    everything, wanted = wanted, _with_numbers(source, wanted)
-    values, codes = _rows(source, wanted, record)
+    found = {heading.name: _heading(heading, units) for heading in source.headings}
+    _check_units(units, found.values())
+    plain = {name: heading.plain.strip().casefold() for name, heading in found.items()}
+    time = next((name for name, ours in plain.items() if ours in _TIMES), None)
+    record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
+    # a time may be written as a date, which only a time is read from
+    named = {name: meaning for name, meaning in ((time, "time"), (record, "record")) if name is not None}
+    options = Options(columns=named)
+    source = open_source(path, options)
+    read = {heading.name: heading for heading in source.headings}
+    table = table_of(source, path, options, keep_good=True, most=_MOST_ROWS)
+    codes = _codes(table.records, len(table.columns[0].values))
     times = None
-    if time is not None:
-        times = values[time] * parse_unit(found[time].unit or "s").factor
+    renamed = list[str]()
+    clock = None if time is None else table.column(time)
+    if time is not None and clock is not None:
+        heading = _heading(read[time], units)
+        times = clock.values * parse_unit(heading.unit or "s").factor
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
-    columns, renamed = list[Column](), list[str]()
-    if time is not None and (found[time].name.casefold() != "time" or not found[time].stated):
-        unit = "" if source.headings[time].seconds else f" [{found[time].unit or 's'}]"
-        renamed.append(f"{found[time].name}=time{unit}")
-    if record is not None and found[record].name.casefold() != "record":
-        renamed.append(f"{found[record].name}=record")
-    numbers = set(wanted)
-    renamed += [f"{found[place].name}=-" for place in everything if place not in numbers]
-    for place in wanted:
-        if place == time:
+        if time.casefold() != "time" or not heading.stated:
+            unit = "" if read[time].seconds else f" [{heading.unit or 's'}]"
+            renamed.append(f"{time}=time{unit}")
+    if record is not None and record.casefold() != "record":
+        renamed.append(f"{record}=record")
+    renamed += [f"{name}=-" for name in table.texts]
+    columns = list[Column]()
+    for one in table.columns:
+        if one.name == time:
             continue
-        column = _column(found[place], values[place], [c.name for c in columns])
+        column = _column(_heading(read[one.name], units), one.values, [c.name for c in columns])
         columns.append(column)
         if folded(column.theirs) != column.name or not column.stated:
             renamed.append(f"{column.theirs}={column.name} [{column.unit}]")
-    if not columns or not len(codes):
+    if not columns:
         raise RigctlError(
             "there is nothing measured in this file", value=str(path), expected="columns of numbers"
         )
@@ -215,40 +218,12 @@ def _check_units(units: Mapping[str, str], found: Iterable[_Heading]) -> None:
             raise unknown_name("--unit: column", name, known)
 
 
-def _with_numbers(source: Source, wanted: list[int]) -> list[int]:
-    """The columns that hold numbers: one of texts would make every row unreadable."""
-
-    def readable(places: list[int]) -> bool:
-        part = next(iter(source.parts(places, None)), None)
-        return part is not None and len(part.lines) > 0
-
-    return wanted if readable(wanted) else [place for place in wanted if readable([place])]
-
-
-def _rows(
-    source: Source, wanted: list[int], record: int | None
-) -> tuple[dict[int, Floats], NDArray[np.int64]]:
-    gathered: dict[int, list[Floats]] = {place: [] for place in wanted}
-    codes: list[NDArray[np.int64]] = []
-    rows, labels = 0, dict[str, int]()
-    for part in source.parts(wanted, record):
-        for place in wanted:
-            gathered[place].append(np.asarray(part.columns[place], dtype=np.float64))
-        codes.append(_codes(part, labels))
-        rows += len(part.lines)
-        if rows >= _MOST_ROWS:
-            break
-    empty = np.empty(0)
-    together = {place: np.concatenate(pieces) if pieces else empty for place, pieces in gathered.items()}
-    return together, np.concatenate(codes) if codes else np.empty(0, dtype=np.int64)
-
-
-def _codes(part: Part, labels: dict[str, int]) -> NDArray[np.int64]:
-    """The records of one part's rows; the same label is the same record in every part."""
-    if part.labels is None:
-        return np.zeros(len(part.lines), dtype=np.int64)
-    of = [labels.setdefault(text, 1000 * len(labels)) for text in part.labels.texts]
-    return np.array(of, dtype=np.int64)[part.labels.codes]
+def _codes(records: Sequence[str] | None, rows: int) -> NDArray[np.int64]:
+    """The record of each row, as a number that leaves room for records within it."""
+    if records is None:
+        return np.zeros(rows, dtype=np.int64)
+    numbers = {text: 1000 * k for k, text in enumerate(dict.fromkeys(records))}
+    return np.array([numbers[text] for text in records], dtype=np.int64)
 
 
 def _column(heading: _Heading, values: Floats, taken: list[str]) -> Column:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rigctl.dataset.importing.formats import open_source
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import Source, refuse
+from rigctl.dataset.importing.table import Part, Source, refuse
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -73,11 +73,22 @@ def read_table(path: Path, options: Options | None = None, *, keep_good: bool = 
     RigctlError
         the file cannot be read, a row is bad, or there is nothing in it.
     """
+    said = options or Options()
+    return table_of(open_source(path, said), path, said, keep_good=keep_good)
+
+
+def table_of(
+    source: Source, path: Path, options: Options, *, keep_good: bool = False, most: int | None = None
+) -> Table:
+    """The columns of a file that has been opened with `options`; see `read_table`.
+
+    Parameters
+    ----------
+    most: rows that are enough; the part of the file in which they end is read to its end.
+    """
     import numpy as np
 
-    said = options or Options()
-    source = open_source(path, said)
-    ours = [said.ours(heading.name) for heading in source.headings]
+    ours = [options.ours(heading.name) for heading in source.headings]
     record = ours.index("record") if "record" in ours else None
     places = [
         place
@@ -85,11 +96,15 @@ def read_table(path: Path, options: Options | None = None, *, keep_good: bool = 
         if place != record and heading.name and not heading.spent and ours[place] != "-"
     ]
     wanted = [place for place in places if _holds_numbers(source, place)]
-    parts = list(source.parts(wanted, record))
+    parts: list[Part] = []
+    for part in source.parts(wanted, record) if wanted else ():
+        parts.append(part)
+        if most is not None and sum(len(one.lines) for one in parts) >= most:
+            break
     faults = [fault for part in parts for fault in part.faults]
     if faults and not keep_good:
         raise refuse(path, faults, len(faults) + sum(part.more_faults for part in parts))
-    if not wanted or not sum(len(part.lines) for part in parts):
+    if not sum(len(part.lines) for part in parts):
         raise RigctlError("there is nothing in it", expected="rows of values", where=Location(path))
     columns = tuple(
         TableColumn(
