@@ -32,6 +32,7 @@ LONGEST = (
     "journeys/test_diagnose.py",
     "noise/test_estimate.py",
     "journeys/test_measured_inputs.py",
+    "backends/contract/test_devices.py",
     "faults/test_unconfirmed_endings.py",
     "analysis/test_strong_effects.py",
     "journeys/test_demo.py",

@@ -123,6 +123,7 @@ class PageRun:
             self._served = (str(rig.backend.port), server.port)
             for step in steps(block):
                 self._step(step, block)
+            assert server.circuit.off, f"line {block.line}: an output is still on"
         self._served = None
 
     def _step(self, step: Step, block: Block) -> None:

@@ -272,14 +272,15 @@ class ScpiServer(Server):
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.add(writer)
-        while line := await reader.readline():
-            self.asked += 1
-            text = line.decode("ascii", "replace").strip()
-            self.received.append(text)
-            answers = [answer for part in text.split(";") if (answer := self._answer(part)) is not None]
-            if answers and not self.mute:
-                writer.write(f"{';'.join(answers)}\n".encode())
-                await writer.drain()
+        with suppress(OSError):
+            while line := await reader.readline():
+                self.asked += 1
+                text = line.decode("ascii", "replace").strip()
+                self.received.append(text)
+                answers = [answer for part in text.split(";") if (answer := self._answer(part)) is not None]
+                if answers and not self.mute:
+                    writer.write(f"{';'.join(answers)}\n".encode())
+                    await writer.drain()
 
     def _answer(self, part: str) -> str | None:
         command, _, arguments = part.partition(" ")

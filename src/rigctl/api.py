@@ -74,7 +74,8 @@ def run(
     ----------
     procedure, rig: files; the rig that the procedure names unless another one is given.
     arguments: of the procedure, written with units: ``{"supply": "30 bar"}``.
-    backend: ``serial``, ``emulated``, ``simulated``, ``replay``; the rig file names the default.
+    backend: ``serial``, ``modbus``, ``visa``, ``opcua``, ``emulated``, ``simulated``, ``replay``; the rig
+        file names the default.
     port: a serial port or pyserial URL.
     operator: who answers when the procedure asks.
     answers: instead of `operator`: values by name; confirmations are given at once.

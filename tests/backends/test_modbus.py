@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 import struct
+import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from commands import call
 from protocol_servers import ModbusServer, RtuServer
 from rigctl.backends.modbus.numbers import Place
 from rigctl.backends.registry import create_backend
+from rigctl.backends.transport.pursuit import pursuits
 from rigctl.clock import real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
@@ -187,3 +190,23 @@ def test_the_heartbeat_goes_on_while_samples_are_taken() -> None:
                 bench.next_sample(1.0)
         finally:
             bench.close()
+
+
+def test_a_guard_goes_on_until_a_device_that_was_away_is_off(tmp_path: Path) -> None:
+    from backends.contract.test_devices import HOST
+
+    (tmp_path / "rig.yaml").write_text(RIG.text, encoding="utf-8")
+    with ModbusServer(RIG) as server:
+        command = [sys.executable, "-c", HOST, str(tmp_path / "rig.yaml"), "modbus", server.port]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
+            assert host.stdout is not None
+            assert host.stdout.readline() == "on\n"
+            server.stop()
+            host.kill()
+        while not any(notice.port == server.port for notice in pursuits()):
+            time.sleep(0.01)
+        assert server.circuit.outputs["heater"] == 1.0
+        server.start()
+        while any(notice.port == server.port for notice in pursuits()):
+            time.sleep(0.01)
+        assert server.circuit.off

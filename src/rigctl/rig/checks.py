@@ -35,6 +35,10 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _safe_state(rig)
     yield from _constants(rig)
     yield from _simulation(rig)
+    spoken = [name for name in ("lines", "modbus", "opcua") if getattr(rig.backend, name) is not None]
+    if len(spoken) > 1:
+        error = RigctlError("a device has one protocol", value=", ".join(spoken))
+        yield Problem(("backend", spoken[-1]), error, of_key=True)
     if rig.backend.lines is not None:
         yield from line_problems(rig, rig.backend.lines)
     if rig.backend.modbus is not None:

@@ -26,6 +26,26 @@ def until_a_receipt(bench: Backend, actuator: str) -> CommandReceipt:
     raise AssertionError("no receipt came")
 
 
+def refuses_what_cannot_be(subject: Subject, bench: Backend) -> None:
+    """Before anything moves, and without a word to the device."""
+    asked = subject.server.asked if subject.server is not None else 0
+    for actuator, value, duration in (
+        ("heatr", 1.0, None),
+        ("heater", 0.5, None),
+        ("heater", float("nan"), None),
+        ("heater", 1.0, -1.0),
+        ("relief_valve", 1e9, None),
+    ):
+        with pytest.raises(RigctlError):
+            bench.command(actuator, value, duration=duration)
+    for rate in (0.0, float("nan")):
+        with pytest.raises(RigctlError, match="not a sampling rate"):
+            bench.start(rate)
+    assert off(subject)
+    if subject.server is not None:
+        assert subject.server.asked == asked
+
+
 def test_a_session_from_open_to_close(subject: Subject) -> None:
     bench, rig = subject.make(), subject.rig
     with pytest.raises(BackendLost):
@@ -34,6 +54,7 @@ def test_a_session_from_open_to_close(subject: Subject) -> None:
     try:
         assert bench.identity["kind"] == subject.kind
         assert bench.without_host
+        refuses_what_cannot_be(subject, bench)
         bench.start(10.0)
         found = samples(bench, 6)
         assert all(a.time < b.time for a, b in pairwise(found))
@@ -69,27 +90,3 @@ def test_a_session_from_open_to_close(subject: Subject) -> None:
     bench.close()
     with pytest.raises(BackendLost):
         bench.next_sample(0.0)
-
-
-def test_what_cannot_be_is_refused_before_anything_moves(subject: Subject) -> None:
-    bench = subject.make()
-    bench.open()
-    try:
-        asked = subject.server.asked if subject.server is not None else 0
-        for actuator, value, duration in (
-            ("heatr", 1.0, None),
-            ("heater", 0.5, None),
-            ("heater", float("nan"), None),
-            ("heater", 1.0, -1.0),
-            ("relief_valve", 1e9, None),
-        ):
-            with pytest.raises(RigctlError):
-                bench.command(actuator, value, duration=duration)
-        for rate in (0.0, float("nan")):
-            with pytest.raises(RigctlError, match="not a sampling rate"):
-                bench.start(rate)
-        assert off(subject)
-        if subject.server is not None:
-            assert subject.server.asked == asked
-    finally:
-        bench.close()

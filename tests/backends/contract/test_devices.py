@@ -76,6 +76,9 @@ class Watched:
             self.newest = self.bench.next_sample(0.2) or self.newest
             self.notices += self.bench.take_notices()
 
+    def until_said(self, kind: str, text: str) -> None:
+        self.until(lambda: self.said(kind, text))
+
     def said(self, kind: str, text: str) -> bool:
         return any(one.kind == kind and text in one.message for one in self.notices)
 
@@ -111,31 +114,32 @@ def test_what_is_read_is_what_the_plant_has_and_nothing_where_it_has_none(device
         watched.until(lambda: not math.isnan(pressure()))
 
 
-@pytest.mark.parametrize("fault", ["silent", "unplugged"])
-def test_a_device_that_is_lost_is_found_again_with_outputs_off(device: Subject, fault: str) -> None:
+def test_a_device_that_is_lost_is_found_again_with_outputs_off(device: Subject) -> None:
     server = device.server
     assert server is not None
+
+    def silence(*, begin: bool) -> None:
+        server.mute = begin
+
+    def unplug(*, begin: bool) -> None:
+        (server.stop if begin else server.start)()
+
     with opened(device) as bench:
-        bench.command("heater", 1.0).wait()
-        samples(bench, 2)
-        watched = Watched(bench)
-        if fault == "silent":
-            server.mute = True
-        else:
-            server.stop()
-        watched.until(lambda: watched.said("fault", "contact with the device is lost"))
-        with pytest.raises(BackendLost):
-            bench.command("heater", 1.0)
-        with pytest.raises(BackendLost):
-            bench.safe()
-        if fault == "silent":
-            server.mute = False
-        else:
-            server.start()
-        watched.until(lambda: watched.said("note", "the device is back"))
-        assert watched.said("gap", "heater went to the safe state")
-        assert server.circuit.off
-        assert samples(bench, 2)[-1].commands == (0.0, 0.0)
+        for fault in (silence, unplug):
+            bench.command("heater", 1.0).wait()
+            samples(bench, 2)
+            watched = Watched(bench)
+            fault(begin=True)
+            watched.until_said("fault", "contact with the device is lost")
+            with pytest.raises(BackendLost):
+                bench.command("heater", 1.0)
+            with pytest.raises(BackendLost):
+                bench.safe()
+            fault(begin=False)
+            watched.until_said("note", "the device is back")
+            assert watched.said("gap", "heater went to the safe state")
+            assert server.circuit.off
+            assert samples(bench, 2)[-1].commands == (0.0, 0.0)
         bench.command("heater", 1.0).wait()
         assert server.circuit.outputs["heater"] == 1.0
     assert server.circuit.off
@@ -162,7 +166,8 @@ def test_a_host_that_is_killed_or_stands_still_leaves_the_outputs_off(
         ending = "SIGTERM"  # on Windows all there is is to end it
     server = device.server
     assert server is not None
-    (tmp_path / "rig.yaml").write_text(device.rig.text, encoding="utf-8")
+    text = device.rig.text.replace("    unit: 1 ", "    watchdog: 0.5 s\n    unit: 1 ")
+    (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
     port = f"socket://127.0.0.1:{server.number}" if device.kind == "serial" else server.port
     command = [sys.executable, "-c", HOST, str(tmp_path / "rig.yaml"), device.kind, port]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
@@ -176,24 +181,19 @@ def test_a_host_that_is_killed_or_stands_still_leaves_the_outputs_off(
             host.kill()
 
 
-@pytest.mark.parametrize("ending", ["finished", "failed"])
-def test_a_run_ends_with_outputs_off(device: Subject, ending: str, tmp_path: Path) -> None:
+def test_a_run_that_an_interlock_ends_leaves_the_outputs_off(device: Subject, tmp_path: Path) -> None:
+    """One that finishes is in the how-to pages, which are followed at the same servers."""
     server = device.server
     assert server is not None
-    text = device.rig.text
-    if ending == "failed":
-        text = text.replace("above: 65 bar", "above: 10 bar")
+    text = device.rig.text.replace("above: 65 bar", "above: 10 bar")
     (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "step.yaml").write_text(STEP, encoding="utf-8")
     port = f"socket://127.0.0.1:{server.number}" if device.kind == "serial" else server.port
     result = rigctl.run(tmp_path / "step.yaml", port=port, runs=tmp_path / "runs", answers={})
-    assert result.status == ending, result.reason
-    assert ("Supply over-pressure" in (result.reason or "")) == (ending == "failed")
+    assert (result.status, "Supply over-pressure" in (result.reason or "")) == ("failed", True)
+    assert [name for _, name, driven in server.circuit.switched if driven] == ["heater", "relief_valve"]
     assert server.circuit.off
-    driven = [(name, value) for _, name, value in server.circuit.switched if value]
-    assert [name for name, _ in driven] == ["heater", "relief_valve"]
-    if ending == "finished":
-        assert result.folder is not None
-        record = rigctl.open_run(result.folder).samples(record=0)
-        assert float(record["supply_pressure"].iloc[-1]) == pytest.approx(20.0, abs=0.5)
-        assert float(record["relief_valve"].iloc[-1]) == pytest.approx(20.0)
+    assert result.folder is not None
+    record = rigctl.open_run(result.folder).samples(record=0)
+    assert float(record["supply_pressure"].iloc[-1]) > 10.0
+    assert float(record["relief_valve"].max()) == pytest.approx(20.0)

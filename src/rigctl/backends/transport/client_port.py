@@ -15,7 +15,7 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
 _LONGEST_WAIT = 0.5  # s of wall time in one read
-_ENDS_WITHIN = 1.0  # s; a library that is still waiting then is left to itself
+_ENDS_WITHIN = 0.2  # s; a library that is still waiting for its device then is left to itself
 
 
 class Client(Protocol):
@@ -84,7 +84,7 @@ class ClientPort:
         return answer
 
     def close(self) -> None:
-        """Let it go once everything that was sent has been carried out, or after a second."""
+        """Let it go; what was sent is carried out, unless the device has been silent for long."""
         self._requests.put(None)
         self._thread.join(_ENDS_WITHIN)
 

@@ -103,7 +103,7 @@ class Reconnection(Generic[Met]):
         now = self._clock.now()
         if now - self.since > self._limit:
             self.drop()
-            raise BackendLost(f"the board did not come back within {self._limit:g} s: {self.why}")
+            raise BackendLost(f"the bench did not come back within {self._limit:g} s: {self.why}")
         if self._meeting is None and now < self._next_try:
             self._clock.sleep_until(min(self._next_try, until))
             return None
