@@ -128,6 +128,7 @@ def test_remove_writes_the_next_version() -> None:
         "runs": [],
         "hold_out": None,
         "only": None,
+        "assume": [],
         "before": None,
         "after": None,
     }

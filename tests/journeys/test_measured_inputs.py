@@ -164,6 +164,10 @@ def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
     asked = ("compare", "latest", "--model", "models/heater-board.yaml")
     assert answer(*asked, "--assume", "heater_2=0 %")["adequate"]
+    fitted = answer("model", "fit", *asked[3:], "latest", "--assume", "heater_2=0 %")
+    assert fitted["assume"] == ["heater_2=0 %"]
+    _, version = answer("model", "history", *asked[3:])["versions"]
+    assert version["assume"] == ["heater_2=0 %"]
     assert "did you mean 'heater_2'" in refusal(*asked, "--assume", "heater2=0")
     assert "out of range" in refusal(*asked, "--assume", "heater_2=120")
     assert "not a value for a name" in refusal(*asked, "--assume", "heater_2")

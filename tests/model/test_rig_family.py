@@ -82,6 +82,17 @@ def test_a_switch_gives_its_power_and_a_level_its_own_unit() -> None:
         input_sources(family, pressed)
 
 
+@pytest.mark.parametrize(("commanded", "wanted"), [("rpm", "Hz"), ("Hz", "rad/s")])
+def test_a_command_in_turns_is_no_input_that_is_counted(commanded: str, wanted: str) -> None:
+    """1 rpm is 2π/60 rad/s, and of 1 Hz nobody knows whether it counts turns."""
+    family = find_family(TANK)
+    inputs = tuple(replace(one, unit=wanted) if one.name == "inflow" else one for one in family.inputs)
+    level = rig().actuators["inflow"].model_copy(update={"unit": commanded})
+    spun = rig().model_copy(update={"actuators": {**rig().actuators, "inflow": level}})
+    with pytest.raises(RigctlError, match=f"the model's inflow is in {wanted}, got '{commanded}'"):
+        input_sources(replace(family, inputs=inputs), spun)
+
+
 def test_the_rig_gives_the_parameters_and_chooses_the_outputs() -> None:
     system = build_system(family_of(rig()), rig=rig())
     assert system.output_names == ("level",)

@@ -137,11 +137,13 @@ class Choice:
     Attributes
     ----------
     hold_out, only: the conditions by which records were held out, and chosen; "" for none.
+    assume: ``name=value`` of inputs that the runs themselves do not tell.
     rest: the records that were not chosen, with the noise of all; None where all were.
     """
 
     hold_out: str = ""
     only: str = ""
+    assume: tuple[str, ...] = ()
     rest: tuple[Measurements, DataNoise] | None = field(default=None, repr=False)
 
 

@@ -15,6 +15,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.measured.assumed import assumed_when_opened
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
@@ -70,7 +71,7 @@ def read_runs(
     measurements = read_measurements(model, runs)
     noise = noise_of(measurements)
     units = variable_units(measurements)
-    choice = Choice(hold_out or "", only or "")
+    choice = Choice(hold_out or "", only or "", assumed_when_opened(runs))
     if only:
         places = chosen(measurements, only, units)
         others = sorted(set(range(len(measurements.records))) - set(places))

@@ -304,6 +304,7 @@ def _saved(
         runs=tuple(found.runs),
         hold_out=choice.hold_out,
         only=choice.only,
+        assume=choice.assume,
         before=before_error,
         after=after_error,
         note=chosen.reason,

@@ -65,7 +65,7 @@ def carry_out(path: Path, wanted: Wanted, *, as_json: bool) -> None:
     if as_json:
         print_json(_document(version))
     else:
-        _show(made, version, wanted.assume)
+        _show(made, version)
 
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
@@ -92,6 +92,7 @@ def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
         runs=tuple(run.id for run in runs),
         hold_out=wanted.hold_out or "",
         only=wanted.only or "",
+        assume=tuple(wanted.assume),
         before=model_error(before),
         after=model_error(after),
     )
@@ -119,12 +120,13 @@ def _document(version: Version) -> dict[str, Any]:
         "runs": list(done.runs),
         "hold_out": done.hold_out or None,
         "only": done.only or None,
+        "assume": list(done.assume),
         "before": done.before.document() if done.before else None,
         "after": done.after.document() if done.after else None,
     }
 
 
-def _show(made: Model, version: Version, assume: Sequence[str]) -> None:
+def _show(made: Model, version: Version) -> None:
     """What became of the file, the fall of the error, and the values found."""
     done, head = version.done, version.head
     old, new = {
@@ -139,7 +141,7 @@ def _show(made: Model, version: Version, assume: Sequence[str]) -> None:
         _show_values(made)
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
-        choice = DataOptions(done.only, done.hold_out, assume)
+        choice = DataOptions(done.only, done.hold_out, done.assume)
         command = analysis("compare", done.runs, str(head), choice)
         show_next(f"{command} --no-fit", "says whether it agrees with them now")
 

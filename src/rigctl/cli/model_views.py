@@ -218,14 +218,15 @@ def show_history(versions: Sequence[Version], current: Version) -> None:
     found = version_errors(versions)
     if found:
         show_errors([(_label(each), each.error) for each in found])
-        if len({(each.runs, each.hold_out, each.only) for each in found}) > 1:
+        if len({(each.runs, each.hold_out, each.only, each.assume) for each in found}) > 1:
             out.print("  Not all were found on the same runs and held-out records: compare with care.")
 
 
 def _fitted_to(done: Change) -> str:
-    """The runs, and which of their records."""
+    """The runs, which of their records, and what was assumed of them."""
     runs = ", ".join(done.runs)
-    return f"{runs}, only {done.only}" if done.only else runs
+    only = f", only {done.only}" if done.only else ""
+    return runs + only + "".join(f", {text} assumed" for text in done.assume)
 
 
 def _label(found: VersionError) -> str:
@@ -272,6 +273,7 @@ def history_document(versions: Sequence[Version], current: Version) -> dict[str,
                 "runs": list(found.runs),
                 "hold_out": found.hold_out or None,
                 "only": found.only or None,
+                "assume": list(found.assume),
                 **found.error.document(),
             }
             for found in version_errors(versions)

@@ -10,7 +10,7 @@ from rigctl.errors import RigctlError
 from rigctl.physics.families import find_family
 from rigctl.physics.family import InputVariable, ModelFamily
 from rigctl.rig.rig import Rig
-from rigctl.units import describe, parse_unit
+from rigctl.units import describe, is_speed_of_rotation, parse_unit
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,26 @@ def input_values(sources: tuple[InputSource, ...], commands: Mapping[str, float]
     return [source.of(commands) for source in sources]
 
 
+def require_unit_of(what: str, unit: str, wanted: str) -> None:
+    """Require that a unit means the quantity of another one: its dimension, and turns for turns.
+
+    Raises
+    ------
+    RigctlError
+        it does not; `what` says what wants it.
+    """
+    if parse_unit(unit).dimension != parse_unit(wanted).dimension:
+        raise RigctlError(what, value=unit, expected=f"a unit of {describe(wanted)}")
+    if is_speed_of_rotation(unit) != is_speed_of_rotation(wanted):
+        raise RigctlError(
+            what,
+            value=unit,
+            expected="rpm, rad/s or deg/s: a count per time names neither turns nor radians"
+            if is_speed_of_rotation(wanted)
+            else "rpm or rad/s in the family file too, if it turns",
+        )
+
+
 def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputSource:
     actuators = _of_role(item, rig)
     if actuators or item.name in rig.actuators:
@@ -91,14 +111,16 @@ def _of_moves(rig: Rig) -> tuple[tuple[str, float], ...]:
 
 def _factor(item: InputVariable, rig: Rig) -> float:
     """What the actuator of the input's name is multiplied by; a switch gives its power."""
-    unit, wanted = parse_unit(rig.actuators[item.name].display_unit), parse_unit(item.unit)
+    written = rig.actuators[item.name].display_unit
+    unit, wanted = parse_unit(written), parse_unit(item.unit)
     if unit.dimension == wanted.dimension:
+        require_unit_of(f"the model's {item.name} is in {item.unit}", written, item.unit)
         return 1.0
     if wanted.dimension == parse_unit("W").dimension:
         return _power(rig, item.name)
     raise RigctlError(
         f"the actuator '{item.name}' of the rig '{rig.name}' has another dimension than the model's input",
-        value=rig.actuators[item.name].display_unit,
+        value=written,
         expected=describe(item.unit),
     )
 

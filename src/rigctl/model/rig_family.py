@@ -8,10 +8,11 @@ from functools import partial
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.reader import Reader
 from rigctl.files.yaml import parse_document
+from rigctl.model.inputs import require_unit_of
 from rigctl.physics.families import FAMILIES, find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.rig.rig import Rig
-from rigctl.units import describe, is_speed_of_rotation, parse_unit
+from rigctl.units import parse_unit
 
 #: where something of a rig file is wrong, whether its key is, and the check that refuses it
 _Check = tuple[tuple[str, ...], bool, Callable[[], object]]
@@ -67,20 +68,14 @@ def _signals(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
     for name, channel in rig.channels.items():
         if name in units:
             what = f"the model's {name} is in {units[name]}"
-            yield ("channels", name, "unit"), False, partial(_require, what, channel.unit, units[name])
-
-
-def _require(what: str, unit: str, wanted: str) -> None:
-    if parse_unit(unit).dimension != parse_unit(wanted).dimension:
-        raise RigctlError(what, value=unit, expected=f"a unit of {describe(wanted)}")
-    if is_speed_of_rotation(unit) != is_speed_of_rotation(wanted):
-        raise RigctlError(
-            what,
-            value=unit,
-            expected="rpm, rad/s or deg/s: a count per time names neither turns nor radians"
-            if is_speed_of_rotation(wanted)
-            else "rpm or rad/s in the family file too, if it turns",
-        )
+            yield ("channels", name, "unit"), False, partial(require_unit_of, what, channel.unit, units[name])
+    inputs = {item.name: item.unit for item in family.inputs}
+    for name, actuator in rig.actuators.items():
+        # a switch may give its power, which `input_sources` knows
+        unit, wanted = actuator.display_unit, inputs.get(name)
+        if wanted is not None and parse_unit(unit).dimension == parse_unit(wanted).dimension:
+            check = partial(require_unit_of, f"the model's {name} is in {wanted}", unit, wanted)
+            yield ("actuators", name, "unit"), False, check
 
 
 def _constants(rig: Rig, family: ModelFamily) -> Iterator[_Check]:

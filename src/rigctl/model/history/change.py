@@ -81,6 +81,7 @@ class Change:
     effect: what was added or removed.
     runs, only, hold_out: the runs that it was fitted to, and the expressions for the records that were chosen
         of them (all when empty), and for those that were held out.
+    assume: ``name=value`` of inputs that these runs themselves do not tell.
     before, after: the error of the model before and after the change, on the same records.
     note: anything else, in words.
     """
@@ -90,6 +91,7 @@ class Change:
     runs: tuple[str, ...] = ()
     hold_out: str = ""
     only: str = ""
+    assume: tuple[str, ...] = ()
     before: ModelError | None = None
     after: ModelError | None = None
     note: str = ""
@@ -108,6 +110,7 @@ class Change:
             "runs": list(self.runs),
             "hold_out": self.hold_out or None,
             "only": self.only or None,
+            "assume": list(self.assume),
             "before": self.before.document() if self.before else None,
             "after": self.after.document() if self.after else None,
             "note": self.note or None,
@@ -123,6 +126,7 @@ class Change:
             runs=tuple(written["runs"]),
             hold_out=written["hold_out"] or "",
             only=written.get("only") or "",
+            assume=tuple(written.get("assume") or ()),
             before=ModelError.of_document(before) if before else None,
             after=ModelError.of_document(after) if after else None,
             note=written["note"] or "",

@@ -18,6 +18,7 @@ class VersionError:
     runs: tuple[str, ...]
     hold_out: str
     only: str
+    assume: tuple[str, ...]
 
 
 def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
@@ -41,4 +42,4 @@ def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
 
 def _error(version: Version, error: ModelError, found_on: Version) -> VersionError:
     done = found_on.done
-    return VersionError(version, error, done.runs, done.hold_out, done.only)
+    return VersionError(version, error, done.runs, done.hold_out, done.only, done.assume)

@@ -15,6 +15,8 @@ from rigctl.units import show
 
 #: where a run keeps it: {input or actuator: SI value}
 KEY = "assumed"
+#: where a run that was opened keeps what was written of it then, beside what it says itself
+_WRITTEN = "assumed_when_opened"
 
 
 def assumed_of(run: Run) -> Mapping[str, float]:
@@ -36,7 +38,12 @@ def assuming(run: Run, model: Model, written: Sequence[str]) -> Run:
     said = dict(assumed_of(run))
     for name, text in read_assumptions(written).items():
         said[name] = _value(name, text, model)
-    return replace(run, info=MappingProxyType({**run.info, KEY: said}))
+    return replace(run, info=MappingProxyType({**run.info, KEY: said, _WRITTEN: tuple(written)}))
+
+
+def assumed_when_opened(runs: Sequence[Run]) -> tuple[str, ...]:
+    """What was written of runs when they were opened, ``name=value``, and is not kept with them."""
+    return tuple(dict.fromkeys(text for run in runs for text in run.info.get(_WRITTEN, ())))
 
 
 def _value(name: str, text: str, model: Model) -> float:
