@@ -131,7 +131,7 @@ def by_effect(found: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
     places: dict[str, list[int]] = {}
     for place, candidate in enumerate(found):
         places.setdefault(candidate.name, []).append(place)
-    return {name: tuple(own) for name, own in places.items()}
+    return {name: tuple(at) for name, at in places.items()}
 
 
 def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:

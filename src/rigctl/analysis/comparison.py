@@ -130,7 +130,7 @@ def _located(found: ModelComparison) -> ModelComparison:
     fitted, tests = found.fit, found.adequacy
     where = (*localise(found.linearisation, found.cells), *worst_stretches(fitted))
     directions, slots, rows = trends(fitted), slot_evidence(fitted), table_rows(fitted)
-    own = () if rows else record_level(fitted)
+    quantities = () if rows else record_level(fitted)
     direction = sentence(directions)
     return replace(
         found,
@@ -139,10 +139,10 @@ def _located(found: ModelComparison) -> ModelComparison:
         slots=slots,
         statement=table_statement(found.name, tests, rows, direction)
         if rows
-        else _statement(found.name, tests, where, direction, own),
+        else _statement(found.name, tests, where, direction, quantities),
         rows=rows,
         findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
-        record_level=own,
+        record_level=quantities,
     )
 
 
@@ -151,7 +151,7 @@ def _statement(
     tests: Adequacy,
     where: Sequence[Place],
     direction: str,
-    own: Sequence[RecordQuantity] = (),
+    quantities: Sequence[RecordQuantity] = (),
 ) -> str:
     adequate, p = tests.adequate, tests.p_value
     if tests.below_noise:
@@ -159,7 +159,7 @@ def _statement(
             f"{name} is nearer to the measurements than their noise: a test sees a pattern in what is left "
             f"({chance_text(p)}), but the noise of these readings is not what was learned: they cannot tell"
         )
-    suspicious = next((quantity.statement for quantity in own if quantity.statement), "")
+    suspicious = next((quantity.statement for quantity in quantities if quantity.statement), "")
     if adequate and suspicious:
         return f"{name} agrees with the measurements within their noise (p = {p:.2g}), but {suspicious}"
     if adequate:

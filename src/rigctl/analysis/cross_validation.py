@@ -133,7 +133,7 @@ def _folds(lin: Linearisation) -> Iterator[tuple[int, ...]]:
         keys.append([record.label for record in records])
     for key in keys:
         for value in dict.fromkeys(key):
-            fold = tuple(k for k, own in enumerate(key) if own == value)
+            fold = tuple(k for k, its in enumerate(key) if its == value)
             if len(fold) < len(records) and fold not in seen:
                 seen.add(fold)
                 yield fold

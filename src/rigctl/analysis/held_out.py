@@ -165,15 +165,15 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
     """The variable that the records' errors follow, with the error at its ends; empty where none is."""
     measurements = fit.problem.measurements
     units = variable_units(measurements)
-    best, told = _FOLLOWS, ""
-    own = sorted(measurements.variables, key=lambda name: stretch.channel not in name)
-    for name in own:
+    best, said = _FOLLOWS, ""
+    variables = sorted(measurements.variables, key=lambda name: stretch.channel not in name)
+    for name in variables:
         values = np.array([fit.problem.records[k].condition.get(name, math.nan) for k in fit.fitted])
         good = np.isfinite(values) & np.isfinite(stretch.by_record)
         if good.sum() < 3 or np.ptp(values[good]) == 0.0 or np.ptp(stretch.by_record[good]) == 0.0:
             continue
         follows = abs(float(np.corrcoef(values[good], stretch.by_record[good])[0, 1]))
-        if follows > best + _BETTER * bool(told):
+        if follows > best + _BETTER * bool(said):
             best = follows
             places = np.flatnonzero(good)
             low, high = (places[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
@@ -184,8 +184,8 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
                 f"{show(float(values[at]), units[name], digits=3)}"
                 for at in (low, high)
             )
-            told = f" ({', '.join(ends)})"
-    return told
+            said = f" ({', '.join(ends)})"
+    return said
 
 
 #: errors are as good as where they were fitted up to this factor
@@ -375,11 +375,11 @@ def _less(one: Remedy) -> str:
 def _errors(found: Unseen, one: Remedy) -> str:
     measurements = found.fit.problem.measurements
     units = dict(zip(measurements.outputs, measurements.units, strict=True))
-    told = []
+    said = []
     for name in found.worse:
         unit = parse_unit(units[name])
-        told.append(f"{name} to {one.rmse[name] / unit.factor:.3g} {'K' if unit.offset else units[name]}")
-    return ", ".join(told)
+        said.append(f"{name} to {one.rmse[name] / unit.factor:.3g} {'K' if unit.offset else units[name]}")
+    return ", ".join(said)
 
 
 _FEW = 4
@@ -422,7 +422,7 @@ def _group(
     records = [there.problem.records[k] for k in there.fitted]
     plain = Unseen(why, condition, _what(records, inside, units), there, model.fit.errors)
     if plain.as_good:
-        return _told(plain)
+        return _stated(plain)
     judged = judge(there, model.name, excluded=model.excluded)
     wanted = [slot for slot in judged.slots[:1] if slot.log_evidence > 0.0]
     whole = replace(
@@ -432,28 +432,28 @@ def _group(
         slot=wanted[0].slot if wanted else "",
         slot_meaning=wanted[0].meaning if wanted else "",
     )
-    return _told(whole)
+    return _stated(whole)
 
 
-def _told(found: Unseen) -> Unseen:
+def _stated(found: Unseen) -> Unseen:
     return replace(found, sentences=tuple(one[0].upper() + one[1:] for one in unseen_sentences(found)))
 
 
 def _what(group: Sequence[MeasuredRecord], inside: Sequence[MeasuredRecord], units: Mapping[str, str]) -> str:
     """The variables whose values the fitted records do not have, with these values."""
-    told = []
+    said = []
     for name in dict.fromkeys(name for record in group for name in record.condition):
-        own = {_rounded(record.condition[name]) for record in group if name in record.condition}
+        here = {_rounded(record.condition[name]) for record in group if name in record.condition}
         others = {_rounded(record.condition[name]) for record in inside if name in record.condition}
-        if own & others or not others:
+        if here & others or not others:
             continue
-        values = sorted(own)
+        values = sorted(here)
         if len(values) <= _FEW:
-            told.append(f"{name} {', '.join(show(value, units[name], digits=3) for value in values)}")
+            said.append(f"{name} {', '.join(show(value, units[name], digits=3) for value in values)}")
         else:
             ends = (show(value, units[name], digits=3) for value in (values[0], values[-1]))
-            told.append(f"{name} {' to '.join(ends)}")
-    return ", ".join(told[:_MOST_VARIABLES])
+            said.append(f"{name} {' to '.join(ends)}")
+    return ", ".join(said[:_MOST_VARIABLES])
 
 
 def _rounded(value: float) -> float:

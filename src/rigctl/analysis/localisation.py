@@ -126,8 +126,8 @@ def _draws(
     ends = np.cumsum([0, *here.sum(axis=1)])
     covariance = np.zeros((count, count))
     for k, square in enumerate(squares):
-        own = slice(ends[k], ends[k + 1])
-        covariance[own, own] = square[np.ix_(here[k], here[k])]
+        block = slice(ends[k], ends[k + 1])
+        covariance[block, block] = square[np.ix_(here[k], here[k])]
     coupling = np.concatenate([c[:, keep] for c, keep in zip(couplings, here, strict=True)], axis=1)
     covariance -= coupling.T @ coupling
     scale = root[here]

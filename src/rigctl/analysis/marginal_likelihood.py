@@ -69,7 +69,7 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class _Own:
+class _RecordLocal:
     """The problem with δ integrated out at one u: what θ and α still see."""
 
     log_likelihood: float
@@ -92,15 +92,15 @@ def evidence(component: Component, normal: Normal, features: Floats) -> Evidence
     nothing = _restricted(normal.matrix, normal.gradient)
     found: list[tuple[float, float, float]] = []
     for size in _OWN:
-        own = _without_own(component, turned, normal, values, features, size**2)
-        shared = _shared(own, features)
+        record_local = _without_record_local(component, turned, normal, values, features, size**2)
+        shared = _shared(record_local, features)
         found += [(gain - nothing, size**2, square) for gain, square in shared]
     likelihoods = np.array([one[0] for one in found])
     top = int(np.argmax(likelihoods))
     mean = likelihoods[top] + np.log(np.mean(np.exp(likelihoods - likelihoods[top])))
     _, u, v = found[top]
-    own = _without_own(component, turned, normal, values, features, u)
-    amplitudes = _amplitudes(component, turned, vectors, own, features, v)
+    record_local = _without_record_local(component, turned, normal, values, features, u)
+    amplitudes = _amplitudes(component, turned, vectors, record_local, features, v)
     return Evidence(float(mean), _explained(component, normal, amplitudes), amplitudes)
 
 
@@ -112,9 +112,9 @@ def _restricted(matrix: Floats, gradient: Floats) -> float:
     return 0.5 * float(gradient @ np.linalg.solve(matrix, gradient)) - 0.5 * float(log_determinant)
 
 
-def _without_own(
+def _without_record_local(
     component: Component, turned: Component, normal: Normal, values: Floats, features: Floats, u: float
-) -> _Own:
+) -> _RecordLocal:
     weight = u / (1.0 + u * values)
     weighted = turned.cross * weight[:, :, None]
     theta = normal.matrix - np.einsum("cip,ciq->pq", turned.cross, weighted, optimize=True)
@@ -128,7 +128,7 @@ def _without_own(
     gradient = component.gradient - np.einsum("cik,ck->ci", back, turned.gradient)
     pairs = (features[:, :, None] * features[:, None, :]).reshape(count, f * f)
     alpha = (pairs.T @ square.reshape(count, k * k)).reshape(f, f, k, k)
-    return _Own(
+    return _RecordLocal(
         log_likelihood=gain + _restricted(theta, slope),
         theta=theta,
         alpha=np.asarray(alpha.transpose(0, 2, 1, 3).reshape(f * k, f * k)),
@@ -138,42 +138,52 @@ def _without_own(
     )
 
 
-def _projected(own: _Own) -> tuple[Floats, Floats]:
+def _projected(record_local: _RecordLocal) -> tuple[Floats, Floats]:
     """Normal matrix and gradient of α with θ projected off."""
-    slope, gradient = own.gradient
+    slope, gradient = record_local.gradient
     if not slope.size:
-        return own.alpha, gradient
-    solved = np.linalg.solve(own.theta, np.column_stack([own.cross.T, slope]))
-    return own.alpha - own.cross @ solved[:, :-1], gradient - own.cross @ solved[:, -1]
+        return record_local.alpha, gradient
+    solved = np.linalg.solve(record_local.theta, np.column_stack([record_local.cross.T, slope]))
+    return record_local.alpha - record_local.cross @ solved[:, :-1], gradient - record_local.cross @ solved[
+        :, -1
+    ]
 
 
-def _shared(own: _Own, features: Floats) -> list[tuple[float, float]]:
+def _shared(record_local: _RecordLocal, features: Floats) -> list[tuple[float, float]]:
     """(log likelihood, v) for each v of the grid."""
     if not features.shape[1]:
-        return [(own.log_likelihood, 0.0)]
-    matrix, gradient = _projected(own)
+        return [(record_local.log_likelihood, 0.0)]
+    matrix, gradient = _projected(record_local)
     values, vectors = np.linalg.eigh(matrix)
     values = np.maximum(values, 0.0)
     squares = (vectors.T @ gradient) ** 2
     grid = np.square(_SHARED)[:, None]
     gains = 0.5 * (grid / (1.0 + grid * values) * squares - np.log1p(grid * values)).sum(axis=1)
-    return [(own.log_likelihood + float(gain), size**2) for gain, size in zip(gains, _SHARED, strict=True)]
+    return [
+        (record_local.log_likelihood + float(gain), size**2)
+        for gain, size in zip(gains, _SHARED, strict=True)
+    ]
 
 
 def _amplitudes(
-    component: Component, turned: Component, vectors: Floats, own: _Own, features: Floats, v: float
+    component: Component,
+    turned: Component,
+    vectors: Floats,
+    record_local: _RecordLocal,
+    features: Floats,
+    v: float,
 ) -> Floats:
     """Posterior mean of a, with θ at its own."""
     k = component.gradient.shape[1]
-    slope, _ = own.gradient
+    slope, _ = record_local.gradient
     alpha = np.zeros(features.shape[1] * k)
     if v > 0.0 and alpha.size:
-        matrix, gradient = _projected(own)
+        matrix, gradient = _projected(record_local)
         alpha = np.linalg.solve(matrix + np.eye(alpha.size) / v, gradient)
-    theta = np.linalg.solve(own.theta, slope - own.cross.T @ alpha) if slope.size else slope
+    theta = np.linalg.solve(record_local.theta, slope - record_local.cross.T @ alpha) if slope.size else slope
     common = features @ alpha.reshape(features.shape[1], k)
     left = turned.gradient - turned.cross @ theta - np.einsum("cik,ck->ci", turned.square, common)
-    return np.asarray(common + np.einsum("cki,ci->ck", vectors, own.weight * left))
+    return np.asarray(common + np.einsum("cki,ci->ck", vectors, record_local.weight * left))
 
 
 def _explained(component: Component, normal: Normal, amplitudes: Floats) -> float:

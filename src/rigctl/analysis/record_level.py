@@ -37,7 +37,7 @@ from rigctl.units import parse_unit, show
 Floats = NDArray[np.float64]
 
 #: an estimate of which the data tell less than this share of the prior's variance is no evidence
-_TOLD = 0.02
+_LEAST_SEPARABLE = 0.02
 #: fewer records show no trend
 _FEWEST = 4
 #: so many estimates of one quantity are tested at the most
@@ -186,7 +186,7 @@ def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
     if not places:
         return ()
     inverse = _Inverse.of(fit)
-    found = [_quantity(fit, key, own, inverse) for key, own in places.items()]
+    found = [_quantity(fit, key, members, inverse) for key, members in places.items()]
     tests = sum(
         (0 if math.isnan(one.p_value) else 1) + (0 if math.isnan(one.over_p_value) else 1) for one in found
     )
@@ -197,25 +197,27 @@ def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
 def _places(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
     """(record, place among its own unknowns) of each quantity; the switches of all records are one."""
     found: dict[str, list[tuple[int, int]]] = {}
-    for record, own in enumerate(fit.problem.local):
-        for place, one in enumerate(own):
+    for record, members in enumerate(fit.problem.local):
+        for place, one in enumerate(members):
             found.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, place))
     return found
 
 
-def _quantity(fit: FitResult, key: str, own: Sequence[tuple[int, int]], inverse: _Inverse) -> RecordQuantity:
+def _quantity(
+    fit: FitResult, key: str, members: Sequence[tuple[int, int]], inverse: _Inverse
+) -> RecordQuantity:
     problem = fit.problem
-    local = [problem.local[record][place] for record, place in own]
+    local = [problem.local[record][place] for record, place in members]
     estimates = tuple(
         _estimate(fit, one, record, place, inverse.std(record, place))
-        for one, (record, place) in zip(local, own, strict=True)
+        for one, (record, place) in zip(local, members, strict=True)
     )
     meaning, unit, difference = _named(fit, key, local[0])
     made = RecordQuantity(key.removeprefix("record."), meaning, unit, difference, estimates)
-    span = fit.problem.records[own[0][0]].unrecorded.get(made.name)
+    span = fit.problem.records[members[0][0]].unrecorded.get(made.name)
     if local[0].unknown.prior is None or span is not None:
         return replace(made, span=span)  # an input that nobody recorded may be anything
-    p_value, over, over_p = _tests(fit, own, estimates, inverse, trends=key != SWITCHES)
+    p_value, over, over_p = _tests(fit, members, estimates, inverse, trends=key != SWITCHES)
     return replace(made, p_value=p_value, over=over, over_p_value=over_p)
 
 
@@ -268,7 +270,7 @@ class _Inverse:
     change of the shared unknowns does to its own ones, S the shared ones' covariance.
     """
 
-    own: Mapping[int, Floats]
+    record_local: Mapping[int, Floats]
     passed: Mapping[int, Floats]
     shared: Floats
 
@@ -282,7 +284,7 @@ class _Inverse:
         columns = [k for k, unknown in enumerate(fit.problem.shared) if unknown in free]
         _, weight = prior_rows(free, fit.values[columns])
         matrix = np.diag(weight**2)
-        own: dict[int, Floats] = {}
+        record_local: dict[int, Floats] = {}
         passed: dict[int, Floats] = {}
         for record, block in zip(fit.fitted, blocks, strict=True):
             unknowns = [one.unknown for one in fit.problem.local[record]]
@@ -292,8 +294,8 @@ class _Inverse:
             normal = np.asarray(np.linalg.pinv(local.T @ local + np.diag(prior**2), hermitian=True))
             cross = local.T @ shared
             matrix += shared.T @ shared - cross.T @ normal @ cross
-            own[record], passed[record] = normal, normal @ cross
-        return cls(own, passed, np.asarray(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)))
+            record_local[record], passed[record] = normal, normal @ cross
+        return cls(record_local, passed, np.asarray(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)))
 
     def covariance(self, places: Sequence[tuple[int, int]]) -> Floats:
         """(places, places) of the unknowns at these places of these records."""
@@ -305,49 +307,49 @@ class _Inverse:
             rows_of.append(row)
             places_of.append(place)
         for record, (rows_of, places_of) in together.items():
-            found[np.ix_(rows_of, rows_of)] += self.own[record][np.ix_(places_of, places_of)]
+            found[np.ix_(rows_of, rows_of)] += self.record_local[record][np.ix_(places_of, places_of)]
         return np.asarray(found)
 
     def std(self, record: int, place: int) -> float:
         """Of one unknown; NaN where the fit did not see the record."""
-        if record not in self.own:
+        if record not in self.record_local:
             return math.nan
         return float(np.sqrt(max(0.0, self.covariance([(record, place)])[0, 0])))
 
 
 def _tests(
     fit: FitResult,
-    own: Sequence[tuple[int, int]],
+    members: Sequence[tuple[int, int]],
     estimates: Sequence[Estimate],
     inverse: _Inverse,
     *,
     trends: bool,
 ) -> tuple[float, str, float]:
     """(p of the spread, the variable that it follows most, p of that); NaN where there is nothing to ask."""
-    seen = [k for k, (record, _) in enumerate(own) if record in inverse.own]
+    seen = [k for k, (record, _) in enumerate(members) if record in inverse.record_local]
     if not seen:
         return math.nan, "", math.nan
     if len(seen) > _MOST:  # as many tell it, and the work grows with their cube
         seen = [seen[k] for k in np.linspace(0, len(seen) - 1, _MOST).astype(int).tolist()]
-    places = [own[k] for k in seen]
+    places = [members[k] for k in seen]
     prior = np.array([estimates[k].prior_std for k in seen])
     off = np.array([estimates[k].value - estimates[k].prior_mean for k in seen])
     # in units of the prior: what the records may differ by, as far as the data tell it
     variance = np.eye(len(seen)) - inverse.covariance(places) / np.outer(prior, prior)
     values, vectors = np.linalg.eigh(0.5 * (variance + variance.T))
-    told = values > _TOLD
-    if not told.any():
+    separable = values > _LEAST_SEPARABLE
+    if not separable.any():
         return math.nan, "", math.nan
-    along = vectors[:, told].T @ (off / prior)
-    p_value = chi2_tail(float(np.sum(along**2 / values[told])), int(told.sum()))
+    along = vectors[:, separable].T @ (off / prior)
+    p_value = chi2_tail(float(np.sum(along**2 / values[separable])), int(separable.sum()))
     if not trends:
         return p_value, "", math.nan
     best, tried = ("", math.nan), 0
     for name, x in _operating(fit, [record for record, _ in places]):
         contrast = (x - x.mean()) * prior
-        turned = vectors[:, told].T @ contrast
-        size = float(np.sqrt(np.square(turned) @ values[told]))
-        if size <= math.sqrt(_TOLD) * float(np.linalg.norm(contrast)):
+        turned = vectors[:, separable].T @ contrast
+        size = float(np.sqrt(np.square(turned) @ values[separable]))
+        if size <= math.sqrt(_LEAST_SEPARABLE) * float(np.linalg.norm(contrast)):
             continue
         z = float(turned @ along) / size
         tried += 1

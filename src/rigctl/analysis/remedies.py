@@ -77,12 +77,12 @@ def _starts(fitted: FitResult) -> Remedy | None:
     """With what the effects store free at the beginning of each record."""
     model = fitted.problem.model
     states = {name: model.effect(name).states for name in model.effects}
-    stores = {name: own for name, own in states.items() if own}
+    stores = {name: its_states for name, its_states in states.items() if its_states}
     everything = _with_free(fitted, stores)
     if everything is None:
         return None
-    for name, own in stores.items() if len(stores) > 1 else ():
-        alone = _with_free(fitted, {name: own})
+    for name, its_states in stores.items() if len(stores) > 1 else ():
+        alone = _with_free(fitted, {name: its_states})
         if alone is not None and alone.share >= _ENOUGH * everything.share:
             return alone
     return everything
@@ -93,15 +93,18 @@ def _with_free(fitted: FitResult, stores: dict[str, tuple[EffectState, ...]]) ->
     names = problem.compiled.system.state_names
     extra = {
         qualified(effect, state.name): state.scale
-        for effect, own in stores.items()
-        for state in own
+        for effect, its_states in stores.items()
+        for state in its_states
         if qualified(effect, state.name) in names
     }
     if not extra:
         return None
     local = tuple(
-        (*own, *(_free(name, float(start[names.index(name)]), scale) for name, scale in extra.items()))
-        for own, start in zip(problem.local, problem.starts, strict=True)
+        (
+            *record_local,
+            *(_free(name, float(start[names.index(name)]), scale) for name, scale in extra.items()),
+        )
+        for record_local, start in zip(problem.local, problem.starts, strict=True)
     )
     try:
         found = fit(replace(problem, local=local), refit=False)
@@ -133,15 +136,15 @@ def _free(name: str, start: float, scale: float) -> LocalUnknown:
 def _values(fitted: FitResult) -> Remedy | None:
     """With the model's parameters fitted to these records alone."""
     problem, known = _alone(fitted), _known(fitted)
-    own = [
+    free = [
         replace(one, start=min(max(known[one.name], one.lower), one.upper))
         for one in shared_unknowns(problem.model)
     ]
     others = [one for one in problem.shared if one.name not in problem.model.fitted]
-    if not own:
+    if not free:
         return None
     try:
-        found = fit(problem.with_shared([*own, *others]), local=[fitted.local[k] for k in fitted.fitted])
+        found = fit(problem.with_shared([*free, *others]), local=[fitted.local[k] for k in fitted.fitted])
     except RigctlError:  # too few values for the parameters, or no value of the model
         return None
     moved = _moved(fitted, found)
@@ -157,8 +160,8 @@ def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float
     for name, value in values:
         if name not in model.fitted:
             continue
-        effect, dot, own = name.partition(".")
-        declared = model.effect(effect).parameter(own) if dot else model.family.parameter(name)
+        effect, dot, parameter = name.partition(".")
+        declared = model.effect(effect).parameter(parameter) if dot else model.family.parameter(name)
         unit = parse_unit(declared.unit)
         change = value - known[name]
         std = after.std.get(name, math.inf)

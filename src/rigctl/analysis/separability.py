@@ -67,8 +67,8 @@ def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float
     sums: dict[int, float] = {}
     for group, k in zip(groups, best.fitted, strict=True):
         left = whitened_residual(rival.problem, rival.outputs[k], k)
-        own = whitened_residual(best.problem, best.outputs[k], k)
-        sums[group] = sums.get(group, 0.0) + float(left @ left) - float(own @ own)
+        here = whitened_residual(best.problem, best.outputs[k], k)
+        sums[group] = sums.get(group, 0.0) + float(left @ left) - float(here @ here)
     differences = np.array(list(sums.values()))
     if differences.size < 2:
         return math.inf

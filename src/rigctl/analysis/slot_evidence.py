@@ -83,13 +83,13 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
             raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
         rows = np.column_stack([white, residual])
         matrix = rows.T @ rows
-        own, weight, prior = own_rows(problem, k, slopes, local[k], outputs)
-        taken = own[: whitener.size].T @ rows
+        record_local, weight, prior = own_rows(problem, k, slopes, local[k], outputs)
+        taken = record_local[: whitener.size].T @ rows
         if weight.size:
-            taken[:, -1] -= own[whitener.size :].T @ prior
+            taken[:, -1] -= record_local[whitener.size :].T @ prior
             matrix[-1, -1] += prior @ prior
         whole.append(matrix - taken.T @ taken)
-        dof += whitener.size + int((weight > 0.0).sum()) - own.shape[1]
+        dof += whitener.size + int((weight > 0.0).sum()) - record_local.shape[1]
     prior, weight = prior_rows(shared, fit.values[[places[unknown.name] for unknown in shared]])
     return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, dof)
 
@@ -125,7 +125,7 @@ _MEMORY = 3.0
 _FEATURES = 6
 #: logarithms of evidence that differ by less (20 to 1), or by less than the share that a linear model of a
 #: large effect is in error, do not tell two slots apart
-_TOLD, _LINEAR = 3.0, 0.01
+_SEPARABLE, _LINEAR = 3.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -241,11 +241,11 @@ def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part,
     by_slot: dict[str, list[Part]] = {}
     for part in parts:
         by_slot.setdefault(part.slot.name, []).append(part)
-    for own in by_slot.values():
-        constant = tuple(part for part in own if part.view != "time")
-        if constant and len(constant) < len(own):
+    for parts_of in by_slot.values():
+        constant = tuple(part for part in parts_of if part.view != "time")
+        if constant and len(constant) < len(parts_of):
             yield constant
-        yield tuple(own)
+        yield tuple(parts_of)
     for slots in _together(problem):
         if all(len(by_slot.get(slot, ())) == 1 for slot in slots):
             yield tuple(by_slot[slot][0] for slot in slots)
@@ -272,10 +272,10 @@ def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Comp
     for part in parts:
         last = first + part.columns.stop - part.columns.start
         block = slice(first, last)
-        own = _prior_root(np.diag(total)[block], part.knots)
-        trace = float(np.trace(own.T @ total[block, block] @ own))
+        prior = _prior_root(np.diag(total)[block], part.knots)
+        trace = float(np.trace(prior.T @ total[block, block] @ prior))
         if trace > 0.0 and np.isfinite(trace):
-            root[block, block] = own / np.sqrt(len(parts) * trace)
+            root[block, block] = prior / np.sqrt(len(parts) * trace)
         first = last
     if not root.any():
         return None, root
@@ -318,9 +318,9 @@ def _one_each(found: Sequence[_Found]) -> list[_Found]:
     for one in found:
         ways.setdefault(one.slots, []).append(one)
     result = []
-    for own in ways.values():
-        logs = np.array([one.evidence.log_evidence for one in own])
-        best = own[int(np.argmax(logs))]
+    for tried in ways.values():
+        logs = np.array([one.evidence.log_evidence for one in tried])
+        best = tried[int(np.argmax(logs))]
         mean = float(logs.max() + np.log(np.mean(np.exp(logs - logs.max()))))
         result.append(replace(best, evidence=replace(best.evidence, log_evidence=mean)))
     return result
@@ -335,11 +335,11 @@ def _ranked(
     logs = [one.evidence.log_evidence for one in ordered]
     result = []
     for one, name, log in zip(ordered, names, logs, strict=True):
-        near = max(_TOLD, _LINEAR * abs(log))
+        near = max(_SEPARABLE, _LINEAR * abs(log))
         alike = [
             other
             for other, its in zip(names, logs, strict=True)
-            if other != name and abs(its - log) < near and log > _TOLD
+            if other != name and abs(its - log) < near and log > _SEPARABLE
         ]
         share = min(max(one.evidence.explained / misfit, 0.0), 1.0) if log > 0.0 else 0.0
         meaning = "; ".join(slot.meaning for slot in one.slots)

@@ -35,16 +35,16 @@ class Unexplained:
     problem: Problem = field(repr=False)
     candidates: tuple[Candidate, ...] = field(repr=False)
     starts: tuple[int, ...] = field(repr=False)
-    _own: tuple[Floats, ...] = field(repr=False)
+    _record_local: tuple[Floats, ...] = field(repr=False)
     _shared: Floats = field(repr=False)
     _signatures: Floats = field(repr=False)
 
     def of(self, changes: Sequence[Floats]) -> Floats:
         """(rows) what is left of changes of the readings, each (n, outputs), SI, in the records' order."""
         rows = [
-            _off_own(whitener(np.where(ok, change, 0.0)), own)
-            for whitener, ok, change, own in zip(
-                self.problem.whiteners, self.problem.ok, changes, self._own, strict=True
+            _off_record_local(whitener(np.where(ok, change, 0.0)), record_local)
+            for whitener, ok, change, record_local in zip(
+                self.problem.whiteners, self.problem.ok, changes, self._record_local, strict=True
             )
         ]
         left = np.concatenate(rows)
@@ -78,8 +78,8 @@ class Unexplained:
     def _explained(self, place: int, left: Floats) -> tuple[float, Floats]:
         """(squares, rows) that one candidate explains of what is left, its signs as physics allows."""
         candidate = self.candidates[place]
-        own = slice(self.starts[place], self.starts[place] + len(candidate.columns))
-        matrix = self._signatures[:, own]
+        columns = slice(self.starts[place], self.starts[place] + len(candidate.columns))
+        matrix = self._signatures[:, columns]
         used = np.flatnonzero(np.any(matrix, axis=0))
         if not used.size:
             return 0.0, np.zeros_like(left)
@@ -102,12 +102,12 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
     problem = whole.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, linearisation.nuisances, linearisation.candidates, local)
-    own, nuisance, signatures = [], [], []
+    record_local, nuisance, signatures = [], [], []
     for k, whitener in enumerate(problem.whiteners):
         basis = own_rows(problem, k, slopes, local[k], fit.outputs[fit.fitted[k]])[0]
-        own.append(basis)
-        nuisance.append(_off_own(whitener(slopes.nuisance[k]), basis))
-        signatures.append(_off_own(whitener(slopes.signatures[k]), basis))
+        record_local.append(basis)
+        nuisance.append(_off_record_local(whitener(slopes.nuisance[k]), basis))
+        signatures.append(_off_record_local(whitener(slopes.signatures[k]), basis))
     weight = linearisation.prior[0]
     shared = _span(np.vstack([*nuisance, weight]))
     stacked = np.vstack([*signatures, np.zeros((weight.shape[0], signatures[0].shape[1]))])
@@ -118,16 +118,16 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
         problem=problem,
         candidates=linearisation.candidates,
         starts=linearisation.starts,
-        _own=tuple(own),
+        _record_local=tuple(record_local),
         _shared=shared,
         _signatures=np.where(seen, left / np.where(seen, lengths, 1.0), 0.0),
     )
 
 
-def _off_own(rows: Floats, own: Floats) -> Floats:
+def _off_record_local(rows: Floats, record_local: Floats) -> Floats:
     """Without what the record's own unknowns can do; the rows of their priors are added below."""
-    padded = np.concatenate([rows, np.zeros((own.shape[0] - rows.shape[0], *rows.shape[1:]))])
-    return np.asarray(padded - own @ (own.T @ padded))
+    padded = np.concatenate([rows, np.zeros((record_local.shape[0] - rows.shape[0], *rows.shape[1:]))])
+    return np.asarray(padded - record_local @ (record_local.T @ padded))
 
 
 def _span(matrix: Floats) -> Floats:

@@ -50,7 +50,7 @@ def _of_effect(effect: Effect, family: ModelFamily) -> Iterator[str]:
     yield ""
     for state in effect.states:
         yield f"State `{state.name}` [{state.unit}]: {_plain(state.meaning)}.\n"
-    yield from _told(effect)
+    yield from _remarks(effect)
 
 
 def _row(parameter: EffectParameter) -> str:
@@ -72,10 +72,10 @@ def _of_base(effect: Effect) -> Iterator[str]:
     yield f"{_plain(effect.summary)} `{effect.equation}`\n"
     taken = ", ".join(f"`{name}` = {value:g}" for name, value in effect.base.items())
     yield f"Taken away by {taken} (SI).\n"
-    yield from _told(effect)
+    yield from _remarks(effect)
 
 
-def _told(effect: Effect) -> Iterator[str]:
+def _remarks(effect: Effect) -> Iterator[str]:
     if effect.looks_like:
         yield f"**Looks like:** {_plain(effect.looks_like)}\n"
     if effect.confused_with:

@@ -90,8 +90,8 @@ def _pool(
 def _referred(group: WindowGroup, step: float, before: float) -> WindowGroup:
     """The windows with the variance they would have over all levels, less those whose noise was swallowed."""
     share = window_share(group.levels, step, before)
-    told = group.only(share > _SWALLOWED)
-    return replace(told, rows=told.rows / np.sqrt(share[share > _SWALLOWED])[:, None])
+    trusted = group.only(share > _SWALLOWED)
+    return replace(trusted, rows=trusted.rows / np.sqrt(share[share > _SWALLOWED])[:, None])
 
 
 def _runs(used: Sequence[Cell]) -> dict[Cell, int]:

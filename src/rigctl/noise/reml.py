@@ -73,7 +73,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
 
 def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:
     """(windows, samples) innovations less their trend; Σz² of a window is χ²(degrees) if the fit holds."""
-    change = innovations(group.places, fit.correlation, fit.white)
+    change = innovations(group.positions, fit.correlation, fit.white)
     trend = np.linalg.qr(change(group.trend))[0]
     z = change(group.rows.T) / fit.sigma
     return np.asarray((z - trend @ (trend.T @ z)).T)
@@ -92,7 +92,7 @@ def _sums(
     """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q over all windows."""
     determinant = quadratic = 0.0
     for group, columns in parts:
-        change = innovations(group.places, rho, white)
+        change = innovations(group.positions, rho, white)
         trend, z = change(group.trend), change(columns)
         normal = trend.T @ trend
         across = trend.T @ z

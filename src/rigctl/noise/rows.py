@@ -138,8 +138,8 @@ def same_reading(one: Floats, other: Floats, points: Floats, series: NDArray[np.
     weights = _contrasts(points, ratio, series)
     if len(weights) < FEWEST:
         return False
-    own, common = (
+    alone, common = (
         float(np.mean((weights @ np.where(np.isfinite(column), column, 0.0)) ** 2))
         for column in (logs[0], ratio)
     )
-    return common < 0.05**2 * own
+    return common < 0.05**2 * alone

@@ -43,10 +43,10 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
 
 def model_statement(channels: Sequence[ChannelNoise]) -> str:
     """One sentence for all channels: where the numbers come from, and which of them are guesses."""
-    told = [channel for channel in channels if not channel.guessed]
+    learned = [channel for channel in channels if not channel.guessed]
     parts = []
-    for source in dict.fromkeys(channel.source for channel in told):
-        which = ", ".join(channel.name for channel in told if channel.source == source)
+    for source in dict.fromkeys(channel.source for channel in learned):
+        which = ", ".join(channel.name for channel in learned if channel.source == source)
         parts.append(f"{which} from {_FROM[source]}")
     guessed = [channel for channel in channels if channel.guessed]
     if guessed:

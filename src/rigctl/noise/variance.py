@@ -173,8 +173,8 @@ def _blocks(
         for record, kept in zip(records, ok, strict=True)
     ]
     every = np.concatenate(found) if found else np.empty((0, 5))
-    own, check = every[:, 0], every[:, 1]
-    good = (own > 0.0) & (check < _AGREE * own) & (own < _AGREE * check)
+    squares, check = every[:, 0], every[:, 1]
+    good = (squares > 0.0) & (check < _AGREE * squares) & (squares < _AGREE * check)
     if good.sum() < _FEWEST:
         return None
     variance, _, level, within, slopes = every[good].T

@@ -35,7 +35,7 @@ class WindowGroup:
 
     Parameters
     ----------
-    places: (samples) times in units of the spacing.
+    positions: (samples) times in units of the spacing.
     trend: (samples, orders) the polynomials that stand for the signal.
     rows: (windows, samples) SI, each less its mean.
     cells: (windows) index of the cell of each window.
@@ -43,7 +43,7 @@ class WindowGroup:
     levels: (windows, samples) SI, the signal as its trend shows it, counted from a value that occurs.
     """
 
-    places: NDArray[np.float64]
+    positions: NDArray[np.float64]
     trend: NDArray[np.float64]
     rows: NDArray[np.float64]
     cells: NDArray[np.intp]

@@ -96,10 +96,10 @@ def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
 def _reached(trend: Trend, fit: FitResult) -> float:
     """The share of the missing change that a fit makes."""
     found = {(one.quantity, one.variable): one for one in trends(fit)}
-    own = found.get((trend.quantity, trend.variable))
-    if own is None:  # with the effect there is no such change to speak of
+    with_it = found.get((trend.quantity, trend.variable))
+    if with_it is None:  # with the effect there is no such change to speak of
         return 0.0
-    return (own.predicted - trend.predicted) / (trend.measured - trend.predicted)
+    return (with_it.predicted - trend.predicted) / (trend.measured - trend.predicted)
 
 
 def _only(before: ModelComparison, trend: Trend, fit: FitResult) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ def _changes(
         label = ", ".join(text for k, text in enumerate(shown) if k != place) if others else ""
         groups.setdefault(label, []).append((at, row))
     found = {}
-    for label, own in groups.items():
-        low, high = min(own, key=lambda one: one[0])[1], max(own, key=lambda one: one[0])[1]
+    for label, members in groups.items():
+        low, high = min(members, key=lambda one: one[0])[1], max(members, key=lambda one: one[0])[1]
         found[label] = (high.measured - low.measured, high.predicted - low.predicted)
     return found

@@ -107,7 +107,9 @@ def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
         for record in problem.records
     )
     course = replace(problem, measurements=replace(problem.measurements, records=records))
-    local = [np.array([unknown.start for unknown in own]) for own in problem.local_unknowns()]
+    local = [
+        np.array([unknown.start for unknown in record_local]) for record_local in problem.local_unknowns()
+    ]
     found = course.simulate(fit.values, local).require()
     system = problem.compiled.system
     states = [system.state_names.index(name) for name in channels[len(system.output_names) :]]
@@ -120,7 +122,7 @@ def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
         others = tuple(value for name, value in sorted(record.condition.items()) if name != trend.variable)
         pairs.setdefault(others, {})[record.condition.get(trend.variable, math.nan)] = place
     return np.array(
-        [outputs[own[max(own)]] - outputs[own[min(own)]] for own in pairs.values() if len(own) > 1]
+        [outputs[pair[max(pair)]] - outputs[pair[min(pair)]] for pair in pairs.values() if len(pair) > 1]
     )
 
 
@@ -149,11 +151,11 @@ def _unit(before: ModelComparison, output: str) -> str:
     return alike[0] if alike else units[output]
 
 
-def _groups(names: list[str], told: Mapping[tuple[str, str], bool]) -> tuple[tuple[str, ...], ...]:
+def _groups(names: list[str], separable: Mapping[tuple[str, str], bool]) -> tuple[tuple[str, ...], ...]:
     """Names that are alike, directly or by way of others, in one group."""
     groups: list[list[str]] = []
     for name in names:
-        near = [group for group in groups if any(not told[(name, other)] for other in group)]
+        near = [group for group in groups if any(not separable[(name, other)] for other in group)]
         merged = [other for group in near for other in group]
         groups = [group for group in groups if group not in near] + [[*merged, name]]
     return tuple(tuple(group) for group in groups)
@@ -177,7 +179,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> list[str]:
     """Effects that no channel of the bench would tell apart."""
-    told = {
+    separable = {
         (one, other): any(not any(one in group and other in group for group in part.groups) for part in parts)
         for one in names
         for other in names
@@ -185,7 +187,7 @@ def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> li
     return [
         f"measure the {quantity} a second time, independently of the bench's sensor: {_listed(group)} would "
         "stay alike in every channel of the bench"
-        for group in _groups(names, told)
+        for group in _groups(names, separable)
         if len(group) > 1
     ]
 

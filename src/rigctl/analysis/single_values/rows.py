@@ -144,8 +144,8 @@ def unfitted_outputs(fit: FitResult) -> tuple[Floats, ...] | None:
     known = problem.model.values
     shared = np.array([known.get(unknown.name, unknown.start) for unknown in problem.shared])
     levels = np.array([unknown.name in problem.level.setting_names for unknown in problem.shared], dtype=bool)
-    own = [np.array([unknown.start for unknown in one]) for one in problem.local_unknowns()]
-    found = problem.simulate(np.where(levels, 0.0, shared), own)
+    record_local = [np.array([unknown.start for unknown in one]) for one in problem.local_unknowns()]
+    found = problem.simulate(np.where(levels, 0.0, shared), record_local)
     if not found.ok:
         return None
     return tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)

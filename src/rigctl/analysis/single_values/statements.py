@@ -59,9 +59,9 @@ def table_findings(
     fit, found = linearisation.fit, []
     rows = [row for row in every if row.fitted]
     for quantity in dict.fromkeys(row.quantity for row in rows):
-        own = [row for row in rows if row.quantity == quantity]
-        found += _ends(fit, own)
-        found += _before(own)
+        of_quantity = [row for row in rows if row.quantity == quantity]
+        found += _ends(fit, of_quantity)
+        found += _before(of_quantity)
     found += end_left_out(linearisation, rows)
     found += _held_out([row for row in every if not row.fitted])
     found += _levels(fit)

@@ -110,9 +110,9 @@ class _Search:
         progress: Callable[[Iteration], None] | None,
     ) -> None:
         self.evaluate, self.options, self.progress = evaluate, options, progress
-        self.unknowns, self.local = tuple(unknowns), tuple(tuple(own) for own in local)
-        self.all = [*self.unknowns, *(unknown for own in self.local for unknown in own)]
-        self.point = Vector(starts(self.unknowns), tuple(starts(own) for own in self.local))
+        self.unknowns, self.local = tuple(unknowns), tuple(tuple(record_local) for record_local in local)
+        self.all = [*self.unknowns, *(unknown for record_local in self.local for unknown in record_local)]
+        self.point = Vector(starts(self.unknowns), tuple(starts(record_local) for record_local in self.local))
         self.lower = np.array([unknown.lower for unknown in self.all])
         self.upper = np.array([unknown.upper for unknown in self.all])
         self.size = np.array([unknown.size for unknown in self.all])
@@ -177,12 +177,12 @@ class _Search:
         if any(not np.isfinite(block.residual).all() for block in blocks):
             return Refused("a residual is not a finite number")
         if derivatives:
-            check_blocks(blocks, len(self.unknowns), [len(own) for own in self.local])
+            check_blocks(blocks, len(self.unknowns), [len(record_local) for record_local in self.local])
         return blocks
 
     def _linearise(self, blocks: Sequence[Block]) -> None:
-        own = [len(unknowns) for unknowns in self.local]
-        self.arrow = reduce_blocks(blocks, self.options.loss, len(self.unknowns), own)
+        record_local = [len(unknowns) for unknowns in self.local]
+        self.arrow = reduce_blocks(blocks, self.options.loss, len(self.unknowns), record_local)
         self.residual_count = sum(block.residual.size for block in blocks)
         norms = self.arrow.norms().flat()
         self.column_size = np.maximum(self.column_size, norms)
@@ -197,8 +197,10 @@ class _Search:
         without_prior = {unknown.name for unknown in self.unknowns if unknown.prior is None}
         null = [name for name in null_columns(blocks, names) if name in without_prior]
         norms = self.arrow.norms()
-        for own, lengths in zip(self.local, norms.local, strict=True):
-            null += [u.name for u, length in zip(own, lengths, strict=True) if not length and not u.prior]
+        for record_local, lengths in zip(self.local, norms.local, strict=True):
+            null += [
+                u.name for u, length in zip(record_local, lengths, strict=True) if not length and not u.prior
+            ]
         if null:
             raise RigctlError(
                 "a parameter of the fit does not act on any residual",

@@ -115,7 +115,10 @@ class FitResult:
         `outputs` are with the unknowns as they were fitted: those may have moved to make up for a model that
         is wrong.
         """
-        expected = [np.array([unknown.start for unknown in own]) for own in self.problem.local_unknowns()]
+        expected = [
+            np.array([unknown.start for unknown in record_local])
+            for record_local in self.problem.local_unknowns()
+        ]
         found = self.problem.simulate(self.values, expected)
         if not found.ok:
             return self.outputs
@@ -261,12 +264,12 @@ def _fitted(
                 inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress
             )
         solution = with_best_switches(inner, solution, plan.options)
-        values, own = solution.values, dict(zip(fitted, solution.local, strict=True))
+        values, record_local = solution.values, dict(zip(fitted, solution.local, strict=True))
     else:
-        solution, values, own = None, start, {}
-    rest = [place for place in range(count) if place not in own]
-    own |= _own_unknowns(problem, values, rest, local)
-    everything = tuple(own[place] for place in range(count))
+        solution, values, record_local = None, start, {}
+    rest = [place for place in range(count) if place not in record_local]
+    record_local |= _local_unknowns(problem, values, rest, local)
+    everything = tuple(record_local[place] for place in range(count))
     found = problem.simulate(values, everything).require()
     outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
     return _Fitted(silent, solution, values, everything, outputs)
@@ -275,20 +278,22 @@ def _fitted(
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
     """The better of two fits: one begun where nothing is known yet, and one begun at its end, but for what it
     has driven far from what is known of it; both made coarsely, then the better one to its end."""
-    begun, own = approach(problem.evaluate, problem.shared, local, plan.progress)
+    begun, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
-    found = least_squares(problem.evaluate, begun, own, options=coarse, progress=plan.progress)
+    found = least_squares(problem.evaluate, begun, record_local, options=coarse, progress=plan.progress)
     back = brought_back(begun, found.values)
     if back is not None:
         with suppress(RigctlError):  # the model has no value there: the first fit stands
-            again = least_squares(problem.evaluate, back, own, options=coarse, progress=plan.progress)
+            again = least_squares(
+                problem.evaluate, back, record_local, options=coarse, progress=plan.progress
+            )
             found = again if again.cost < found.cost else found
     freedom = max(1, found.residual_count - found.parameter_count)
     far = 2.0 * found.cost - freedom > _MISFIT * math.sqrt(2.0 * freedom)
     return least_squares(
         problem.evaluate,
         started(begun, found.values),
-        [started(each, values) for each, values in zip(own, found.local, strict=True)],
+        [started(each, values) for each, values in zip(record_local, found.local, strict=True)],
         options=replace(plan.options, cost=max(plan.options.cost, _ROUGH)) if far else plan.options,
         progress=plan.progress,
     )
@@ -332,8 +337,8 @@ def _shared_squares(problem: Problem, moved: float) -> Floats | None:
     sizes; None where the model has no value there."""
     start = np.array([unknown.start for unknown in problem.shared])
     local = [
-        np.array([min(max(u.start + moved * u.size, u.lower), u.upper) for u in own])
-        for own in problem.local_unknowns()
+        np.array([min(max(u.start + moved * u.size, u.lower), u.upper) for u in record_local])
+        for record_local in problem.local_unknowns()
     ]
     blocks = problem.evaluate(start, local, derivatives=True)
     if isinstance(blocks, Refused):
@@ -349,10 +354,10 @@ def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unkn
     unknowns = problem.local_unknowns()
     if local is None:
         return unknowns
-    return [started(own, values) for own, values in zip(unknowns, local, strict=True)]
+    return [started(record_local, values) for record_local, values in zip(unknowns, local, strict=True)]
 
 
-def _own_unknowns(
+def _local_unknowns(
     problem: Problem, values: Floats, places: Sequence[int], local: Sequence[Floats] | None
 ) -> dict[int, Floats]:
     """The records' own unknowns with the shared ones given."""
