@@ -208,9 +208,9 @@ def variance_factor(fit: FitResult) -> float:
 def _by_channel(fit: FitResult) -> list[NDArray[np.float64]]:
     """The whitened residuals of each channel of each fitted record, in time."""
     found = []
-    for place in fit.fitted:
-        white = whitened_residual(fit.problem, fit.outputs[place], place)
-        channel = fit.problem.whiteners[place].rows[:, 1]
+    for index in fit.fitted:
+        white = whitened_residual(fit.problem, fit.outputs[index], index)
+        channel = fit.problem.whiteners[index].rows[:, 1]
         found += [white[channel == one] for one in np.unique(channel)]
     return [one for one in found if one.size]
 

@@ -56,11 +56,11 @@ def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
     return {name: ends for name, ends in found.items() if ends[1] > ends[0]}
 
 
-def _acting(record: MeasuredRecord, place: int) -> NDArray[np.float64]:
+def _acting(record: MeasuredRecord, index: int) -> NDArray[np.float64]:
     """What an input was in a record: its course where it changes steadily, else its commands."""
-    if place in record.along:
-        return record.lines[:, record.along.index(place)]
-    return record.inputs[:, place]
+    if index in record.along:
+        return record.lines[:, record.along.index(index)]
+    return record.inputs[:, index]
 
 
 def _read_states(family: ModelFamily) -> dict[str, str]:
@@ -128,10 +128,10 @@ def candidates(
 
 def by_effect(found: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
     """The places of each effect's candidates among `found`."""
-    places: dict[str, list[int]] = {}
-    for place, candidate in enumerate(found):
-        places.setdefault(candidate.name, []).append(place)
-    return {name: tuple(at) for name, at in places.items()}
+    indices: dict[str, list[int]] = {}
+    for index, candidate in enumerate(found):
+        indices.setdefault(candidate.name, []).append(index)
+    return {name: tuple(at) for name, at in indices.items()}
 
 
 def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:

@@ -13,11 +13,11 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
     """
     lin = projected.linearisation
     seen: dict[str, bool] = {}
-    for place, candidate in enumerate(lin.candidates):
+    for index, candidate in enumerate(lin.candidates):
         for column, name in enumerate(candidate.columns):
             parameter = candidate.parameter(name)
             typical = abs(parameter.start - parameter.at_null)
-            size = float(projected.lengths[lin.starts[place] + column]) * typical
+            size = float(projected.lengths[lin.starts[index] + column]) * typical
             seen[candidate.name] = seen.get(candidate.name, False) or size >= SEEN_IN_LIBRARY
     return tuple(name for name, found in seen.items() if not found)
 

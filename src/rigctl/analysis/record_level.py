@@ -182,11 +182,11 @@ class RecordQuantity:
 
 def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
     """What each record has of its own, by quantity; those that are evidence of something first."""
-    places = _places(fit)
-    if not places:
+    indices = _places(fit)
+    if not indices:
         return ()
     inverse = _Inverse.of(fit)
-    found = [_quantity(fit, key, members, inverse) for key, members in places.items()]
+    found = [_quantity(fit, key, members, inverse) for key, members in indices.items()]
     tests = sum(
         (0 if math.isnan(one.p_value) else 1) + (0 if math.isnan(one.over_p_value) else 1) for one in found
     )
@@ -198,8 +198,8 @@ def _places(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
     """(record, place among its own unknowns) of each quantity; the switches of all records are one."""
     found: dict[str, list[tuple[int, int]]] = {}
     for record, members in enumerate(fit.problem.local):
-        for place, one in enumerate(members):
-            found.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, place))
+        for index, one in enumerate(members):
+            found.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, index))
     return found
 
 
@@ -207,10 +207,10 @@ def _quantity(
     fit: FitResult, key: str, members: Sequence[tuple[int, int]], inverse: _Inverse
 ) -> RecordQuantity:
     problem = fit.problem
-    local = [problem.local[record][place] for record, place in members]
+    local = [problem.local[record][index] for record, index in members]
     estimates = tuple(
-        _estimate(fit, one, record, place, inverse.std(record, place))
-        for one, (record, place) in zip(local, members, strict=True)
+        _estimate(fit, one, record, index, inverse.std(record, index))
+        for one, (record, index) in zip(local, members, strict=True)
     )
     meaning, unit, difference = _named(fit, key, local[0])
     made = RecordQuantity(key.removeprefix("record."), meaning, unit, difference, estimates)
@@ -221,12 +221,12 @@ def _quantity(
     return replace(made, p_value=p_value, over=over, over_p_value=over_p)
 
 
-def _estimate(fit: FitResult, one: LocalUnknown, record: int, place: int, std: float) -> Estimate:
+def _estimate(fit: FitResult, one: LocalUnknown, record: int, index: int, std: float) -> Estimate:
     prior = one.unknown.prior
     return Estimate(
         one.name.removeprefix("record."),
         fit.problem.records[record].label,
-        float(fit.local[record][place]),
+        float(fit.local[record][index]),
         std,
         math.nan if prior is None else prior.mean,
         math.nan if prior is None else prior.std,
@@ -297,24 +297,24 @@ class _Inverse:
             record_local[record], passed[record] = normal, normal @ cross
         return cls(record_local, passed, np.asarray(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)))
 
-    def covariance(self, places: Sequence[tuple[int, int]]) -> Floats:
+    def covariance(self, indices: Sequence[tuple[int, int]]) -> Floats:
         """(places, places) of the unknowns at these places of these records."""
-        rows = np.array([self.passed[record][place] for record, place in places])
+        rows = np.array([self.passed[record][index] for record, index in indices])
         found = rows @ self.shared @ rows.T
         together: dict[int, tuple[list[int], list[int]]] = {}
-        for row, (record, place) in enumerate(places):
+        for row, (record, index) in enumerate(indices):
             rows_of, places_of = together.setdefault(record, ([], []))
             rows_of.append(row)
-            places_of.append(place)
+            places_of.append(index)
         for record, (rows_of, places_of) in together.items():
             found[np.ix_(rows_of, rows_of)] += self.record_local[record][np.ix_(places_of, places_of)]
         return np.asarray(found)
 
-    def std(self, record: int, place: int) -> float:
+    def std(self, record: int, index: int) -> float:
         """Of one unknown; NaN where the fit did not see the record."""
         if record not in self.record_local:
             return math.nan
-        return float(np.sqrt(max(0.0, self.covariance([(record, place)])[0, 0])))
+        return float(np.sqrt(max(0.0, self.covariance([(record, index)])[0, 0])))
 
 
 def _tests(
@@ -331,11 +331,11 @@ def _tests(
         return math.nan, "", math.nan
     if len(seen) > _MOST:  # as many tell it, and the work grows with their cube
         seen = [seen[k] for k in np.linspace(0, len(seen) - 1, _MOST).astype(int).tolist()]
-    places = [members[k] for k in seen]
+    indices = [members[k] for k in seen]
     prior = np.array([estimates[k].prior_std for k in seen])
     off = np.array([estimates[k].value - estimates[k].prior_mean for k in seen])
     # in units of the prior: what the records may differ by, as far as the data tell it
-    variance = np.eye(len(seen)) - inverse.covariance(places) / np.outer(prior, prior)
+    variance = np.eye(len(seen)) - inverse.covariance(indices) / np.outer(prior, prior)
     values, vectors = np.linalg.eigh(0.5 * (variance + variance.T))
     separable = values > _LEAST_SEPARABLE
     if not separable.any():
@@ -345,7 +345,7 @@ def _tests(
     if not trends:
         return p_value, "", math.nan
     best, tried = ("", math.nan), 0
-    for name, x in _operating(fit, [record for record, _ in places]):
+    for name, x in _operating(fit, [record for record, _ in indices]):
         contrast = (x - x.mean()) * prior
         turned = vectors[:, separable].T @ contrast
         size = float(np.sqrt(np.square(turned) @ values[separable]))
@@ -369,22 +369,22 @@ def _operating(fit: FitResult, records: Sequence[int]) -> Iterator[tuple[str, Fl
         if np.isfinite(x).all() and np.ptp(x) > 0.0:
             seen.add(name)
             yield name, x
-    for place, name in enumerate(fit.problem.measurements.inputs):
-        x = np.array([_mean_input(fit, k, place) for k in records])
+    for index, name in enumerate(fit.problem.measurements.inputs):
+        x = np.array([_mean_input(fit, k, index) for k in records])
         if name not in seen and np.ptp(x) > 1e-9 * float(np.abs(x).max(initial=0.0)):
             yield f"the mean of {name}", x
 
 
-def _mean_input(fit: FitResult, k: int, place: int) -> float:
+def _mean_input(fit: FitResult, k: int, index: int) -> float:
     record = fit.problem.records[k]
-    if place in record.along:
-        line = record.lines[:, record.along.index(place)]
+    if index in record.along:
+        line = record.lines[:, record.along.index(index)]
         width = float(record.knots[-1] - record.knots[0])
         return float(np.trapezoid(line, record.knots)) / width if width else float(line.mean())
     ends = np.append(record.switch_times[1:], max(record.times[-1], record.switch_times[-1]))
     lengths = np.maximum(ends - record.switch_times, 0.0)
     total = float(lengths.sum())
-    values = record.inputs[:, place]
+    values = record.inputs[:, index]
     return float(values @ lengths) / total if total else float(values[0])
 
 

@@ -20,13 +20,13 @@ def cosine(projected: Projected, one: int, other: int) -> float:
 
     With several parameters it is that of the smallest principal angle.
     """
-    first, second = (directions(projected, place) for place in (one, other))
+    first, second = (directions(projected, index) for index in (one, other))
     if not first.shape[1] or not second.shape[1]:
         return 0.0
     lin = projected.linearisation
     if first.shape[1] == second.shape[1] == 1:
         value = float((first.T @ second)[0, 0])
-        signs = [lin.candidates[place].signs[0] for place in (one, other)]
+        signs = [lin.candidates[index].signs[0] for index in (one, other)]
         return value * signs[0] * signs[1] if all(signs) else abs(value)
     left, right = (np.linalg.qr(each)[0] for each in (first, second))
     return float(np.linalg.svd(left.T @ right, compute_uv=False)[0])
@@ -80,9 +80,9 @@ def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float
     return float(-ndtri(chance)) if chance > 0.0 else math.inf
 
 
-def directions(projected: Projected, place: int) -> Floats:
+def directions(projected: Projected, index: int) -> Floats:
     """(rows, parameters) a candidate's signatures, of length one, of those parameters that show at all."""
-    columns = projected.linearisation.columns_of(place)
+    columns = projected.linearisation.columns_of(index)
     usable = projected.usable[columns]
     matrix = projected.signatures[:, columns][:, usable]
     return np.asarray(matrix / projected.lengths[columns][usable])

@@ -59,8 +59,8 @@ class Unexplained:
         """How well each effect alone, of the right signs and any size, would explain what is left: 0 … 1."""
         length = float(np.linalg.norm(left))
         found: dict[str, float] = {}
-        for place, candidate in enumerate(self.candidates):
-            gain, _ = self._explained(place, left)
+        for index, candidate in enumerate(self.candidates):
+            gain, _ = self._explained(index, left)
             share = min(1.0, float(np.sqrt(gain)) / length) if length > 0.0 else 0.0
             found[candidate.name] = max(share, found.get(candidate.name, 0.0))
         return found
@@ -68,17 +68,17 @@ class Unexplained:
     def share_of(self, effect: str, left: Floats) -> tuple[Candidate, Floats] | None:
         """An effect in the shape that explains most of what is left, and (rows) what it explains; None where
         that is nothing."""
-        places = [place for place, candidate in enumerate(self.candidates) if candidate.name == effect]
-        explained = {place: self._explained(place, left) for place in places}
-        best = max(places, key=lambda place: explained[place][0], default=None)
+        indices = [index for index, candidate in enumerate(self.candidates) if candidate.name == effect]
+        explained = {index: self._explained(index, left) for index in indices}
+        best = max(indices, key=lambda index: explained[index][0], default=None)
         if best is None or explained[best][0] <= 0.0:
             return None
         return self.candidates[best], explained[best][1]
 
-    def _explained(self, place: int, left: Floats) -> tuple[float, Floats]:
+    def _explained(self, index: int, left: Floats) -> tuple[float, Floats]:
         """(squares, rows) that one candidate explains of what is left, its signs as physics allows."""
-        candidate = self.candidates[place]
-        columns = slice(self.starts[place], self.starts[place] + len(candidate.columns))
+        candidate = self.candidates[index]
+        columns = slice(self.starts[index], self.starts[index] + len(candidate.columns))
         matrix = self._signatures[:, columns]
         used = np.flatnonzero(np.any(matrix, axis=0))
         if not used.size:

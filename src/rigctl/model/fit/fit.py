@@ -54,7 +54,7 @@ class FitResult:
     Attributes
     ----------
     problem: all records, fitted and held out.
-    fitted: the places of the records that were fitted; `held_out` those of the others.
+    fitted: the indices of the records that were fitted; `held_out` those of the others.
     solution: of the fit; None where nothing was free.
     values: (shared) of `problem.shared`.
     local: the records' own unknowns, of all records in order. A held-out record keeps its own: how warm it
@@ -73,19 +73,19 @@ class FitResult:
 
     @property
     def held_out(self) -> tuple[int, ...]:
-        """The places of the records that the fit did not see."""
-        return tuple(place for place in range(len(self.problem.records)) if place not in self.fitted)
+        """The indices of the records that the fit did not see."""
+        return tuple(index for index in range(len(self.problem.records)) if index not in self.fitted)
 
     @cached_property
     def at_bound(self) -> frozenset[str]:
         """The shared unknowns that the fit left at a bound; none of a model that was taken as it is."""
         return frozenset() if self.solution is None else frozenset(self.solution.at_bound)
 
-    def normalised_error(self, place: int) -> Floats:
-        """(n, channels) (f − y)/σ of the record at `place`; NaN where no reading counts."""
+    def normalised_error(self, index: int) -> Floats:
+        """(n, channels) (f − y)/σ of the record at `index`; NaN where no reading counts."""
         problem = self.problem
-        error = (self.outputs[place] - problem.records[place].values) / problem.sigma[place]
-        return np.where(problem.ok[place], error, np.nan)
+        error = (self.outputs[index] - problem.records[index].values) / problem.sigma[index]
+        return np.where(problem.ok[index], error, np.nan)
 
     @cached_property
     def model(self) -> Model:
@@ -227,7 +227,7 @@ class _Fitted:
 
 
 def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence[Floats] | None) -> FitResult:
-    fitted = tuple(place for place in range(len(problem.records)) if place not in set(hold_out))
+    fitted = tuple(index for index in range(len(problem.records)) if index not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
     found = kept(
@@ -267,9 +267,9 @@ def _fitted(
         values, record_local = solution.values, dict(zip(fitted, solution.local, strict=True))
     else:
         solution, values, record_local = None, start, {}
-    rest = [place for place in range(count) if place not in record_local]
+    rest = [index for index in range(count) if index not in record_local]
     record_local |= _local_unknowns(problem, values, rest, local)
-    everything = tuple(record_local[place] for place in range(count))
+    everything = tuple(record_local[index] for index in range(count))
     found = problem.simulate(values, everything).require()
     outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
     return _Fitted(silent, solution, values, everything, outputs)
@@ -358,22 +358,22 @@ def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unkn
 
 
 def _local_unknowns(
-    problem: Problem, values: Floats, places: Sequence[int], local: Sequence[Floats] | None
+    problem: Problem, values: Floats, indices: Sequence[int], local: Sequence[Floats] | None
 ) -> dict[int, Floats]:
     """The records' own unknowns with the shared ones given."""
-    if not places:
+    if not indices:
         return {}
     base = problem.base.copy()
     names = problem.compiled.system.parameter_names
     for unknown, value in zip(problem.shared, values, strict=True):
         base[names.index(unknown.name)] = value
-    inner = problem.only(places).with_shared((), base)
-    unknowns = _started(inner, None if local is None else [local[k] for k in places])
+    inner = problem.only(indices).with_shared((), base)
+    unknowns = _started(inner, None if local is None else [local[k] for k in indices])
     if not any(unknowns):
-        return {place: np.empty(0) for place in places}
+        return {index: np.empty(0) for index in indices}
     options = Options(cost=_COST)
     found = with_best_switches(inner, least_squares(inner.evaluate, (), unknowns, options=options), options)
-    return dict(zip(places, found.local, strict=True))
+    return dict(zip(indices, found.local, strict=True))
 
 
 def _check_enough(problem: Problem) -> None:
