@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+import own_process
 from rigctl.dataset import open_run
 from tclab_board import Served
 
@@ -27,16 +28,8 @@ def board() -> Iterator[Served]:
 
 def begin(folder: Path, board: Served, *more: str) -> subprocess.Popen[str]:
     (folder / "rigctl.toml").write_text("", encoding="utf-8")
-    command = [sys.executable, "-m", "rigctl", "run", "procedures/tclab-step.yaml", "--port", board.url]
-    return subprocess.Popen(
-        [*command, "--json", *more],
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "XDG_STATE_HOME": str(folder / "state")},
-    )
+    run = ("run", "procedures/tclab-step.yaml", "--port", board.url, "--json")
+    return own_process.begin(folder, *run, *more)
 
 
 def ended(run: subprocess.Popen[str]) -> dict[str, Any]:

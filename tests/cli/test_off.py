@@ -3,35 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from own_process import begin, rigctl
 from rigctl.files.shipped import shipped
 from tclab_board import Served
 from torture import switching_off
-
-
-def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "rigctl", *arguments],
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "XDG_STATE_HOME": str(folder / "state")},
-    )
-
-
-def rigctl(folder: Path, *arguments: str) -> tuple[int, str, str]:
-    with begin(folder, *arguments) as process:
-        out, err = process.communicate(timeout=600)
-    return process.returncode, out, err
 
 
 def test_a_simulation_that_goes_on_is_ended(tmp_path: Path) -> None:

@@ -6,15 +6,13 @@ Real processes on the stand-in of the two-heater board, whose heaters are the wi
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from own_process import begin, rigctl
 from rigctl.backends.transport.pursuit import Notice
 from rigctl.files.shipped import shipped
 from tclab_board import Served
@@ -48,24 +46,6 @@ def project(tmp_path: Path) -> Iterator[Path]:
         for notice in (tmp_path / "state" / "rigctl" / "guards").glob("*.json"):
             notice.unlink(missing_ok=True)
         time.sleep(0.01)
-
-
-def begin(project: Path, *arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "rigctl", *arguments],
-        cwd=project,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "XDG_STATE_HOME": str(project / "state")},
-    )
-
-
-def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
-    with begin(project, *arguments) as process:
-        out, err = process.communicate(timeout=600)
-    return process.returncode, out, err
 
 
 def wait_for(condition: Callable[[], object]) -> None:

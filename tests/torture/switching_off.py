@@ -10,7 +10,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from board_emulation import Emulation
+from own_process import begin
 from rigctl.dataset.run_id import slug
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
@@ -61,20 +61,6 @@ class Tally:
     cpu: dict[str, float] = field(default_factory=dict)
     dark: dict[str, float] = field(default_factory=dict)
     load: float = 0.0
-
-
-def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    """`rigctl` in a folder, with a state folder of its own."""
-    state = str(folder / "state")
-    return subprocess.Popen(
-        [sys.executable, "-m", "rigctl", *arguments],
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "XDG_STATE_HOME": state, "XDG_DATA_HOME": state},
-    )
 
 
 def off(folder: Path, *arguments: str) -> Off:

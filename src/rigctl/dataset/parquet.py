@@ -10,6 +10,7 @@ from tempfile import mkstemp
 from typing import TYPE_CHECKING
 
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.write import write_error
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -59,19 +60,6 @@ def replace_with(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
-
-
-@contextmanager
-def write_error(path: Path) -> Iterator[None]:
-    """Turn the system's errors of a write to `path` into one that a user can act on."""
-    try:
-        yield
-    except OSError as problem:
-        raise RigctlError(
-            f"cannot write the file: {problem.strerror or problem}",
-            where=Location(path),
-            exit_code=ExitCode.FAILED,
-        ) from problem
 
 
 def write_table(path: Path, table: pa.Table) -> None:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rigctl.dataset import journal
 from rigctl.dataset.journal import Journal, read_journal
-from rigctl.dataset.parquet import open_parquet, replace_with, write_error
+from rigctl.dataset.parquet import open_parquet, replace_with
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.write import write_error
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import date
 from enum import Enum
 from pathlib import Path, PurePath
@@ -29,28 +29,16 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write bytes as `write_text` does: a temporary file beside it, flushed to disk, then renamed."""
-    temporary: Path | None = None
-    try:
+    with write_error(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-        temporary = Path(name)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        _keep_mode(path, temporary)
-        temporary.replace(path)
-        temporary = None
-    except OSError as problem:
-        raise RigctlError(
-            f"cannot write the file: {problem.strerror or problem}",
-            where=Location(path),
-            exit_code=ExitCode.FAILED,
-        ) from problem
-    finally:
-        if temporary is not None:
+        temporary = _draft(path, content)
+        try:
+            _keep_mode(path, temporary)
+            temporary.replace(path)
+        except BaseException:
             with suppress(OSError):
                 temporary.unlink()
+            raise
 
 
 def write_new(path: Path, content: bytes) -> None:
@@ -63,22 +51,44 @@ def write_new(path: Path, content: bytes) -> None:
     RigctlError
         the folder cannot be written to, or the disk is full.
     """
-    try:
+    taken = False
+    with write_error(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-        temporary = Path(name)
+        temporary = _draft(path, content)
         try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
             _publish(temporary, path, content)
+        except FileExistsError:
+            taken = True
         finally:
             with suppress(OSError):
                 temporary.unlink()
+    if taken:
+        raise FileExistsError(path)
+    with write_error(path):  # only now: Windows would not remove the draft, which is the same file
         path.chmod(0o444)
-    except FileExistsError:
+
+
+def _draft(path: Path, content: bytes) -> Path:
+    """A temporary file beside `path` with this content, flushed to disk; none is left where that fails."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
         raise
+    return temporary
+
+
+@contextmanager
+def write_error(path: Path) -> Iterator[None]:
+    """Turn the system's errors of a write to `path` into one that a user can act on."""
+    try:
+        yield
     except OSError as problem:
         raise RigctlError(
             f"cannot write the file: {problem.strerror or problem}",

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, cast
 
 from rigctl.dataset.exporting.tables import disarmed_texts, observations
 from rigctl.dataset.outputs import require_output
-from rigctl.dataset.parquet import replace_with, write_error
+from rigctl.dataset.parquet import replace_with
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.write import write_error
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -1,0 +1,29 @@
+"""Commands in a process of their own, as a user's shell starts them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+
+def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """A command that goes on beside the test; its locks and guards are the folder's."""
+    state = str(folder / "state")
+    return subprocess.Popen(
+        [sys.executable, "-m", "rigctl", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": state, "XDG_DATA_HOME": state, "LOCALAPPDATA": state},
+    )
+
+
+def rigctl(folder: Path, *arguments: str) -> tuple[int, str, str]:
+    """A command to its end: exit code, answer and messages."""
+    with begin(folder, *arguments) as process:
+        out, err = process.communicate(timeout=600)
+    return process.returncode, out, err
