@@ -30,7 +30,7 @@ from benchmarks.record import keep, table
 HERE = Path(__file__).parent
 #: wall seconds of whole commands on two quiet cores
 ASKED_OF_COMMANDS = {"rigctl compare": 4.0, "rigctl diagnose": 8.0}
-TIMES = 3
+TIMES = 2
 #: wall seconds on two cores, warm
 ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
 #: the same of a user's own bench, as a whole command

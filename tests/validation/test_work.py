@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from rigctl.engine.kept import RESULTS_VARIABLE
 from rigctl.validation.outcome import Outcome
 from rigctl.validation.scenario import Scenario, Wanted
 from rigctl.validation.work import carry_out
@@ -51,10 +53,12 @@ def test_an_effect_that_a_fitted_parameter_imitates_nearly_whole_is_found() -> N
     assert outcome.effects == ("position_gain",)
 
 
-def test_noise_may_be_told_instead_of_learned() -> None:
+def test_noise_may_be_told_instead_of_learned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(RESULTS_VARIABLE, str(tmp_path / "results"))
     outcome = carry_out(replace(SMALL, noise_known=True))
     assert outcome.verdict == "adequate"
     assert not outcome.effects
+    assert not (tmp_path / "results").exists(), "a trial is made once: what it fits is of no use to anybody"
 
 
 def test_an_effect_that_cannot_be_as_large_is_not_counted() -> None:

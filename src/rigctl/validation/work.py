@@ -17,6 +17,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.unexplained import Unexplained, unexplained
+from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult, fit
@@ -47,6 +48,7 @@ _WIDTH = 1.959963984540054
 
 
 @one_thread()
+@switched_off()
 def carry_out(scenario: Scenario) -> Outcome:
     """Make the campaign of a scenario on the separate bench, diagnose it, and say what came of it.
 

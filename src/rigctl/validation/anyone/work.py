@@ -14,6 +14,7 @@ from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
+from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
@@ -28,6 +29,7 @@ BenchOutcome: TypeAlias = TrialOutcome[BenchTrial]
 
 
 @one_thread()
+@switched_off()
 def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
     """Measure the bench of a trial, import the file, diagnose the user's model, and say what came of it.
 
