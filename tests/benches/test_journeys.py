@@ -16,6 +16,8 @@ from commands import answer, told
 from rigctl.validation.benches.bench import BenchCampaign, Sampling, write_bench
 from rigctl.validation.benches.register import BENCHES, find_bench
 
+pytestmark = pytest.mark.usefixtures("shared_results")
+
 #: amplitude of what each bench hides: λ is about 100, says `python -m rigctl.validation.benches NAME --hide`
 HIDDEN = {
     "motor": 0.0046,

@@ -13,6 +13,8 @@ from commands import answer, told
 from rigctl.cli.init import create_project
 from rigctl.dataset import open_run
 
+pytestmark = pytest.mark.usefixtures("shared_results")
+
 FORMATS = ("csv", "parquet", "tdms", "mf4", "mat")
 
 

@@ -11,6 +11,8 @@ from typer.testing import CliRunner, Result
 from report.made_campaign import Campaign, make_campaign
 from rigctl.cli.main import app
 
+pytestmark = pytest.mark.usefixtures("shared_results")
+
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
