@@ -17,6 +17,7 @@ from rigctl.analysis.levels import AT_LIMIT, UNSEEN
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.engine.least_squares import started
+from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.measured.noise import DataNoise, with_noise_off_model
 from rigctl.noise import ChannelNoise
@@ -75,7 +76,10 @@ def from_another_start(search: Search) -> ModelComparison | None:
     ]
     if not better:
         return None
-    found = _from(before.fit, min(better, key=lambda trial: trial.chi2).fit)
+    try:
+        found = _from(before.fit, min(better, key=lambda trial: trial.chi2).fit)
+    except RigctlError:  # without the effect the model has no value there
+        return None
     if 2.0 * _cost(found) > base.chi2 - UNSEEN:
         return None
     return judge(found, before.name, excluded=before.excluded, locate=bool(before.where))
