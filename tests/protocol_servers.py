@@ -70,12 +70,14 @@ class Server(ABC):
     mute: it hears and answers nothing; may be set at any time.
     refusing: it answers every reading with an exception; may be set at any time.
     broken: values are NaN, or what the device has for that; may be set at any time.
+    delay: s that it lets each answer wait; may be set at any time.
     """
 
     def __init__(self, rig: Rig) -> None:
         self.circuit = Circuit(rig)
         self.asked = 0
         self.mute = self.refusing = self.broken = False
+        self.delay = 0.0
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.number = int(free.getsockname()[1])
         self._loop = asyncio.new_event_loop()
@@ -167,6 +169,7 @@ class ModbusServer(Server):
         from pymodbus.constants import ExcCodes
 
         self.asked += 1
+        await asyncio.sleep(self.delay)
         if written:
             self._written(function, address, written)
             return None
@@ -278,6 +281,7 @@ class ScpiServer(Server):
                 text = line.decode("ascii", "replace").strip()
                 self.received.append(text)
                 answers = [answer for part in text.split(";") if (answer := self._answer(part)) is not None]
+                await asyncio.sleep(self.delay)
                 if answers and not self.mute:
                     writer.write(f"{';'.join(answers)}\n".encode())
                     await writer.drain()
@@ -429,6 +433,7 @@ class OpcUaServer(Server):
     async def _copy(self, source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
         with suppress(OSError):
             while data := await source.read(65536):
+                await asyncio.sleep(self.delay)
                 if not self.mute:
                     target.write(data)
                     await target.drain()

@@ -368,3 +368,22 @@ def test_at_rest_a_standstill_is_only_a_note(board: Board) -> None:
     board.port.read = interrupted  # type: ignore[method-assign]
     board.samples(5)
     assert len(board.messages("note")) == 1
+
+
+def test_what_makes_safe_is_sent_although_the_line_is_out_of_step(board: Board) -> None:
+    board.bench.start(2.0)
+    board.bench.command("heater_1", 0.5).wait()
+    board.sketch.always |= {"VER": b"5\r\n", "T1": b"eh?\r\n"}  # every answer is that of another question
+    board.bench.next_sample(5.0)
+    board.sketch.received.clear()
+    board.bench.safe()
+    assert board.sketch.received[:3] == ["X", "Q1 0.00", "Q2 0.00"]
+    assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_the_answer_to_another_question_is_no_setting(board: Board) -> None:
+    board.bench.start(2.0)
+    board.sketch.odd["R1"] = b"eh?\r\n"
+    samples = board.samples(4)
+    assert all(sample.commands == (0.0, 0.0) for sample in samples)
+    assert not board.messages("alarm")

@@ -145,6 +145,27 @@ def test_a_device_that_is_lost_is_found_again_with_outputs_off(device: Subject) 
     assert server.circuit.off
 
 
+def test_a_late_answer_is_not_taken_for_that_of_another_question(device: Subject) -> None:
+    server = device.server
+    assert server is not None
+    with opened(device) as bench:
+        bench.command("relief_valve", 30e5).wait()
+        watched = Watched(bench)
+        watched.until(lambda: server.circuit.read()["supply_pressure"] > 29.9e5)
+        samples(bench, 2)
+        server.delay = 0.8  # longer than any of them waits
+        watched.until(lambda: bool(watched.notices))
+        server.delay = 0.0
+        for sample in samples(bench, 12):
+            pressure, celsius = (
+                value(device.rig, sample, name) for name in ("supply_pressure", "oil_temperature")
+            )
+            assert math.isnan(pressure) or 0.0 <= pressure < 30.2
+            assert math.isnan(celsius) or celsius == pytest.approx(20.0, abs=0.2)
+        assert not any(notice.kind == "alarm" for notice in watched.notices + bench.take_notices())
+        assert pressure < 30.2
+
+
 def test_an_output_that_the_device_sets_by_itself_ends_the_samples(device: Subject) -> None:
     server = device.server
     assert server is not None

@@ -91,7 +91,7 @@ class Poll:
 
     def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
         try:
-            answer = yield from talk.asking(query, fits=self._numbers)
+            answer = yield from talk.asking(query, fits=self._readable)
         except WrongAnswer as error:
             if not query.places:
                 raise
@@ -104,10 +104,15 @@ class Poll:
         self._silenced.discard(index)
         return answer
 
-    def _numbers(self, found: Mapping[str, str]) -> bool:
-        """Whether what is there for channels are numbers: a torn line must not become a value."""
+    def _readable(self, found: Mapping[str, str]) -> bool:
+        """Whether numbers and settings are what they are for.
+
+        A torn line must not become a value, nor the answer to another question a setting.
+        """
         return all(
-            read_number(text) is not None for name, text in found.items() if name in self._rig.channels
+            (read_number(text) if name in self._rig.channels else self._meaning.setting(name, text, 0.0))
+            is not None
+            for name, text in found.items()
         )
 
     def _take(self, answer: Answer, commanded: Mapping[str, float], changed: dict[str, float]) -> None:

@@ -63,6 +63,11 @@ class Talk:
         """Whether anything ever arrived."""
         return self._bytes > 0
 
+    @property
+    def in_step(self) -> bool:
+        """Whether no answer to an earlier question can still come."""
+        return self._in_step
+
     def send(self, text: str) -> None:
         """Send a command, and wait for nothing."""
         self.last_sent = self._clock.now()
@@ -80,6 +85,7 @@ class Talk:
         tries: int | None = None,
         timeout: float = 0.0,
         fits: Callable[[Mapping[str, str]], bool] = lambda found: True,
+        anyway: bool = False,
     ) -> Conversation[Answer]:
         """Send a command and read the answer that is expected.
 
@@ -88,6 +94,7 @@ class Talk:
         text: the command, where it has a value in it.
         tries, timeout: other than the rig file's.
         fits: whether what stands in the places can be what they are for, e.g. numbers.
+        anyway: send it even if the line cannot be brought into step: what makes safe.
 
         Raises
         ------
@@ -100,7 +107,13 @@ class Talk:
         wrong = ""
         for attempt in range(tries or self._lines.tries):
             if attempt or not self._in_step:
-                yield from self._synchronise()
+                try:
+                    yield from self._synchronise(command, timeout or self._lines.timeout * self._lines.tries)
+                except (WrongAnswer, NoAnswer):
+                    if wrong:  # what this question itself was answered is said
+                        break
+                    if not anyway:
+                        raise
             self._drop_stray()
             self._in_step = False
             sent = self._clock.now()
@@ -170,8 +183,18 @@ class Talk:
             self.stray += max(self._rest.count(self._reply_ends), 1)
             self._rest = b""
 
-    def _synchronise(self) -> Conversation[None]:
-        """Throw away what is on its way, so that the next answer is that of the next question."""
+    def _synchronise(self, command: str, patience: float) -> Conversation[None]:
+        """Throw away what is on its way, so that the next answer is that of the next question, `command`.
+
+        The device has `patience` s to say who it is.
+
+        Raises
+        ------
+        WrongAnswer
+            it says something else than who it is: that may be the answer to an earlier question.
+        NoAnswer
+            it says nothing.
+        """
         self._in_step = True
         give_up = self._clock.now() + _LONGEST_NOISE
         quiet = min(self._clock.now() + _QUIET, give_up)
@@ -184,10 +207,17 @@ class Talk:
         identify = self._lines.identify
         if identify is None:
             return
+        self._in_step = False
         self.send(identify.send)
-        deadline = self._clock.now() + self._lines.timeout
+        deadline = self._clock.now() + patience
+        wrong = ""
         while (line := (yield from self._line(deadline))) is not None:
             if identify.patterns[0].match(line) is not None:
-                break
-        for _ in identify.patterns[1:]:
-            yield from self._line(deadline)
+                for _ in identify.patterns[1:]:
+                    yield from self._line(deadline)
+                self._in_step = True
+                return
+            wrong = line
+        if wrong:
+            raise WrongAnswer(identify.send, wrong, " / ".join(identify.reply))
+        raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")

@@ -17,7 +17,7 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
     """The port of an `Address`: a VISA resource name.
 
     Its settings are ``library`` (``@py`` for pyvisa-py, or empty for an installed VISA), ``timeout`` in s,
-    ``baud`` of a serial line, and what ends messages: ``send_ends`` and ``reply_ends``.
+    ``baud`` and ``frame`` of a serial line, and what ends messages: ``send_ends`` and ``reply_ends``.
     """
     return ClientPort(url, lambda: VisaClient(url, settings), clock)
 
@@ -37,22 +37,14 @@ class VisaClient:
         from pyvisa.errors import Error, VisaIOError
 
         self._name = url
+        self._settings = settings
         self._errors: tuple[type[BaseException], ...] = (Error, OSError, ValueError)
         self._io_error, self._time_out = VisaIOError, StatusCode.error_timeout
         try:
             self._manager: Any = ResourceManager(settings["library"])
-            self._instrument: Any
-            self._instrument = self._manager.open_resource(
-                url,
-                open_timeout=round(1e3 * settings["timeout"]),
-                timeout=round(1e3 * settings["timeout"]),
-                write_termination=settings["send_ends"],
-                read_termination=settings["reply_ends"],
-            )
-            if url.upper().startswith("ASRL"):
-                self._instrument.baud_rate = settings["baud"]
         except self._errors as error:
             raise PortLost(f"{url}: {error}") from None
+        self._instrument = self._opened()
 
     def answer(self, line: str) -> str | None:
         """The instrument's answer to a message; None when it gives none in time, or none was asked for."""
@@ -60,11 +52,54 @@ class VisaClient:
             self._instrument.write(line)
             return str(self._instrument.read()).strip() if "?" in line else None
         except self._errors as error:
-            if isinstance(error, self._io_error) and error.error_code == self._time_out:
-                return None
+            if not (isinstance(error, self._io_error) and error.error_code == self._time_out):
+                raise PortLost(f"{self._name}: {error}") from None
+        try:
+            self._forget()
+        except self._errors as error:
             raise PortLost(f"{self._name}: {error}") from None
+        return None
 
     def close(self) -> None:
         """Let it go."""
         self._instrument.close()
         self._manager.close()
+
+    def _opened(self) -> Any:
+        from pyvisa.constants import Parity, StopBits
+
+        settings = self._settings
+        milliseconds = round(1e3 * settings["timeout"])
+        try:
+            instrument: Any = self._manager.open_resource(
+                self._name,
+                open_timeout=milliseconds,
+                timeout=milliseconds,
+                write_termination=settings["send_ends"],
+                read_termination=settings["reply_ends"],
+            )
+            if self._name.upper().startswith("ASRL"):
+                bits, parity, stops = settings["frame"]
+                instrument.baud_rate, instrument.data_bits = settings["baud"], int(bits)
+                instrument.parity = {"N": Parity.none, "E": Parity.even, "O": Parity.odd}[parity]
+                instrument.stop_bits = StopBits.one if stops == "1" else StopBits.two
+        except self._errors as error:
+            raise PortLost(f"{self._name}: {error}") from None
+        return instrument
+
+    def _forget(self) -> None:
+        """Let an answer that still comes be that of no later question.
+
+        A new connection does not get it; other buses have a command that clears the device. On a serial line
+        only what has arrived by now can be thrown away.
+        """
+        from pyvisa.constants import BufferOperation
+
+        name = self._name.upper()
+        if name.endswith("::SOCKET"):
+            self._instrument.close()
+            self._instrument = self._opened()
+        elif name.startswith("ASRL"):
+            self._instrument.flush(BufferOperation.discard_read_buffer)
+        else:
+            self._instrument.clear()

@@ -59,6 +59,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
         "library": str(library),
         "timeout": lines.timeout,
         "baud": options.get("baud") or rig.backend.baud or BAUD,
+        "frame": lines.frame,
         "send_ends": lines.send_ends,
         "reply_ends": lines.reply_ends,
     }

@@ -1,0 +1,67 @@
+"""Instruments behind VISA: late answers belong to nobody, ends of messages are theirs, silence is said."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+
+from protocol_servers import ScpiServer
+from rigctl.backends.registry import create_backend
+from rigctl.backends.transport.port import PortLost
+from rigctl.backends.visa.client import VisaClient
+from rigctl.backends.visa.create import address_of
+from rigctl.clock import real_clock
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
+
+RIG = load_rig(shipped("rigs", "oil-circuit-visa.yaml"))
+
+
+def settings(server: ScpiServer, **other: Any) -> dict[str, Any]:
+    return {**address_of(RIG, {"port": server.port}).settings, **other}
+
+
+def test_a_late_answer_is_that_of_no_later_question() -> None:
+    with ScpiServer(RIG) as server:
+        client = VisaClient(server.port, settings(server, timeout=0.2))
+        server.delay = 0.4
+        assert client.answer("ROUT:CLOS? (@201)") is None
+        server.delay = 0.0
+        time.sleep(0.5)  # it has been sent by now, and nobody takes it
+        for _ in range(3):
+            assert str(client.answer("*IDN?")).startswith("ACME,")
+            assert client.answer("*OPC?") == "1"
+        assert client.answer("*CLS") is None
+        server.stop()
+        with pytest.raises(PortLost):
+            for _ in range(10):
+                client.answer("*IDN?")
+        client.close()
+
+
+def test_nobody_there_is_said() -> None:
+    with ScpiServer(RIG) as server:
+        port, known = server.port, settings(server)
+    with pytest.raises(PortLost, match="TCPIP"):  # when it is opened, or when it is asked
+        VisaClient(port, known).answer("*IDN?")
+    for name, says in ((None, "which instrument"), (5025, "which instrument")):
+        with pytest.raises(RigctlError, match=says):
+            address_of(RIG.model_copy(update={"backend": RIG.backend.model_copy(update={"port": name})}), {})
+
+
+def test_how_messages_end_is_the_instruments_business() -> None:
+    rig = parse_rig(RIG.text.replace("    timeout: 0.5 s", '    timeout: 0.5 s\n    send_ends: "\\r\\n"'))
+    assert rig.lines is not None
+    assert rig.lines.send_ends == "\n"
+    with ScpiServer(rig) as server:
+        bench = create_backend(rig, None, real_clock(), {"port": server.port})
+        bench.open()
+        try:
+            bench.command("heater", 1.0).wait()
+            assert server.circuit.outputs["heater"] == 1.0
+        finally:
+            bench.close()
+        assert server.circuit.off
