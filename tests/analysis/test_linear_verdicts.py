@@ -131,6 +131,24 @@ def test_one_effect_and_two_others_of_nearly_the_same_odds_are_not_told_apart() 
     assert not any("together would look like alpha" in line for line in found.further_evidence)
 
 
+def test_one_effect_that_leaves_little_to_see_is_not_told_from_two_of_nearly_its_odds() -> None:
+    """Seed 1055 of a search for such cases: a test rejects what it leaves, 1 % of the misfit."""
+    rng = np.random.default_rng(1055)
+    effects = [made_effect(f"effect_{k}") for k in range(8)]
+    drawn = rng.standard_normal((8, 6))
+    drawn /= np.linalg.norm(drawn, axis=1)[:, None]
+    design = made_design(effects, drawn @ drawn.T, correlation=0.3, seed=1055)
+    chosen = sorted(rng.choice([effect.name for effect in effects], 2, replace=False))
+    sizes = {name: float(rng.choice([-1, 1]) * rng.uniform(8.0, 20.0)) for name in chosen}
+    noise = design.drawn_noise(rng)
+    y = readings_of(design, sizes, noise)
+    assert 0.0 < design.mbic(y, ["effect_0"]) - design.mbic(y, chosen) < LEAST_DIFFERENCE
+    found = diagnosed(design, sizes, noise)
+    assert found.remainder is not None
+    assert found.verdict is Verdict.AMBIGUOUS
+    assert found.classes == (("effect_0", *chosen),)
+
+
 def test_two_that_are_needed_are_both_named() -> None:
     found = diagnosed(made_design(PLAIN, alike(0.3)), {"alpha": 9.0, "beta": -8.0})
     assert found.verdict is Verdict.MISSING_EFFECT

@@ -199,10 +199,10 @@ def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
 def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
     """Two others that explain more than the single effect that leads, though not surely so.
 
-    Only where that one leaves nothing: else two were looked for, and what they explain beyond one is the
-    verdict's to weigh.
+    Only where that one leaves hardly anything: else two were looked for, and what they explain beyond one is
+    the verdict's to weigh.
     """
-    if search.left(best):
+    if not search.sure(best):
         return []
     (member,) = best.candidates
     pairs = [

@@ -281,7 +281,7 @@ class Search:
         """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
         best = self._swapped(self.best_single())
         found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
-        return self._usual_first(found)
+        return self._usual_first(self._pair_instead(found))
 
     def best_single(self) -> RefittedSet:
         """The single effect that explains the misfit best, or none."""
@@ -459,10 +459,8 @@ class Search:
         Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
         """
         left = self.left(best)
-        if self.most < 2 or self._below_noise(best):
+        if self.most < 2 or not left or self._below_noise(best):
             return best
-        if not left:
-            return self._pair_instead(best)
         if best.candidates and left <= SHAPE:
             self._forward(best)
             return self._least([best, *self.trials.values()])
@@ -483,12 +481,12 @@ class Search:
         return self._least([best, *self.trials.values()])
 
     def _pair_instead(self, best: RefittedSet) -> RefittedSet:
-        """Two other effects that are surely the better explanation, though one leaves nothing that is seen.
+        """Two other effects that are surely the better explanation, though one leaves hardly anything.
 
         An effect that stands in for two may leave less than any test sees, and yet more than one parameter
         costs: of 200 readings 36 in χ², say, of which no third effect takes up much.
         """
-        if len(best.candidates) != 1:
+        if len(best.candidates) != 1 or self.most < 2 or not self.sure(best) or self._below_noise(best):
             return best
         candidates, scores = self.before.linearisation.candidates, self.before.screening.scores
         linear = max((score.gain for score in scores if score.effect in best.effects), default=0.0)
