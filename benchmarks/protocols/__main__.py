@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from benchmarks.board.real_time import go_first
 from benchmarks.record import keep, table
 from rigctl.backends.protocol import Backend, Sample
 from rigctl.backends.registry import create_backend
@@ -80,6 +81,7 @@ def missing(bench: Backend) -> int:
 
 
 def main() -> None:
+    scheduling = go_first()  # of server and guard too, which are started from here
     with socket.create_server(("127.0.0.1", 0)) as free:
         number = free.getsockname()[1]
     with subprocess.Popen([sys.executable, "-c", _SERVER, str(number)]) as server:
@@ -87,7 +89,7 @@ def main() -> None:
             time.sleep(2.0)
             bench = create_backend(parse_rig(rig_text()), None, real_clock(), {"port": f"127.0.0.1:{number}"})
             bench.open()
-            results: dict[str, Any] = {"registers": REGISTERS}
+            results: dict[str, Any] = {"registers": REGISTERS, "scheduling": scheduling}
             for name, rate in (("at 100 Hz", 100.0), ("as fast as it goes", 2000.0)):
                 found = polled(bench, rate)
                 steps = sorted(b.time - a.time for a, b in pairwise(found))
