@@ -83,6 +83,18 @@ def made_parameter(name: str, low: float = -1e4, high: float = 1e4, start: float
     return EffectParameter(name, "1", 0.0, start, low, high, name)
 
 
+NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta")
+#: effects of one parameter each, which may have either sign
+PLAIN = tuple(made_effect(name) for name in NAMES)
+
+
+def random_gram(rng: np.random.Generator, count: int, directions: int) -> Floats:
+    """The products of so many signatures of one sigma that point anywhere in so many directions."""
+    drawn = rng.standard_normal((count, directions))
+    drawn /= np.linalg.norm(drawn, axis=1)[:, None]
+    return np.asarray(drawn @ drawn.T)
+
+
 @dataclass(frozen=True)
 class Design:
     """What acts on the readings, and how.

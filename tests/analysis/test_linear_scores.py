@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2, ncx2, norm
 
-from linear_problem import NUISANCES, Design, compared, made_design, made_effect, made_parameter
+from linear_problem import (
+    NAMES,
+    NUISANCES,
+    PLAIN,
+    Design,
+    compared,
+    made_design,
+    made_effect,
+    made_parameter,
+    random_gram,
+)
 from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.levels import ALPHA, SEEN_IN_LIBRARY
@@ -26,21 +36,11 @@ from rigctl.effects.record_level import RECORD
 
 Floats = NDArray[np.float64]
 
-NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta")
-PLAIN = [made_effect(name) for name in NAMES]
-
-
-def random_gram(rng: np.random.Generator, count: int, directions: int = 9) -> Floats:
-    """Signatures of one sigma that point anywhere in so many directions."""
-    drawn = rng.standard_normal((count, directions))
-    drawn /= np.linalg.norm(drawn, axis=1)[:, None]
-    return np.asarray(drawn @ drawn.T)
-
 
 @pytest.mark.parametrize(("seed", "correlation"), [(0, 0.0), (1, 0.3), (2, 0.8)])
 def test_every_score_is_that_of_dense_algebra(seed: int, correlation: float) -> None:
     rng = np.random.default_rng(seed)
-    design = made_design(PLAIN, random_gram(rng, 6), kappa=0.3, correlation=correlation, seed=seed)
+    design = made_design(PLAIN, random_gram(rng, 6, 9), kappa=0.3, correlation=correlation, seed=seed)
     y = design.readings({"beta.size": 6.0, "zeta.size": -5.0}, design.drawn_noise(rng))
     found = compared(design, y)
     for score in found.screening.scores:
@@ -59,7 +59,7 @@ def test_every_score_is_that_of_dense_algebra(seed: int, correlation: float) -> 
 
 def test_the_misfit_its_freedom_and_the_cosines_are_those_of_dense_algebra() -> None:
     rng = np.random.default_rng(3)
-    design = made_design(PLAIN, random_gram(rng, 6), correlation=0.5)
+    design = made_design(PLAIN, random_gram(rng, 6, 9), correlation=0.5)
     y = design.readings({"beta.size": 6.0}, design.drawn_noise(rng))
     found = compared(design, y)
     misfit = found.adequacy.tests["chi2"]
@@ -82,7 +82,7 @@ def test_an_effect_of_two_parameters_gains_what_both_explain_and_a_one_sided_one
         made_effect("gamma", parameters=(made_parameter("size", low=0.0),)),
     ]
     rng = np.random.default_rng(4)
-    design = made_design(effects, random_gram(rng, 4), correlation=0.3)
+    design = made_design(effects, random_gram(rng, 4, 9), correlation=0.3)
     sizes = {"alpha.size": 4.0, "alpha.rate": -6.0, "beta.size": -5.0, "gamma.size": 5.0}
     y = design.readings(sizes, design.typical_noise())
     by_name = {score.effect: score for score in compared(design, y).screening.scores}
@@ -135,7 +135,7 @@ DRAWS = 2000
 def test_a_right_model_is_called_wrong_once_in_a_hundred_times() -> None:
     """All three tests, and each by itself: the plane test and χ² at 1 %, the best of six scores at 1 %."""
     rng = np.random.default_rng(5)
-    design = made_design(PLAIN, random_gram(rng, 6), correlation=0.3)
+    design = made_design(PLAIN, random_gram(rng, 6, 9), correlation=0.3)
     found = compared(design, design.readings({}, design.typical_noise()))
     null = null_of_best(found.projected)
     rejected = dict.fromkeys(("together", "score", "plane", "chi2"), 0)
@@ -240,7 +240,7 @@ def same(one: dict[str, tuple[float, float, float]], other: dict[str, tuple[floa
 @given(st.permutations(range(6)), st.integers(0, 2**31))
 def test_the_order_of_the_effects_does_not_matter(order: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
-    design = made_design(PLAIN, random_gram(rng, 6))
+    design = made_design(PLAIN, random_gram(rng, 6, 9))
     y = design.readings({"beta.size": 4.0}, design.drawn_noise(rng))
     shuffled = replace(design, effects=tuple(design.effects[k] for k in order))
     assert same(scored(design, y), scored(shuffled, y))
@@ -250,7 +250,7 @@ def test_the_order_of_the_effects_does_not_matter(order: list[int], seed: int) -
 @given(st.floats(-6.0, 6.0), st.integers(0, 2**31))
 def test_the_unit_of_a_parameter_does_not_matter(exponent: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    design = made_design(PLAIN, random_gram(rng, 6))
+    design = made_design(PLAIN, random_gram(rng, 6, 9))
     y = design.readings({"beta.size": 4.0}, design.drawn_noise(rng))
     unit = 10.0**exponent
     (parameter,) = PLAIN[1].parameters
@@ -267,7 +267,7 @@ def test_the_unit_of_a_parameter_does_not_matter(exponent: float, seed: int) -> 
 def test_how_the_fitted_parameters_are_chosen_does_not_matter(seed: int) -> None:
     """Any other basis of what they can do."""
     rng = np.random.default_rng(seed)
-    design = made_design(PLAIN, random_gram(rng, 6))
+    design = made_design(PLAIN, random_gram(rng, 6, 9))
     y = design.readings({"beta.size": 4.0}, design.drawn_noise(rng))
     mixed = design.matrix(NUISANCES) @ (rng.standard_normal((3, 3)) + 3.0 * np.eye(3))
     turned = replace(design, columns={**design.columns, **dict(zip(NUISANCES, mixed.T, strict=True))})

@@ -14,7 +14,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from linear_problem import FAMILY, NUISANCES, Design, compared, made_design, made_effect, made_parameter
+from linear_problem import (
+    FAMILY,
+    NAMES,
+    NUISANCES,
+    PLAIN,
+    Design,
+    compared,
+    made_design,
+    made_effect,
+    made_parameter,
+    random_gram,
+)
 from rigctl.analysis.comparison_result import Comparison
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
@@ -24,16 +35,6 @@ from rigctl.analysis.search import Search, pair_gains
 from rigctl.model.load import load_model
 
 Floats = NDArray[np.float64]
-
-NAMES = ("alpha", "beta", "gamma", "delta", "epsilon", "zeta")
-PLAIN = [made_effect(name) for name in NAMES]
-
-
-def random_gram(rng: np.random.Generator, directions: int = 14) -> Floats:
-    """Signatures of one sigma that point anywhere in so many directions."""
-    drawn = rng.standard_normal((len(PLAIN), directions))
-    drawn /= np.linalg.norm(drawn, axis=1)[:, None]
-    return np.asarray(drawn @ drawn.T)
 
 
 def alike(cos: float) -> Floats:
@@ -64,7 +65,7 @@ def best_of_all(design: Design, y: Floats) -> tuple[str, ...]:
 def test_the_search_finds_what_enumeration_finds(seed: int) -> None:
     """One or two effects of eight to fourteen sigmas, in noise as it is drawn."""
     rng = np.random.default_rng(seed)
-    design = made_design(PLAIN, random_gram(rng), correlation=0.3, seed=seed)
+    design = made_design(PLAIN, random_gram(rng, 6, 14), correlation=0.3, seed=seed)
     chosen = rng.choice(NAMES, 1 + seed % 2, replace=False)
     sizes = {name: float(rng.choice([-1, 1]) * rng.uniform(8.0, 14.0)) for name in chosen}
     y = readings_of(design, sizes, design.drawn_noise(rng))
@@ -82,7 +83,7 @@ def test_the_search_finds_what_enumeration_finds(seed: int) -> None:
 
 def test_the_gains_of_all_pairs_are_those_of_dense_algebra() -> None:
     rng = np.random.default_rng(1)
-    design = made_design(PLAIN, random_gram(rng), correlation=0.3)
+    design = made_design(PLAIN, random_gram(rng, 6, 14), correlation=0.3)
     y = readings_of(design, {"beta": 7.0, "zeta": 9.0}, design.drawn_noise(rng))
     before = compared(design, y)
     found = {
@@ -135,9 +136,7 @@ def test_one_effect_that_leaves_little_to_see_is_not_told_from_two_of_nearly_its
     """Seed 1055 of a search for such cases: a test rejects what it leaves, 1 % of the misfit."""
     rng = np.random.default_rng(1055)
     effects = [made_effect(f"effect_{k}") for k in range(8)]
-    drawn = rng.standard_normal((8, 6))
-    drawn /= np.linalg.norm(drawn, axis=1)[:, None]
-    design = made_design(effects, drawn @ drawn.T, correlation=0.3, seed=1055)
+    design = made_design(effects, random_gram(rng, 8, 6), correlation=0.3, seed=1055)
     chosen = sorted(rng.choice([effect.name for effect in effects], 2, replace=False))
     sizes = {name: float(rng.choice([-1, 1]) * rng.uniform(8.0, 20.0)) for name in chosen}
     noise = design.drawn_noise(rng)
@@ -191,7 +190,7 @@ def test_the_probabilities_are_the_shares_of_mbic() -> None:
 
 def test_nothing_missing_is_adequate() -> None:
     rng = np.random.default_rng(11)
-    design = made_design(PLAIN, random_gram(rng), correlation=0.3)
+    design = made_design(PLAIN, random_gram(rng, 6, 14), correlation=0.3)
     for noise in (design.typical_noise(), design.drawn_noise(rng)):
         found = diagnosed(design, {}, noise)
         assert found.verdict is Verdict.ADEQUATE
@@ -263,7 +262,7 @@ def test_a_law_within_chance_of_one_that_is_nested_in_it_is_not_told_from_it(
 @given(st.permutations(range(6)), st.integers(0, 2**31))
 def test_the_verdict_does_not_depend_on_the_order_of_the_effects(order: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
-    design = made_design(PLAIN, random_gram(rng))
+    design = made_design(PLAIN, random_gram(rng, 6, 14))
     sizes = {"alpha": 6.0, "beta": 9.0}
     noise = design.drawn_noise(rng)
     one = diagnosed(design, sizes, noise)
