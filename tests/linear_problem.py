@@ -37,7 +37,7 @@ from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model, Value
 from rigctl.noise import ChannelNoise, NoiseModel, whiten
-from rigctl.physics.family import ModelFamily, OutputVariable, ParameterDeclaration
+from rigctl.physics.family import ModelFamily, OutputVariable, ParameterDeclaration, Slot
 
 Floats = NDArray[np.float64]
 
@@ -58,8 +58,10 @@ FAMILY = ModelFamily(
     inputs=(),
     parameters=tuple(ParameterDeclaration(name, "1", 10.0, name, low=-float("inf")) for name in NUISANCES),
     definitions=(),
-    slots=(),
-    outputs=tuple(OutputVariable(name, "1", lambda m: m.offset, name) for name in CHANNELS),
+    slots=(Slot("anywhere", "1", "where effects act"),),
+    outputs=tuple(
+        OutputVariable(name, "1", lambda m: m.offset + m.total("anywhere"), name) for name in CHANNELS
+    ),
     generic=False,
 )
 
@@ -243,6 +245,8 @@ class LinearProblem(Problem):
         """(n, channels) of record k: the derivative by one parameter."""
         if name == ZERO:
             return np.column_stack([np.ones(SAMPLES), np.zeros(SAMPLES)])
+        if name.startswith("disturbance."):  # nothing is known of where a misfit is
+            return np.zeros((SAMPLES, len(CHANNELS)))
         return self.design.columns[name].reshape(RECORDS, SAMPLES, len(CHANNELS))[k]
 
     def for_model(  # type: ignore[override]

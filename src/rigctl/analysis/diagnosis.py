@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,8 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.identity import Levels, levels_of, same_cause
+from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
 from rigctl.analysis.refit import RefittedSet
@@ -90,7 +91,7 @@ def diagnose_comparison(
     """Diagnose a model that has been compared with data."""
     search, best = _searched(before, most, on_progress or (lambda _: None))
     before = search.before
-    rivals = find_rivals(search, best)
+    best, rivals = _sure_members(search, best)
     close = [rival for rival in rivals if not rival.separable]
     ranking = _ranking(search, best)
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
@@ -109,19 +110,26 @@ def diagnose_comparison(
     doubt = whether_at_all(before) if undecided else ""
     seen = _seen(search, ranking) if not best.candidates else None
     after = search.at(best) if best.candidates else None
+    named = verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
+    classes = classes_of(best, rivals) if named else ()
+    levels = _levels(search, best, classes, checks, left) if named else ()
+    evidence += [one.statement for one in levels if one.statement]
     return Diagnosis(
         runs=tuple(runs),
         model=before.name,
         verdict=verdict,
-        effects=best.effects if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
-        classes=classes_of(best, rivals) if verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) else (),
+        effects=best.effects if named else (),
+        classes=classes,
         indistinguishable=tuple((rival.member, rival.name) for rival in close),
         ranking=tuple(ranking),
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
         statement=remarks.statement
-        or verdict_text(verdict, before, chosen, rivals, left, checks, seen, best.unusual, doubt),
+        or _shape_alone(search)
+        or verdict_text(
+            verdict, before, chosen, rivals, left, checks, seen, best.unusual, doubt, search.allowed
+        ),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
@@ -134,6 +142,7 @@ def diagnose_comparison(
         p_value_after=before.adequacy.p_value if after is None else after.adequacy.p_value,
         remainder=left,
         doubt=doubt,
+        levels=levels,
     )
 
 
@@ -143,12 +152,40 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
     again = in_noise_of_the_leader(search)
     if again is not None:
         search = Search(again, again.whole, most=most, on_progress=on_progress)
-    best = search.none if search.before.adequate else search.best()
+    best = search.none if _nothing_seen(search) else search.best()
     again = from_another_start(search)
     if again is not None:
         search = Search(again, again.whole, most=most, on_progress=on_progress)
-        best = search.none if again.adequate else search.best()
+        best = search.none if _nothing_seen(search) else search.best()
     return search, best
+
+
+def _nothing_seen(search: Search) -> bool:
+    """Whether the model agrees with the data, the laws of its effects bent within their tolerance."""
+    return search.before.adequate or search.start.adequacy.adequate
+
+
+def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[Rival]]:
+    """The best set and its rivals, without a slight member that is not told from others.
+
+    What little it explains beside the rest is left then, and said to be: it is not sure what it is. Laws of
+    one cause are not others.
+    """
+    rivals = find_rivals(search, best)
+    if len(best.candidates) < 2:
+        return best, rivals
+    reached = search.none.chi2 - best.chi2
+    for member in best.candidates:
+        close = any(
+            rival.member == member.name
+            and not rival.separable
+            and not same_cause(member.effect, search.effect(rival.name))
+            for rival in rivals
+        )
+        rest = search.known([one for one in best.candidates if one is not member])
+        if close and rest is not None and search.explained(best, member) < SLIGHT * reached:
+            return rest, find_rivals(search, rest)
+    return best, rivals
 
 
 def _verdict(
@@ -158,11 +195,11 @@ def _verdict(
     checks: dict[str, CrossValidation | None],
     left: Remainder | None,
 ) -> Verdict:
-    if search.before.adequate:
+    if _nothing_seen(search):
         return Verdict.ADEQUATE
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
-    failed = any(check is not None and check.folds >= 2 and not check.passed for check in checks.values())
+    failed = _failed(checks)
     if failed and left is not None and len(best.candidates) > 1:
         # several effects that neither explain all of it nor predict what they were not fitted on make up
         # together for one that is not in the library
@@ -171,6 +208,37 @@ def _verdict(
     if close or failed or best.unusual or unsettled:
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
+
+
+def _failed(checks: Mapping[str, CrossValidation | None]) -> bool:
+    """Whether an effect does not predict what it was not fitted on."""
+    return any(check is not None and check.folds >= 2 and not check.passed for check in checks.values())
+
+
+def _levels(
+    search: Search,
+    best: RefittedSet,
+    classes: Sequence[Sequence[str]],
+    checks: Mapping[str, CrossValidation | None],
+    left: Remainder | None,
+) -> tuple[Levels, ...]:
+    """How far the answer goes, of each member of the best set."""
+    sure = not (_failed(checks) or best.unusual or (left is not None and left.below_noise))
+    bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
+    effects = {name: search.effect(name) for names in classes for name in names}
+    return levels_of(classes, effects, sure=sure, bent=dict.fromkeys(effects, bent))
+
+
+def _shape_alone(search: Search) -> str:
+    """That no more is left than the laws of the model's effects may differ by; "" where it is not so."""
+    if search.before.adequate or not _nothing_seen(search):
+        return ""
+    model = search.before.fit.problem.model
+    names = [name for name in model.effects if model.effect(name).terms]
+    return (
+        f"Nothing more is missing that these data show: what is left is within {SHAPE_TOLERANCE:.0%} of "
+        f"the law of {' and '.join(names)}, which the bench need not follow exactly"
+    )
 
 
 def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
@@ -225,7 +293,7 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
 
 def _factor(search: Search, best: RefittedSet) -> float:
     """By how much differences of mBIC count less: 1 where the best set leaves noise alone."""
-    here = search.at(best) if best.candidates else search.before
+    here = search.bent(best) if best.candidates else search.start
     return 1.0 if here.adequacy.agrees else variance_factor(best.fit)
 
 

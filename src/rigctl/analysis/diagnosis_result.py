@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.identity import Levels
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.notebook import as_html, one_line
@@ -167,6 +168,7 @@ class Diagnosis:
         where a test rejects a model whose error is below the noise; "" where they can.
     excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
     next_steps: of a table, what to measure next.
+    levels: of each of `effects`, how far the answer goes: its place, what drives it, its law.
     """
 
     runs: tuple[str, ...]
@@ -192,6 +194,7 @@ class Diagnosis:
     next_steps: tuple[str, ...] = ()
     remainder: Remainder | None = None
     doubt: str = ""
+    levels: tuple[Levels, ...] = ()
 
     @property
     def title(self) -> str:
@@ -233,6 +236,7 @@ class Diagnosis:
             "verdict": self.verdict.value,
             "effects": list(self.effects),
             "classes": [list(names) for names in self.classes],
+            "levels": [one.document() for one in self.levels],
             "indistinguishable": [list(pair) for pair in self.indistinguishable],
             "ranking": [one.document() for one in self.ranking],
             "remainder": None if self.remainder is None else self.remainder.document(),

@@ -249,7 +249,7 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
         *(amplitude(slot, k) for slot in moving for k in range(knots)),
         *(level(slot) for slot in reading),
     ]
-    slopes = _slopes(fit, _with_system(problem, fit, compiled, spacing), names)
+    slopes = _slopes(fit, with_system(problem, fit, compiled, spacing), names)
     count = len(moving) * knots
     parts = [Part(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)]
     readings = [[array[:, :, :count]] for array in slopes]
@@ -301,7 +301,7 @@ def _length(record: MeasuredRecord) -> float:
     return float(record.times[-1] - record.switch_times[0])
 
 
-def _with_system(problem: Problem, fit: FitResult, compiled: CompiledSystem, spacing: float) -> Problem:
+def with_system(problem: Problem, fit: FitResult, compiled: CompiledSystem, spacing: float) -> Problem:
     """`problem` with other equations, at the fitted values."""
     fitted = dict(zip(problem.compiled.system.parameter_names, problem.base.tolist(), strict=True))
     fitted |= {u.name: float(value) for u, value in zip(fit.problem.shared, fit.values, strict=True)}

@@ -44,12 +44,23 @@ FAR: Final = 3.0 * LEAST_SEPARATION
 #: nor, of a large effect, by more than this share of its size: slopes say no more than that of it
 FAR_SHARE: Final = 0.2
 
+# --- in which shape?
+#: standard deviation by which the law of a library effect may be bent over what drives it
+SHAPE_TOLERANCE: Final = 0.1
+#: a rival that leaves more than this share of what an effect explains is not bent to it
+BENDS: Final = 0.5
+#: nor is one the right effect in another shape that leaves more than this share, its law bent
+STAND_IN: Final = 0.18
+
 # --- is it all?
-#: the share of a squared misfit that an effect of the right cause may leave by not having the bench's exact
-#: shape: a sixth of its size
-SHAPE: Final = 0.03
+#: the share of a squared misfit that an effect of the right cause may leave with its law bent as far as
+#: `SHAPE_TOLERANCE` goes; of a table, whose few rows could follow any bend, with its law as it is
+SHAPE: Final = 0.05
+SHAPE_OF_ROWS: Final = 0.03
 #: a member of a pair that explains less than this share of what both explain may be the shape of the other
 SLIGHT: Final = 0.15
+#: nor is one named of which the bent laws of the others explain more than this share
+BEYOND_SHAPE: Final = 0.5
 #: but not one beside which less than this share stays of what it explains, with what the tests do not see
 WHOLE: Final = 0.1
 #: a set of another size must be better by this to be looked at, in χ²

@@ -161,6 +161,7 @@ class Linearisation:
     records: the triangles, of the fitted records in order.
     sizes: (S columns) lengths of the whitened columns before anything is projected off.
     prior: rows (J, r) of the shared unknowns' priors.
+    shapes: names of S's last columns, which belong to no candidate: what bends the laws of effects.
     """
 
     fit: FitResult = field(repr=False)
@@ -171,15 +172,19 @@ class Linearisation:
     records: tuple[RecordTriangle, ...] = field(repr=False)
     sizes: Floats = field(repr=False)
     prior: tuple[Floats, Floats] = field(repr=False)
+    shapes: tuple[str, ...] = ()
 
     def columns_of(self, place: int) -> slice:
         """The columns of S that belong to a candidate."""
         return slice(self.starts[place], self.starts[place] + len(self.candidates[place].columns))
 
-    def rearranged(self, fitted: Sequence[int], kept: Sequence[int]) -> Linearisation:
+    def rearranged(
+        self, fitted: Sequence[int], kept: Sequence[int], tolerance: float = 0.0, *, shaped: bool = False
+    ) -> Linearisation:
         """The same point, the candidates at `fitted` among the nuisances, and of the rest those at `kept`.
 
-        A parameter that the fit left at its bound is no nuisance.
+        A parameter that the fit left at its bound is no nuisance. Shapes are nuisances with a normal prior,
+        of which `tolerance` is the standard deviation; at 0 they are left out, or stay with `shaped`.
         """
         moved = [
             (self.starts[place] + k, name)
@@ -187,34 +192,50 @@ class Linearisation:
             for k, name in enumerate(self.candidates[place].columns)
             if name not in self.fit.at_bound
         ]
-        joined = [column for column, _ in moved]
+        bent = self.shapes if tolerance > 0.0 else ()
+        shapes = range(self.sizes.size - len(bent), self.sizes.size)
+        joined = [*(column for column, _ in moved), *shapes]
+        scale = np.array([*np.ones(len(moved)), *np.full(len(bent), tolerance)])
         columns = [
             column for place in kept for column in range(*self.columns_of(place).indices(self.sizes.size))
         ]
+        if shaped:
+            columns += range(self.sizes.size - len(self.shapes), self.sizes.size)
         chosen = tuple(self.candidates[place] for place in kept)
         starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
         weight, residual = self.prior
+        priors = np.diag([*np.zeros(len(moved)), *np.ones(len(shapes))])
         more = len(joined)
+        joint = np.pad(weight, (0, more))
+        joint[weight.shape[0] :, weight.shape[1] :] = priors
         return replace(
             self,
             candidates=chosen,
             starts=tuple(int(start) for start in starts),
-            nuisances=(*self.nuisances, *(name for _, name in moved)),
+            nuisances=(*self.nuisances, *(name for _, name in moved), *bent),
             records=tuple(
                 replace(
                     one,
-                    nuisance=np.hstack([one.nuisance, one.signatures[:, joined]]),
+                    nuisance=np.hstack([one.nuisance, one.signatures[:, joined] * scale]),
                     signatures=one.signatures[:, columns],
                 )
                 for one in self.records
             ),
             sizes=self.sizes[columns],
-            prior=(np.pad(weight, (0, more)), np.pad(residual, (0, more))),
+            prior=(joint, np.pad(residual, (0, more))),
+            shapes=self.shapes if shaped else (),
         )
 
 
-def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | None = None) -> Linearisation:
+def linearise(
+    fit: FitResult,
+    problem: Problem,
+    tried: Sequence[Candidate] | None = None,
+    shapes: tuple[Sequence[str], Sequence[Floats]] = ((), ()),
+) -> Linearisation:
     """Linearise `fit` on its fitted records; `problem` has the same data with the whole library at its null.
+
+    `shapes` are names and (n, channels, columns) of each fitted record: further columns, with a prior.
 
     Raises
     ------
@@ -231,9 +252,9 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
     tried_at = [(one.columns, one.shapes, one.sizes) for one in chosen]
     found = kept(
         "linearisation",
-        (inner.content, _base(inner, fit), local, outputs, names, tried_at, regions),
+        (inner.content, base_at(inner, fit), local, outputs, names, tried_at, regions, shapes),
         _Triangles,
-        lambda: _triangles(inner, fit, names, chosen, regions),
+        lambda: _triangles(inner, fit, names, chosen, regions, shapes[1]),
     )
     residual, weight = prior_rows(free, fit.values[[places[unknown.name] for unknown in free]])
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
@@ -246,6 +267,7 @@ def linearise(fit: FitResult, problem: Problem, tried: Sequence[Candidate] | Non
         records=found.records,
         sizes=np.sqrt(found.squares),
         prior=(np.diag(weight), -residual),
+        shapes=tuple(shapes[0]),
     )
 
 
@@ -258,14 +280,22 @@ class _Triangles:
 
 
 def _triangles(
-    inner: Problem, fit: FitResult, names: Sequence[str], chosen: Sequence[Candidate], regions: Regions
+    inner: Problem,
+    fit: FitResult,
+    names: Sequence[str],
+    chosen: Sequence[Candidate],
+    regions: Regions,
+    shapes: Sequence[Floats],
 ) -> _Triangles:
     local = [fit.local[k] for k in fit.fitted]
-    triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen))
+    bends = shapes[0].shape[2] if shapes else 0
+    triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen) + bends)
     for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size):
         some, own = inner.only(part), [local[k] for k in part]
         slopes = slopes_at(some, fit, names, chosen, own)
         for place, k in enumerate(part):
+            if bends:
+                slopes.signatures[place] = np.concatenate([slopes.signatures[place], shapes[k]], axis=2)
             columns = regions.of_record(k, inner.whiteners[k].rows)
             triangle, more = _record(some, place, slopes, columns, own[place], fit.outputs[fit.fitted[k]])
             squares += more
@@ -293,7 +323,7 @@ def slopes_at(
 
     Simulates once with every column, and once more for each further choice of shapes and each size.
     """
-    base = _base(problem, fit)
+    base = base_at(problem, fit)
     at = problem.with_shared((), base)
     plain = [name for one in chosen if not (one.shapes or one.sizes) for name in one.columns]
     columns = tuple(dict.fromkeys([*free, *problem.local_names, *plain]))
@@ -318,7 +348,7 @@ def slopes_at(
     )
 
 
-def _base(problem: Problem, fit: FitResult) -> Floats:
+def base_at(problem: Problem, fit: FitResult) -> Floats:
     """The superset's parameters at the fitted point; what the fitted system does not have is at its null."""
     places = {name: k for k, name in enumerate(problem.compiled.system.parameter_names)}
     base = problem.base.copy()

@@ -61,9 +61,9 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     if not best.candidates:
         return None
     excess = search.excess(best)
-    here = search.at(best)
-    if here.adequacy.agrees:
+    if search.at(best).adequacy.agrees or search.bent(best).adequacy.agrees:
         return None
+    here = search.bent(best)
     name, slot, taken = _next(search, best, excess)
     if taken < _MOST:
         evidence = slot_evidence(best.fit)

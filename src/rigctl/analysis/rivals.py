@@ -10,7 +10,15 @@ from typing import TypeAlias
 import numpy as np
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.levels import AT_LIMIT, LEAST_DIFFERENCE, LEAST_SEPARATION, REFIT_SCATTER, TOLERANCE
+from rigctl.analysis.levels import (
+    AT_LIMIT,
+    BENDS,
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    REFIT_SCATTER,
+    STAND_IN,
+    TOLERANCE,
+)
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
@@ -56,7 +64,8 @@ class Rival:
     trial: the set with the other one, fitted.
     cos: of their signatures, after the fitted parameters have done what they can.
     separation: d; the right one of the two wins with probability Φ(d).
-    difference: mBIC of the rival set less that of the best.
+    difference: mBIC of the rival set less that of the best, with the bends of their laws integrated out where
+        these could matter.
     differs: where the two differ most; None where they predict the same.
     share: the difference of their χ² as a share of what the one that was found explains.
     unusual: which of the other's parameters lie beyond what is usual, in words; "" where none does.
@@ -103,7 +112,11 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
         for trial, cos, d in tried:
             # the refits also know sizes that physics does not allow, and tell it up to chance
             told = max(d, _by_refit(trial, best) - REFIT_SCATTER)
-            if not search.at(best).adequacy.agrees:
+            share = (trial.chi2 - best.chi2) / max(explained, 1e-12)
+            difference = search.mbic(trial) - search.mbic(best)
+            if difference >= LEAST_DIFFERENCE and share < BENDS:
+                difference = min(difference, search.evidence(trial) - search.evidence(best))
+            if search.left(best) > 0.0 and difference < STAND_IN * explained:
                 # neither is right, and the noise no longer tells the chance of a difference
                 told = min(told, consistent_gain(best.fit, trial.fit, len(tried)))
             found += [
@@ -113,9 +126,9 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
                     trial,
                     cos,
                     told,
-                    search.mbic(trial) - search.mbic(best),
+                    difference,
                     where_they_differ(search.none.fit, best.fit, trial.fit),
-                    share=(trial.chi2 - best.chi2) / max(explained, 1e-12),
+                    share=share,
                     unusual=trial.unusual.get(other, ""),
                     nested=_nested(best.fit, member.effect, other),
                 )

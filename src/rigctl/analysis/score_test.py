@@ -231,7 +231,7 @@ def _hidden_in(projected: Projected, columns: NDArray[np.intp], sizes: Floats) -
         return ""
     moves = projected.coefficients[:, columns] @ (sizes if np.any(sizes) else np.ones(columns.size))
     size_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
-    scale = np.array([size_of[name] for name in lin.nuisances])
+    scale = np.array([size_of.get(name, 1.0) for name in lin.nuisances])  # of a shape, its prior's
     return lin.nuisances[int(np.argmax(np.abs(moves) / scale))]
 
 

@@ -2,10 +2,10 @@
 
 Two questions are kept apart. Whether a set is all of it is asked of the noise: the search goes on as long as
 the tests reject what is left, however small its share. Whether an effect is the right one is asked of the
-share that it leaves, as none of a library has a bench's exact shape: a set that leaves more than hardly
-anything (`SHAPE`) may be it in another shape, a part of it, or a stand-in, and is not named. A second effect
-that is little beside the first (`SLIGHT`) may be the first one's shape, unless it explains what that left
-nearly to the noise (`WHOLE`).
+share that it leaves with its law bent within its tolerance (`rigctl.analysis.shape_tolerance`), as none of a
+library has a bench's exact shape: a set that leaves more than hardly anything (`SHAPE`) may be a part of it,
+or a stand-in, and is not named. A second effect that is little beside the first (`SLIGHT`) may be the first
+one's shape, unless it explains what that left, bent, nearly to the noise (`WHOLE`).
 
 Every question about a refitted set is answered from its linearisation (`Point`). All pairs of effects are
 looked at on the linearised problem, as two may only pay together.
@@ -27,11 +27,14 @@ from rigctl.analysis.candidates import Candidate, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.levels import (
     ALIKE,
+    BEYOND_SHAPE,
     FAR,
     FAR_SHARE,
     LEAST_DIFFERENCE,
     LEAST_SEPARATION,
     SHAPE,
+    SHAPE_OF_ROWS,
+    SHAPE_TOLERANCE,
     SLIGHT,
     TOLERANCE,
     UNSEEN,
@@ -43,32 +46,23 @@ from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.refit import Alone, RefittedSet, alone, near_best, plain, refit
 from rigctl.analysis.score_test import Score, Screening, cone, screen
 from rigctl.analysis.separability import cosine, separation, softened
+from rigctl.analysis.shape_tolerance import ShapeColumns, shape_columns
+from rigctl.effects.declaration import Effect
 from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Point:
-    """A trial's fit, linearised once with its own effects among the candidates.
+class View:
+    """A fit with everything that it frees projected off, and what the tests say of the rest.
 
     Attributes
     ----------
-    whole: the data with the whole library at its null.
-    excluded: effects that are not to be looked at.
+    linearisation: what is fitted among the nuisances, every effect that could join among the candidates.
     """
 
-    trial: RefittedSet
-    whole: Problem = field(repr=False)
-    excluded: Collection[str] = ()
-
-    @cached_property
-    def linearisation(self) -> Linearisation:
-        """The trial's effects among the nuisances, every effect that could join them among the candidates."""
-        contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
-        return self._everything.rearranged(
-            self._members, [place for place in self._others if self._name(place) not in contradicted]
-        )
+    linearisation: Linearisation = field(repr=False)
 
     @cached_property
     def projected(self) -> Projected:
@@ -84,6 +78,63 @@ class Point:
     def adequacy(self) -> Adequacy:
         """Whether anything is left to explain."""
         return adequacy(self.projected, self.screening)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A trial's fit, linearised once with its own effects among the candidates.
+
+    Attributes
+    ----------
+    whole: the data with the whole library at its null.
+    excluded: effects that are not to be looked at.
+    """
+
+    trial: RefittedSet
+    whole: Problem = field(repr=False)
+    excluded: Collection[str] = ()
+    _views: dict[float, View] = field(default_factory=dict, repr=False)
+
+    def view(self, tolerance: float) -> View:
+        """The trial's effects among the nuisances, the laws of all effects of the model bent within
+        `tolerance`; at 0 they are what the library says."""
+        if tolerance not in self._views:
+            contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
+            kept = [place for place in self._others if self._name(place) not in contradicted]
+            self._views[tolerance] = View(self._everything.rearranged(self._members, kept, tolerance))
+        return self._views[tolerance]
+
+    @property
+    def linearisation(self) -> Linearisation:
+        """That of the laws as they are."""
+        return self.view(0.0).linearisation
+
+    @property
+    def projected(self) -> Projected:
+        """That of the laws as they are."""
+        return self.view(0.0).projected
+
+    @property
+    def screening(self) -> Screening:
+        """That of the laws as they are."""
+        return self.view(0.0).screening
+
+    @property
+    def adequacy(self) -> Adequacy:
+        """That of the laws as they are."""
+        return self.view(0.0).adequacy
+
+    def bend_evidence(self, tolerance: float) -> float:
+        """``−gᵀ(I + A)⁻¹g + ln|I + A|`` of the bends of the laws; 0 where none can be."""
+        whole = self._everything
+        count = len(whole.shapes)
+        if not count:
+            return 0.0
+        fixed = project(whole.rearranged(self._members, (), shaped=True))
+        columns = fixed.signatures * tolerance
+        matrix = columns.T @ columns + np.eye(count)
+        slope = columns.T @ fixed.residual
+        return float(np.linalg.slogdet(matrix)[1]) - float(slope @ np.linalg.solve(matrix, slope))
 
     def without(self, member: Candidate) -> Projected:
         """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
@@ -134,7 +185,15 @@ class Point:
         others = [
             one for one in candidates(self.whole.model, self.excluded, ranges) if one.name not in present
         ]
-        return replace(linearise(fixed, self.whole, [*members, *others]), fit=trial.fit)
+        shapes = self.shapes.names, self.shapes.readings
+        return replace(linearise(fixed, self.whole, [*members, *others], shapes), fit=trial.fit)
+
+    @cached_property
+    def shapes(self) -> ShapeColumns:
+        """What bending the laws of the effects in the model does to the readings."""
+        model = self.trial.fit.problem.model
+        present = [model.effect(name) for name in model.effects]
+        return shape_columns(self.trial.fit, self.whole, [one for one in present if one.terms])
 
 
 def _from_here_to_null(member: Candidate) -> Candidate:
@@ -240,6 +299,7 @@ class Search:
     alone: dict[str, Alone | None] = field(default_factory=dict)
     aside: RefittedSet | None = None
     _points: dict[tuple[str, ...], Point] = field(default_factory=dict)
+    _bends: dict[tuple[str, ...], float] = field(default_factory=dict)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[RefittedSet, float, float]]] = field(
         default_factory=dict
     )
@@ -250,9 +310,26 @@ class Search:
         return plain(self.before.fit)
 
     @cached_property
+    def tolerance(self) -> float:
+        """Standard deviation by which laws may be bent; 0 of a table: few rows could follow any bend."""
+        return 0.0 if self._few else SHAPE_TOLERANCE
+
+    @cached_property
+    def start(self) -> ModelComparison | View:
+        """The model as it is, the laws of the effects that it has already bent within their tolerance."""
+        model = self.before.fit.problem.model
+        if not self.tolerance or not any(model.effect(name).terms for name in model.effects):
+            return self.before
+        return self.at(self.none).view(self.tolerance)
+
+    @cached_property
     def library(self) -> int:
         """How many effects were looked at."""
         return len({candidate.name for candidate in self.before.linearisation.candidates})
+
+    def effect(self, name: str) -> Effect:
+        """An effect of the library, or of the model's own."""
+        return self.before.fit.problem.model.effect(name)
 
     @cached_property
     def samples(self) -> float:
@@ -285,7 +362,7 @@ class Search:
 
     def best_single(self) -> RefittedSet:
         """The single effect that explains the misfit best, or none."""
-        if not self.before.screening.scores:
+        if not self.start.screening.scores:
             return self.none
         self._singles()
         return self._least([self.none, *self.trials.values()])
@@ -293,17 +370,19 @@ class Search:
     def left(self, trial: RefittedSet) -> float:
         """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""
         if not trial.candidates:
-            return 0.0 if self.before.adequacy.agrees else 1.0
+            return 0.0 if self.start.adequacy.agrees else 1.0
         excess = self.excess(trial)
         return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
 
     def excess(self, trial: RefittedSet) -> float:
-        """What stays with a set, in χ²; 0 when the tests find nothing any more.
+        """What stays with a set, its laws bent, in χ²; 0 when the tests find nothing any more.
 
         Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
         largest fall of χ² that any further effect promises beyond what mBIC asks of it.
         """
-        here = self.at(trial)
+        if self.at(trial).adequacy.agrees:
+            return 0.0
+        here = self.bent(trial)
         if here.adequacy.agrees:
             return 0.0
         there = here.linearisation.candidates
@@ -332,7 +411,12 @@ class Search:
 
     def sure(self, trial: RefittedSet) -> bool:
         """Whether the effects of a set are the right ones, by what they leave: hardly anything."""
-        return bool(trial.candidates) and self.left(trial) <= SHAPE
+        return bool(trial.candidates) and self.left(trial) <= self.allowed
+
+    @property
+    def allowed(self) -> float:
+        """The share of the misfit that the right set may leave."""
+        return SHAPE if self.tolerance else SHAPE_OF_ROWS
 
     def beside(self, trial: RefittedSet) -> list[RefittedSet]:
         """The sets that were tried and hold one effect more, the best first."""
@@ -347,6 +431,21 @@ class Search:
         if key not in self._points:
             self._points[key] = Point(trial, self.whole, self.before.excluded)
         return self._points[key]
+
+    def bent(self, trial: RefittedSet) -> View:
+        """As `at`, the laws of all effects in the model bent within their tolerance."""
+        return self.at(trial).view(self.tolerance)
+
+    def evidence(self, trial: RefittedSet) -> float:
+        """mBIC with the bends of a trial's laws integrated out: what they take off χ², and what they cost.
+
+        ``−gᵀ(I + A)⁻¹g + ln|I + A|``, with S the columns of the bends at the tolerance, the fitted unknowns
+        projected off, ``A = S̃ᵀS̃`` and ``g = S̃ᵀr̃``.
+        """
+        key = _key(trial.candidates)
+        if key not in self._bends:
+            self._bends[key] = self.at(trial).bend_evidence(self.tolerance) if self.tolerance else 0.0
+        return self.mbic(trial) + self._bends[key]
 
     def rivals(self, trial: RefittedSet, member: Candidate) -> list[tuple[RefittedSet, float, float]]:
         """(rival set, cosine, separation d) of the sets that have another effect in `member`'s place.
@@ -404,8 +503,8 @@ class Search:
         return self.mbic(rival) - self.mbic(best) >= LEAST_DIFFERENCE
 
     def _singles(self) -> None:
-        scores = self.before.screening.scores
-        lin, projected = self.before.linearisation, self.before.projected
+        scores = self.start.screening.scores
+        lin, projected = self.start.linearisation, self.start.projected
         by_gain = sorted(scores, key=lambda score: -score.gain)
         leader = by_gain[0]
         alike = [
@@ -461,14 +560,13 @@ class Search:
         left = self.left(best)
         if self.most < 2 or not left or self._below_noise(best):
             return best
-        if best.candidates and left <= SHAPE:
+        if best.candidates and left <= self.allowed:
             self._forward(best)
             return self._least([best, *self.trials.values()])
-        lin = self.before.linearisation
+        lin = self.start.linearisation
         promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
-            (pair.gain, [lin.candidates[k] for k in pair.places])
-            for pair in pair_gains(self.before.projected)
+            (pair.gain, [lin.candidates[k] for k in pair.places]) for pair in pair_gains(self.start.projected)
         ]
         better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + WORTH]
         own = set(best.effects)
@@ -488,11 +586,11 @@ class Search:
         """
         if len(best.candidates) != 1 or self.most < 2 or not self.sure(best) or self._below_noise(best):
             return best
-        candidates, scores = self.before.linearisation.candidates, self.before.screening.scores
+        candidates, scores = self.start.linearisation.candidates, self.start.screening.scores
         linear = max((score.gain for score in scores if score.effect in best.effects), default=0.0)
         reached = max(self.none.chi2 - best.chi2, linear)
         tried = [best]
-        for pair in pair_gains(self.before.projected):
+        for pair in pair_gains(self.start.projected):
             chosen = [candidates[place] for place in pair.places]
             if pair.gain < reached + min(self.price(one) for one in chosen) or len(tried) > _PAIRS:
                 break
@@ -503,7 +601,7 @@ class Search:
             tried += [] if found is None else [found]
         found = self._least(tried)
         surely = LEAST_DIFFERENCE * softened(self.none.chi2 - best.chi2)
-        return found if self.mbic(found) < self.mbic(best) - surely else best
+        return found if self.evidence(found) < self.evidence(best) - surely else best
 
     def _exchanged(self, best: RefittedSet) -> RefittedSet:
         """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
@@ -517,7 +615,7 @@ class Search:
         return best
 
     def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
-        here = self.at(best)
+        here = self.bent(best)
         found = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             candidate = here.linearisation.candidates[score.candidate]
@@ -529,7 +627,7 @@ class Search:
 
     def _forward(self, best: RefittedSet) -> RefittedSet | None:
         """`best` and one effect more: the ones that its own linearisation promises most of."""
-        here = self.at(best)
+        here = self.bent(best)
         tried = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             if score.gain > WORTH:
@@ -549,11 +647,7 @@ class Search:
             found = self._least([best, *shorter])
             if found is best:
                 reached = self.none.chi2 - best.chi2
-                slight = [
-                    one
-                    for one in shorter
-                    if one.chi2 - best.chi2 < SLIGHT * reached and not self._whole(best, one)
-                ]
+                slight = [one for one in shorter if self.slight(best, one, reached)]
                 if not slight:
                     break
                 found = min(slight, key=lambda one: one.chi2)
@@ -575,18 +669,27 @@ class Search:
         for trial in sorted(usual, key=self.mbic):
             if self.mbic(trial) >= self.mbic(self.none):
                 break
-            if self.left(trial) <= SHAPE:
+            if self.left(trial) <= self.allowed:
                 self.aside = best
                 return trial
         return best
 
-    def _whole(self, best: RefittedSet, without: RefittedSet) -> bool:
-        """Whether the effect that `without` lacks explains nearly all of what that left, and is no shape.
+    def slight(self, best: RefittedSet, without: RefittedSet, reached: float) -> bool:
+        """Whether the effect that `without` lacks may be no more than the shape of the others.
 
-        The shape of another effect is followed by a second one only roughly, and the rest of it is seen.
+        It explains little beside them, and either their laws, bent, explain much of the same, or it leaves
+        something: the shape of another effect is followed by a second one only roughly, and the rest of it is
+        seen.
         """
+        if without.chi2 - best.chi2 >= SLIGHT * reached:
+            return False
         explained = without.chi2 - best.chi2
-        return self.excess(best) + UNSEEN < WHOLE * explained
+        if self.tolerance:
+            beyond = self.evidence(without) - self.evidence(best)
+            if beyond < max(LEAST_DIFFERENCE, BEYOND_SHAPE * explained):
+                return True
+            explained = beyond
+        return self.excess(best) + UNSEEN >= WHOLE * explained
 
     def _simplest(self, best: RefittedSet) -> RefittedSet:
         """Of sets that differ by less than shapes may, the one with the fewest parameters."""

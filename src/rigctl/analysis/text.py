@@ -55,6 +55,7 @@ def verdict_text(
     seen: Ranked | None = None,
     unusual: Mapping[str, str] | None = None,
     doubt: str = "",
+    allowed: float = SHAPE,
 ) -> str:
     """The statement of a verdict.
 
@@ -65,6 +66,7 @@ def verdict_text(
     seen: where no set pays for itself, the effect that is seen nevertheless.
     unusual: of the best set's effects, the parameters beyond their usual range, in words.
     doubt: why these data cannot tell whether anything is missing at all; see `whether_at_all`.
+    allowed: the share of the misfit that the right set may leave.
     """
     if verdict is Verdict.ADEQUATE:
         return before.statement
@@ -79,7 +81,7 @@ def verdict_text(
         close = _each_once([rival for rival in rivals if not rival.separable])
         text = _ambiguous_text(described, close, checks, unusual or {}, left)
         return text if left is None else f"{text}. That is not all: {left.statement}"
-    return _outside_text(described, left, checks, seen, doubt)
+    return _outside_text(described, left, checks, seen, doubt, allowed)
 
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
@@ -113,12 +115,13 @@ def _outside_text(
     checks: Mapping[str, CrossValidation | None],
     seen: Ranked | None,
     doubt: str,
+    allowed: float,
 ) -> str:
     """What is nearest, and why it is not named; `described` is "" where nothing pays for itself."""
     begun = "Something is missing"
     if doubt:
         begun = f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
-    if described and left is not None and (left.share > SHAPE or not _failed_text(checks)):
+    if described and left is not None and (left.share > allowed or not _failed_text(checks)):
         return (
             f"{begun}. The nearest in the library is this, but with it "
             f"{share_text(left.share)} of the misfit is left: its shape may be another one, something else "

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -30,11 +30,16 @@ class TierName(StrEnum):
     QUICK = "quick"
     FULL = "full"
     ANYONE = "anyone"
+    SHAPE = "shape"
 
 
 def validate(
     tier: Annotated[
-        TierName, typer.Option(help="quick takes minutes, full hours; anyone: ten small benches.")
+        TierName,
+        typer.Option(
+            help="quick takes minutes, full hours; anyone: ten small benches; shape: laws that are not the "
+            "library's."
+        ),
     ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder that keeps every result.")] = Path(
         "validation"
@@ -59,8 +64,9 @@ def validate(
 
     That bench shares no equation and no integrator with the models it judges, and hides its effects in other
     shapes than the library's. The tier anyone has ten small benches instead, each with family, rig and model
-    as a user writes them, judged from a CSV file to the verdict. Every finished trial is kept: after a kill,
-    --resume goes on. The tables are also written into the folder, as Markdown.
+    as a user writes them, judged from a CSV file to the verdict; the tier shape has effects of up to 1000
+    sigmas with laws far from the library's, alone, in pairs, and taken out of the library. Every finished
+    trial is kept: after a kill, --resume goes on. The tables are also written into the folder, as Markdown.
 
     Example: rigctl validate --tier quick
     """
@@ -93,11 +99,16 @@ def _carried_out(
         return bench_figures(outcomes), path
     from rigctl.validation.rates import figures
     from rigctl.validation.scenario import Scenario
-    from rigctl.validation.tiers import scenarios
+    from rigctl.validation.tiers import Tier, scenarios
     from rigctl.validation.work import carry_out
 
-    chosen = scenarios("quick" if tier is TierName.QUICK else "full")[:first]
-    return figures(_outcomes(chosen, carry_out, path, Scenario.read, workers, resume=resume)), path
+    chosen = scenarios(cast("Tier", tier.value))[:first]
+    judged = _outcomes(chosen, carry_out, path, Scenario.read, workers, resume=resume)
+    if tier is TierName.SHAPE:
+        from rigctl.validation.shape_rates import shape_figures
+
+        return shape_figures(judged), path
+    return figures(judged), path
 
 
 def _outcomes(

@@ -36,13 +36,28 @@ class Written:
         return [expr for uses in self.terms.values() for expr in uses] + self.rates
 
 
-def write_out(effect: Effect, family: ModelFamily) -> Written:
-    """The terms of `effect` in symbols: the family's states, inputs and parameters, and the effect's own."""
+#: the name of the variable that stands for the rate of a state where rates are not followed
+RATE = "rate of "
+
+
+def write_out(effect: Effect, family: ModelFamily, *, rates: bool = True) -> Written:
+    """The terms of `effect` in symbols: the family's states, inputs and parameters, and the effect's own.
+
+    Without `rates` what a term takes from the rate of a state is a variable, not that state's equation.
+    """
     written = Written()
     graph = Graph()
+    known = _variables(graph, effect, family)
+    if not rates:
+        known |= {
+            f"{RATE}{state.name}": graph.variable(
+                f"{RATE}{state.name}", parse_unit(state.unit).dimension / parse_unit("s").dimension
+            )
+            for state in family.states
+        }
     scope = Scope(
         family,
-        _variables(graph, effect, family),
+        known,
         additions=[
             Addition(slot, effect.name, _noting(written, graph, family.slot(slot), effect.bind(term)))
             for slot, term in effect.terms
@@ -68,7 +83,10 @@ def _write_equations(
     scope: Scope, graph: Graph, effect: Effect, family: ModelFamily, written: Written
 ) -> None:
     for state in family.states:
-        scope.rate(state.name)
+        if f"{RATE}{state.name}" in graph.variables:
+            state.rate(scope)
+        else:
+            scope.rate(state.name)
     for more in effect.states:
         rate = graph.expression(effect.bind(more.rate)(scope))
         expected = parse_unit(more.unit).dimension / parse_unit("s").dimension

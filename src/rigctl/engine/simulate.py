@@ -18,6 +18,7 @@ from rigctl.engine.guards import Result, Workspace
 from rigctl.engine.kernels import outcomes
 from rigctl.engine.kernels import sizes as sizing
 from rigctl.engine.source import Pattern
+from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.tolerance import DEFAULT, Tolerance
 from rigctl.engine.trajectories import Statistics, Trajectories
 from rigctl.errors import RigctlError, unknown_name
@@ -30,21 +31,24 @@ def simulate(
     columns: Sequence[str] = (),
     initial_columns: Sequence[str] = (),
     shift_columns: Sequence[str] = (),
+    splines: SplineColumns = NO_SPLINES,
     tolerance: Tolerance = DEFAULT,
     workers: int | None = None,
 ) -> Trajectories:
     """Integrate every record; with columns, also the exact sensitivities of the outputs.
 
-    Column c of the sensitivities is ``∂z/∂q_c`` for the parameters named in `columns`, then ``∂z/∂y_c(0)``
-    for the states named in `initial_columns`, at fixed steps: what the steps taken compute, differentiated.
-    The last columns are by the quantities that move switch times, ``Excitation.shifts``, of which
-    `shift_columns` are the names; a record without them has zeros there.
+    Column c of the sensitivities is ``∂z/∂q_c`` for the parameters named in `columns`, then one for each of
+    `splines` (named ``spline 0``, ``spline 1``, …), then ``∂z/∂y_c(0)`` for the states named in
+    `initial_columns`, at fixed steps: what the steps taken compute, differentiated. The last columns are by
+    the quantities that move switch times, ``Excitation.shifts``, of which `shift_columns` are the names; a
+    record without them has zeros there.
 
     Parameters
     ----------
     excitations: the records; they share nothing and are integrated by `workers` threads, one for each core
         or as many as NUMBA_NUM_THREADS allows. The result does not depend on how many there are.
     columns, initial_columns: names of parameters and of states.
+    splines: columns by the shapes of terms.
     tolerance: of each step.
 
     Returns
@@ -57,7 +61,7 @@ def simulate(
     RigctlError
         a column is unknown, or a record does not fit the system.
     """
-    plan = _plan(compiled, columns, initial_columns, len(shift_columns), tolerance)
+    plan = _plan(compiled, columns, splines, initial_columns, len(shift_columns), tolerance)
     for excitation in excitations:
         check_fits(excitation, compiled.system)
         if excitation.shifts is not None and excitation.shifts.shape[1] != len(shift_columns):
@@ -84,7 +88,12 @@ def simulate(
         failures=tuple(result.failure for result in results),
         state_names=compiled.system.state_names,
         output_names=compiled.system.output_names,
-        columns=(*columns, *initial_columns, *shift_columns),
+        columns=(
+            *columns,
+            *(f"spline {k}" for k in range(len(splines.columns))),
+            *initial_columns,
+            *shift_columns,
+        ),
         stats=tuple(result.statistics for result in results),
     )
 
@@ -112,6 +121,8 @@ class _Plan:
     rhs_active: Integers
     outputs_active: Integers
     delays_active: Integers
+    #: as the kernels take them: weights, knots, entries and scales of each packed ∂/∂q
+    splines: tuple[Floats | Integers, ...]
 
 
 @dataclass(frozen=True)
@@ -138,6 +149,7 @@ class _Result:
 def _plan(
     compiled: CompiledSystem,
     columns: Sequence[str],
+    splines: SplineColumns,
     initial_columns: Sequence[str],
     shifts: int,
     tolerance: Tolerance,
@@ -153,11 +165,25 @@ def _plan(
     sizes[sizing.INPUTS] = len(system.inputs)
     sizes[sizing.OUTPUTS_COUNT] = len(system.outputs)
     sizes[sizing.DELAYS_COUNT] = len(system.delays)
-    sizes[sizing.COLUMNS] = chosen.size + initial.size + shifts
+    sizes[sizing.COLUMNS] = chosen.size + len(splines.columns) + initial.size + shifts
     sizes[sizing.SHIFTS] = shifts
     sizes[sizing.RHS_ENTRIES : sizing.DELAYS_ENTRIES + 1] = [len(pattern) for pattern in patterns]
     sizes[sizing.RHS_ACTIVE : sizing.DELAYS_ACTIVE + 1] = [len(entries) for entries in active]
-    return _Plan(compiled, sizes, tolerances(compiled, tolerance), initial, delayed_inputs(compiled), *active)
+    weighed = [splines.active(pattern, system, chosen.size) for pattern in patterns]
+    sizes[sizing.SPLINE_ARGUMENTS : sizing.SPLINE_FUNCTIONS + 1] = len(splines.arguments), splines.functions
+    sizes[sizing.RHS_SPLINES : sizing.DELAYS_SPLINES + 1] = [len(entries) for entries, _ in weighed]
+    tables = (splines.weights(system), splines.knots(), *(table for pair in weighed for table in pair))
+    return _Plan(
+        compiled,
+        sizes,
+        tolerances(compiled, tolerance),
+        initial,
+        delayed_inputs(compiled),
+        active[0],
+        active[1],
+        active[2],
+        tables,
+    )
 
 
 def tolerances(compiled: CompiledSystem, tolerance: Tolerance) -> Floats:
@@ -246,6 +272,7 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
         plan.rhs_active,
         plan.outputs_active,
         plan.delays_active,
+        *plan.splines,
         workspace.floats,
         workspace.integers,
         states,

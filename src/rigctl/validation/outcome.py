@@ -45,6 +45,16 @@ class Interval:
 
 
 @dataclass(frozen=True)
+class Claim:
+    """What a diagnosis says for sure of one effect that it names: its place, what drives it, its law."""
+
+    effect: str
+    place: bool
+    driver: bool
+    law: bool
+
+
+@dataclass(frozen=True)
 class TrialOutcome(Generic[AnyTrial]):
     """What came of one trial.
 
@@ -53,6 +63,8 @@ class TrialOutcome(Generic[AnyTrial]):
     verdict: of the diagnosis; None when there was none.
     effects: that it names: the most probable set.
     classes: effects that it says the data cannot tell apart.
+    claims: what it says for sure, of each of `effects`.
+    all_of_it: nothing is left beside them, as far as it says.
     first: the effect at the top of its ranking.
     sizes, amplitudes: λ and amplitude (SI) of each hidden effect, as they were made.
     rival_cosine, separation: of the hidden effects the largest and the smallest, see `likeness.Likeness`.
@@ -68,6 +80,8 @@ class TrialOutcome(Generic[AnyTrial]):
     verdict: Verdict | None = None
     effects: tuple[str, ...] = ()
     classes: tuple[tuple[str, ...], ...] = ()
+    claims: tuple[Claim, ...] = ()
+    all_of_it: bool = True
     first: str | None = None
     sizes: tuple[float, ...] = ()
     amplitudes: tuple[float, ...] = ()
@@ -120,6 +134,7 @@ class TrialOutcome(Generic[AnyTrial]):
             fields[name] = tuple(fields[name])
         fields["scenario"] = trial(fields["scenario"])
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])
+        fields["claims"] = tuple(Claim(**claim) for claim in fields["claims"])
         fields["intervals"] = tuple(Interval(**interval) for interval in fields["intervals"])
         return cls(**fields)
 

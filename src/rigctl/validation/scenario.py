@@ -30,11 +30,22 @@ TOLERANCES = {"mass": 2.0, "spool_time": 8e-3, "dead_a": 15e-6, "dead_b": 15e-6}
 
 @dataclass(frozen=True)
 class Wanted:
-    """An effect to hide: its size λ in the data, in sigmas, and its direction in the library's sense."""
+    """An effect to hide: its size λ in the data, in sigmas, and its direction in the library's sense.
+
+    With `amplitude` (SI) it is that large, whatever λ it has.
+    """
 
     effect: str
     size: float
     sign: int = 1
+    amplitude: float | None = None
+
+    @property
+    def text(self) -> str:
+        """``coulomb_friction+10``; with an amplitude ``viscous_friction=60000``."""
+        if self.amplitude is not None:
+            return f"{self.effect}={self.sign * self.amplitude:g}"
+        return f"{self.effect}{'+' if self.sign > 0 else '-'}{self.size:g}"
 
 
 @dataclass(frozen=True)
@@ -71,7 +82,7 @@ class Scenario:
     @property
     def name(self) -> str:
         """All of it in one line, unique: ``one coulomb_friction+10 other white chambers 4 7x4 seed 3``."""
-        effects = " ".join(f"{w.effect}{'+' if w.sign > 0 else '-'}{w.size:g}" for w in self.hidden)
+        effects = " ".join(wanted.text for wanted in self.hidden)
         sensors = "chambers" if self.chamber_pressures else "published"
         grid = f"{self.repeated} {len(self.temperatures)}x{len(self.pressures)}"
         noise = f"{self.noise} known" if self.noise_known else self.noise

@@ -13,7 +13,7 @@ from rigctl.validation.hidden_effect import HiddenEffect, Shape
 from rigctl.validation.hidden_effects import HIDDEN_EFFECTS, find_hidden
 from rigctl.validation.scenario import NOISES, NoiseVariant, Scenario, Wanted
 
-Tier: TypeAlias = Literal["quick", "full"]
+Tier: TypeAlias = Literal["quick", "full", "shape"]
 
 #: sizes λ that effects are hidden with
 SIZES = (6.0, 10.0, 30.0)
@@ -42,6 +42,13 @@ _KNOWN_SEEDS = 30
 _ONE_SEEDS = 4
 _SHAPE_SEEDS = 2
 _PAIRS = 60
+#: sizes of the shape tier, and of its pairs: a strong effect and a weaker one
+_SHAPE_SIZES = (30.0, 100.0, 300.0)
+_STRONG = ((100.0, 30.0), (300.0, 30.0), (1000.0, 30.0), (1000.0, 100.0))
+_STRONG_PAIRS = 32
+#: effects whose usual range ends below what a bench may have, and by how much they go beyond it
+_USUAL = {"viscous_friction": 2e4, "piston_leakage": 2e-13}
+_BEYOND = 3.0
 
 
 def acting() -> tuple[HiddenEffect, ...]:
@@ -63,6 +70,11 @@ def scenarios(tier: Tier) -> tuple[Scenario, ...]:
         found = [
             replace(scenario, temperatures=_FEW_TEMPERATURES, pressures=_FEW_PRESSURES)
             for scenario in _quick()
+        ]
+    elif tier == "shape":
+        found = [
+            replace(scenario, temperatures=_FEW_TEMPERATURES, pressures=_FEW_PRESSURES)
+            for scenario in _shape()
         ]
     else:
         effects = acting()
@@ -86,6 +98,40 @@ def _quick() -> Iterator[Scenario]:
     yield from _one(effects, (30.0,), "other", range(1, 2))
     yield from _two(effects, 3)
     yield from _removed(effects[:4], range(1))
+
+
+def _shape() -> Iterator[Scenario]:
+    """Effects of every size whose laws are not the library's: alone, in pairs, beyond range, taken out.
+
+    No rate may fall as they grow: a wrong shape is seen the better the larger an effect is.
+    """
+    effects = acting()
+    yield from _nothing(4)
+    yield from _one([e for e in effects if e.shaped], _SHAPE_SIZES, "wrong", range(1))
+    yield from _one([e for e in effects if not e.shaped], _SHAPE_SIZES[:1], "other", range(1))
+    yield from _strong_and_weak(effects)
+    for row, (name, largest) in enumerate(_USUAL.items()):
+        for chambers in (False, True):
+            wanted = Wanted(name, 1000.0, amplitude=_BEYOND * largest)
+            yield _scenario("one", (wanted,), "other", "white", 50_000 + row, chambers=chambers)
+    for size in _SHAPE_SIZES:
+        for scenario in _removed(effects, range(1)):
+            sized = tuple(replace(each, size=size) for each in scenario.hidden)
+            yield replace(scenario, hidden=sized)
+
+
+def _strong_and_weak(effects: Sequence[HiddenEffect]) -> Iterator[Scenario]:
+    """Two effects at once, the first far above the noise in another shape."""
+    strong = [effect for effect in effects if effect.shaped]
+    pairs = [(one, other) for one in strong for other in effects if other is not one]
+    drawn = np.random.default_rng(2).choice(len(pairs), size=_STRONG_PAIRS, replace=False)
+    for row, place in enumerate(sorted(int(i) for i in drawn)):
+        large, small = _STRONG[row % len(_STRONG)]
+        first, second = pairs[place]
+        wanted = (Wanted(first.effect, large, first.signs[0]), Wanted(second.effect, small, second.signs[0]))
+        yield _scenario(
+            "two", wanted, "other", NOISES[row % len(NOISES)], 40_000 + row, chambers=bool(row % 2)
+        )
 
 
 def _scenario(

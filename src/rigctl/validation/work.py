@@ -15,6 +15,7 @@ from rigctl.analysis.comparison import judge
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.identity import Levels
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.unexplained import Unexplained, unexplained
 from rigctl.engine.kept import switched_off
@@ -36,7 +37,7 @@ from rigctl.validation.hidden_effect import hide
 from rigctl.validation.hidden_effects import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.likeness import Likeness, beside_each_other, likeness
-from rigctl.validation.outcome import Interval, Outcome
+from rigctl.validation.outcome import Claim, Interval, Outcome
 from rigctl.validation.scenario import Scenario, Wanted
 
 Floats = NDArray[np.float64]
@@ -79,6 +80,8 @@ def carry_out(scenario: Scenario) -> Outcome:
         verdict=diagnosis.verdict.value,
         effects=diagnosis.effects,
         classes=diagnosis.classes,
+        claims=tuple(_claim(one) for one in diagnosis.levels),
+        all_of_it=diagnosis.remainder is None,
         first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
         rival_cosine=max((each.cosine for each in alike), default=None),
         separation=min((one.separation for one in alike if one.separation is not None), default=None),
@@ -88,9 +91,18 @@ def carry_out(scenario: Scenario) -> Outcome:
     )
 
 
+def _claim(levels: Levels) -> Claim:
+    return Claim(levels.effect, place=levels.place_sure, driver=levels.driver_sure, law=levels.law_sure)
+
+
 def hidden_amplitudes(scenario: Scenario) -> list[Amplitude]:
     """The amplitude of each hidden effect of a scenario that has the size wanted."""
-    return [_reference(_plain_of(scenario)).find(scenario, wanted) for wanted in scenario.hidden]
+    return [
+        _reference(_plain_of(scenario)).find(scenario, wanted)
+        if wanted.amplitude is None
+        else Amplitude(wanted.sign * wanted.amplitude, wanted.size, reached=True)
+        for wanted in scenario.hidden
+    ]
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from rigctl.engine.kernels.outcomes import (
     STEPS,
     TOO_MANY_STEPS,
 )
+from rigctl.engine.kernels.splines import add_splines, evaluate_splines
 
 _MOST_STEPS = 2_000_000
 _ROUNDING = 1e-15
@@ -42,7 +43,7 @@ def set_weights(work, relative, absolute):
 
 
 @njit(**OPTIONS)
-def restart(addresses, u, q, work, relative, absolute, sensitive, counters):
+def restart(addresses, u, q, inputs, work, relative, absolute, sensitive, counters):
     """Derivatives at the present state, after a start or a switch. Returns (outcome, first step to try).
 
     The first step is Hairer's: from the sizes of the state, its derivative, and how fast that changes.
@@ -67,6 +68,12 @@ def restart(addresses, u, q, work, relative, absolute, sensitive, counters):
                 work.active[3 * entry + 2],
             )
             work.dk[row * m + column] += work.packed[place]
+        splines = work.splines
+        if splines.rhs_used:
+            evaluate_splines(splines, n, inputs, work.y, u)
+            add_splines(
+                splines, splines.rhs, splines.rhs_scales, splines.rhs_used, work.packed, m, 1.0, work.dk
+            )
     else:
         call_4(addresses[RHS], work.y, u, q, work.k)
     set_weights(work, relative, absolute)

@@ -20,6 +20,7 @@ from numba import njit
 
 from rigctl.engine.kernels.calling import OPTIONS, RHS, RHS_TANGENT, call_4, call_6, offset
 from rigctl.engine.kernels.linear import factorise, factorise_in_order, solve, solve_columns
+from rigctl.engine.kernels.splines import add_splines, evaluate_splines
 
 GAMMA = 0.43586652150845906
 A = np.zeros((4, 3))
@@ -180,6 +181,19 @@ def tangent(addresses, switches, ramped, q, h, work):
                 work.active[3 * entry + 2],
             )
             work.moving[row * m + column] += h_gamma * work.packed[place]
+        splines = work.splines
+        if splines.rhs_used:
+            evaluate_splines(splines, n, switches.inputs, z, u)
+            add_splines(
+                splines,
+                splines.rhs,
+                splines.rhs_scales,
+                splines.rhs_used,
+                work.packed,
+                m,
+                h_gamma,
+                work.moving,
+            )
         solve_columns(n, m, work.matrix, work.exchanges, work.moving)
         for i in range(block):
             dk[i] = (work.moving[i] - work.fixed[i]) * inverse

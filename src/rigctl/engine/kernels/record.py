@@ -17,12 +17,13 @@ from rigctl.engine.kernels.calling import (
     pointer_to,
 )
 from rigctl.engine.kernels.outcomes import DONE
+from rigctl.engine.kernels.splines import add_splines, evaluate_splines
 from rigctl.engine.kernels.switching import act, command, next_switch
 from rigctl.engine.kernels.workspace import lay_out
 
 
 @njit(**OPTIONS)
-def differentiate_outputs(addresses, u, q, work, seen, result):
+def differentiate_outputs(addresses, u, q, inputs, work, seen, result):
     """``∂g/∂y·s + ∂g/∂q`` into `result` (outputs, columns)."""
     n, m = work.n, work.m
     call_6(addresses[OUTPUTS_TANGENT], work.y, u, q, seen.value, seen.jacobian, seen.packed)
@@ -37,6 +38,19 @@ def differentiate_outputs(addresses, u, q, work, seen, result):
     for entry in range(seen.used):
         place, row, column = seen.active[3 * entry], seen.active[3 * entry + 1], seen.active[3 * entry + 2]
         result[row * m + column] += seen.packed[place]
+    splines = work.splines
+    if splines.outputs_used:
+        evaluate_splines(splines, n, inputs, work.y, u)
+        add_splines(
+            splines,
+            splines.outputs,
+            splines.outputs_scales,
+            splines.outputs_used,
+            seen.packed,
+            m,
+            1.0,
+            result,
+        )
 
 
 @njit(**OPTIONS)
@@ -103,6 +117,14 @@ def integrate_record(
     rhs_active,
     outputs_active,
     delays_active,
+    spline_weights,
+    spline_knots,
+    rhs_splines,
+    rhs_scales,
+    outputs_splines,
+    outputs_scales,
+    delays_splines,
+    delays_scales,
     floats,
     integers,
     states,
@@ -117,7 +139,8 @@ def integrate_record(
     ``command_times[k]`` on, whose derivatives by the quantities of the
     last columns are ``command_shifts[k]``; the inputs `ramped` (r) are
     straight lines between their values `ramps` (knots, r) at the times `knots`, and constant beyond;
-    `initial_columns` the initial states that the columns before the last differentiate by. Fills states
+    `initial_columns` the initial states that the columns before the last differentiate by; the tables of
+    splines as in `workspace`. Fills states
     (samples, n), outputs (samples, z) and sensitivities (samples, z, columns).
 
     Returns (outcome, time reached, samples done).
@@ -130,6 +153,16 @@ def integrate_record(
         pointer_to(outputs_active),
         pointer_to(delays_active),
         pointer_to(delayed),
+        (
+            pointer_to(spline_weights),
+            pointer_to(spline_knots),
+            pointer_to(rhs_splines),
+            pointer_to(rhs_scales),
+            pointer_to(outputs_splines),
+            pointer_to(outputs_scales),
+            pointer_to(delays_splines),
+            pointer_to(delays_scales),
+        ),
     )
     n, m, functions, parameters = work.n, work.m, pointer_to(addresses), pointer_to(q)
     count, times, values = command_times.size, pointer_to(command_times), pointer_to(command_values)
@@ -159,7 +192,7 @@ def integrate_record(
             call_4(functions[OUTPUTS], work.y, switches.u, parameters, shown)
             if sensitive:
                 shown = offset(pointer_to(sensitivities), samples * seen.outputs * m)
-                differentiate_outputs(functions, switches.u, parameters, work, seen, shown)
+                differentiate_outputs(functions, switches.u, parameters, switches.inputs, work, seen, shown)
             samples += 1
         if samples == sample_times.size:
             return DONE, t, samples
@@ -171,7 +204,15 @@ def integrate_record(
         )
         if outcome == DONE and (changed or stale):
             outcome, h = restart(
-                functions, switches.u, parameters, work, relative, absolute, sensitive, counters
+                functions,
+                switches.u,
+                parameters,
+                switches.inputs,
+                work,
+                relative,
+                absolute,
+                sensitive,
+                counters,
             )
             stale = False
         if outcome != DONE:

@@ -32,6 +32,14 @@ RECORD: Any = types.Tuple([_int, _float, _int])(
     _int_table,  # rhs_active
     _int_table,  # outputs_active
     _int_table,  # delays_active
+    _table,  # spline_weights
+    _table,  # spline_knots
+    _int_table,  # rhs_splines
+    _floats,  # rhs_scales
+    _int_table,  # outputs_splines
+    _floats,  # outputs_scales
+    _int_table,  # delays_splines
+    _floats,  # delays_scales
     _floats,  # floats
     _ints,  # integers
     _table,  # states

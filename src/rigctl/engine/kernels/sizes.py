@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 #: places in the array of sizes: states, inputs, outputs, delays, sensitivity columns; entries of the three
 #: packed ∂/∂q, and how many of those the columns use; commands that may wait at once; inputs that change
 #: steadily between knots; how many of the last columns differentiate by what moves the commands' times;
-#: words that stand behind each array, see `engine.guards`
+#: words that stand behind each array, see `engine.guards`; arguments of splines, splines of each, and how
+#: many entries of the three packed ∂/∂q they weigh
 N, INPUTS, OUTPUTS_COUNT, DELAYS_COUNT, COLUMNS = range(5)
 RHS_ENTRIES, OUTPUTS_ENTRIES, DELAYS_ENTRIES, RHS_ACTIVE, OUTPUTS_ACTIVE, DELAYS_ACTIVE, CAPACITY = range(
     5, 12
 )
 RAMPS, SHIFTS, GUARD = 12, 13, 14
-SIZES = 15
+SPLINE_ARGUMENTS, SPLINE_FUNCTIONS, RHS_SPLINES, OUTPUTS_SPLINES, DELAYS_SPLINES = range(15, 20)
+SIZES = 20
 
 
 def float_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
@@ -53,6 +55,7 @@ def float_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
         ("outputs", outputs),
         ("jacobian of outputs", outputs * n),
         ("packed of outputs", outputs_entries),
+        ("splines", int(sizes[SPLINE_ARGUMENTS] * sizes[SPLINE_FUNCTIONS])),
     ]
 
 

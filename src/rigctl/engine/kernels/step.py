@@ -22,9 +22,10 @@ def step_to(
 
     Fills `outputs` with g at `target`. Returns (outcome, time reached).
     """
-    nothing = pointer_to(integers)
+    nothing, buffer = pointer_to(integers), pointer_to(floats)
+    no_splines = (buffer, buffer, nothing, buffer, nothing, buffer, nothing, buffer)
     work, switches, _ = lay_out(
-        sizes, pointer_to(floats), nothing, nothing, nothing, nothing, pointer_to(delayed)
+        sizes, buffer, nothing, nothing, nothing, nothing, pointer_to(delayed), no_splines
     )
     functions, parameters = pointer_to(addresses), pointer_to(q)
     relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
@@ -41,7 +42,9 @@ def step_to(
         if t >= target:
             break
         if stale:
-            outcome, h = restart(functions, switches.u, parameters, work, relative, absolute, False, counters)
+            outcome, h = restart(
+                functions, switches.u, parameters, switches.inputs, work, relative, absolute, False, counters
+            )
             stale = False
         if outcome == DONE:
             outcome, t, h = advance(

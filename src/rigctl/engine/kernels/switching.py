@@ -28,6 +28,7 @@ from rigctl.engine.kernels.calling import (
     call_7,
 )
 from rigctl.engine.kernels.outcomes import DONE, NOT_FINITE_DELAY, TOO_MANY_COMMANDS
+from rigctl.engine.kernels.splines import evaluate_splines
 
 
 @njit(**OPTIONS)
@@ -176,6 +177,16 @@ def set_shift(d, place, work, switches):
         )
         if row == d:
             switches.shift[place * m + column] += switches.packed[source]
+    splines = work.splines
+    if splines.delays_used:
+        evaluate_splines(splines, n, switches.inputs, work.y, switches.commanded)
+        for entry in range(splines.delays_used):
+            if splines.delays[5 * entry + 1] == d:
+                weight = splines.delays_scales[entry] * splines.basis[splines.delays[5 * entry + 3]]
+                if splines.delays[5 * entry + 4] >= 0:
+                    weight *= splines.basis[splines.delays[5 * entry + 4]]
+                column = splines.delays[5 * entry + 2]
+                switches.shift[place * m + column] += weight * switches.packed[splines.delays[5 * entry]]
 
 
 @njit(**OPTIONS)

@@ -13,13 +13,19 @@ from rigctl.engine.kernels.sizes import (
     DELAYS_ACTIVE,
     DELAYS_COUNT,
     DELAYS_ENTRIES,
+    DELAYS_SPLINES,
     GUARD,
     INPUTS,
     OUTPUTS_ACTIVE,
     OUTPUTS_COUNT,
+    OUTPUTS_ENTRIES,
+    OUTPUTS_SPLINES,
     RHS_ACTIVE,
     RHS_ENTRIES,
+    RHS_SPLINES,
     SHIFTS,
+    SPLINE_ARGUMENTS,
+    SPLINE_FUNCTIONS,
     N,
 )
 
@@ -27,11 +33,19 @@ from rigctl.engine.kernels.sizes import (
 #: unit the tolerance of each state here and weight its inverse (n);
 #: jacobian, matrix (n, n); exchanges (n);
 #: s state sensitivities (n, m); dk their stage derivatives (4, n, m); fixed, moving (n, m);
-#: packed ∂f/∂q; active (used, 3): place in `packed`, row, column
+#: packed ∂f/∂q; active (used, 3): place in `packed`, row, column; splines as below
 Work = namedtuple(  # noqa: PYI024 - numba compiles this kind
     "Work",
     "n m y k z base value correction unit weight jacobian matrix exchanges s dk fixed moving packed active "
-    "used",
+    "used splines",
+)
+
+#: weights (arguments, n + inputs); knots (arguments, functions + 4); basis (arguments, functions) the values;
+#: of each packed ∂/∂q the entries (used, 5) that are weighed, and their scales: see `kernels.splines`
+Splines = namedtuple(  # noqa: PYI024 - numba compiles this kind
+    "Splines",
+    "arguments functions weights knots basis rhs rhs_scales rhs_used outputs outputs_scales outputs_used "
+    "delays delays_scales delays_used",
 )
 
 #: u the inputs that act now, commanded the last ones commanded, following those being commanded, slope
@@ -51,8 +65,11 @@ Seen = namedtuple("Seen", "outputs value jacobian packed active used")  # noqa: 
 
 
 @njit(**OPTIONS)
-def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, delayed):
-    """The three workspaces inside the buffers `floats` and `integers`, cut as `sizes.float_regions` says."""
+def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, delayed, spline_tables):
+    """The three workspaces inside the buffers `floats` and `integers`, cut as `sizes.float_regions` says.
+
+    `spline_tables` are the tables of `Splines`: weights, knots, then entries and scales of each packed ∂/∂q.
+    """
     n, m, inputs, delays = sizes[N], sizes[COLUMNS], sizes[INPUTS], sizes[DELAYS_COUNT]
     capacity, outputs, guard = sizes[CAPACITY], sizes[OUTPUTS_COUNT], sizes[GUARD]
     y = floats
@@ -70,10 +87,6 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     fixed = offset(dk, 4 * n * m + guard)
     moving = offset(fixed, n * m + guard)
     packed = offset(moving, n * m + guard)
-    work = Work(
-        n, m, y, k, z, base, value, correction, unit, weight, jacobian, matrix, integers, s, dk, fixed,
-        moving, packed, rhs_active, sizes[RHS_ACTIVE],
-    )  # fmt: skip
     u = offset(packed, sizes[RHS_ENTRIES] + guard)
     commanded = offset(u, inputs + guard)
     following = offset(commanded, inputs + guard)
@@ -96,5 +109,16 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     seen_value = offset(stage, inputs + guard)
     seen_jacobian = offset(seen_value, outputs + guard)
     seen_packed = offset(seen_jacobian, outputs * n + guard)
+    basis = offset(seen_packed, sizes[OUTPUTS_ENTRIES] + guard)
+    weights, knots, rhs, rhs_scales, read, read_scales, late, late_scales = spline_tables
+    splines = Splines(
+        sizes[SPLINE_ARGUMENTS], sizes[SPLINE_FUNCTIONS], weights, knots, basis, rhs, rhs_scales,
+        sizes[RHS_SPLINES], read, read_scales, sizes[OUTPUTS_SPLINES], late, late_scales,
+        sizes[DELAYS_SPLINES],
+    )  # fmt: skip
+    work = Work(
+        n, m, y, k, z, base, value, correction, unit, weight, jacobian, matrix, integers, s, dk, fixed,
+        moving, packed, rhs_active, sizes[RHS_ACTIVE], splines,
+    )  # fmt: skip
     seen = Seen(outputs, seen_value, seen_jacobian, seen_packed, outputs_active, sizes[OUTPUTS_ACTIVE])
     return work, switches, seen

@@ -14,6 +14,7 @@ from rigctl.effects.record_level import RecordLevel, record_level
 from rigctl.engine.compile import CompiledSystem, Progress, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.least_squares import Block, Refused, Unknown
+from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
 from rigctl.model.fit.settings import level_of_rows
@@ -260,14 +261,21 @@ class Problem:
         return [[one.unknown for one in own] for own in self.local]
 
     def simulate(
-        self, shared: Floats, local: Sequence[Floats], columns: Sequence[str] = (), *, initial: bool = False
+        self,
+        shared: Floats,
+        local: Sequence[Floats],
+        columns: Sequence[str] = (),
+        *,
+        initial: bool = False,
+        splines: SplineColumns = NO_SPLINES,
     ) -> Trajectories:
-        """The model's outputs, with derivatives by `columns` and, if wanted, by the records' starts."""
+        """The model's outputs, with derivatives by `columns`, by the shapes of terms, and, if wanted, by the
+        records' starts."""
         moving = tuple(name for name in columns if moves_switches(name))
         plain = tuple(name for name in columns if not moves_switches(name))
         excitations = [self._excitation(place, shared, own, moving) for place, own in enumerate(local)]
         starts = self.initial_names if initial else ()
-        return simulate_soundly(self.compiled, excitations, plain, starts, moving)
+        return simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by so many columns are held at once."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rigctl.engine.compile import CompiledSystem
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
+from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.tolerance import TIGHT
 from rigctl.engine.trajectories import Trajectories
 
@@ -33,10 +34,16 @@ def simulate_soundly(
     columns: Sequence[str],
     initial_columns: Sequence[str],
     shift_columns: Sequence[str] = (),
+    splines: SplineColumns = NO_SPLINES,
 ) -> Trajectories:
     """As `simulate`; records whose derivatives are spoilt have those of a tight integration."""
     found = simulate(
-        compiled, excitations, columns=columns, initial_columns=initial_columns, shift_columns=shift_columns
+        compiled,
+        excitations,
+        columns=columns,
+        initial_columns=initial_columns,
+        shift_columns=shift_columns,
+        splines=splines,
     )
     spoilt = spoilt_records(found) if found.ok and found.columns else []
     if not spoilt:
@@ -47,6 +54,7 @@ def simulate_soundly(
         columns=columns,
         initial_columns=initial_columns,
         shift_columns=shift_columns,
+        splines=splines,
         tolerance=TIGHT,
     )
     slopes = list(found.sensitivities)

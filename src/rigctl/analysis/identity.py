@@ -1,0 +1,96 @@
+"""How far an answer goes: where something is missing, what drives it, and by which law.
+
+A level is claimed only where every effect that these data allow agrees on it. Two effects at one place with
+one driver are laws of one answer: dry friction and Stribeck's, a leak through a gap and through an orifice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rigctl.effects.declaration import Effect
+from rigctl.effects.drivers import driver_variables
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The three levels of one member of an answer.
+
+    Attributes
+    ----------
+    effect: the most probable effect.
+    place: its slots; `place_sure` where every effect that it is not told from acts there.
+    driver: the states and inputs that it depends on; `driver_sure` where all of these depend on the same.
+    law_sure: where it is told from all others, and the data do not ask for another shape of it.
+    """
+
+    effect: str
+    place: tuple[str, ...]
+    driver: tuple[str, ...]
+    place_sure: bool
+    driver_sure: bool
+    law_sure: bool
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "effect": self.effect,
+            "place": {"slots": list(self.place), "sure": self.place_sure},
+            "driver": {"variables": list(self.driver), "sure": self.driver_sure},
+            "law": {"effect": self.effect, "sure": self.law_sure},
+        }
+
+    @property
+    def statement(self) -> str:
+        """What is sure where the law is not, in words; "" where the law is sure, or nothing."""
+        if self.law_sure or not self.place_sure:
+            return ""
+        where = " and ".join(self.place)
+        if not self.driver_sure:
+            return f"Sure is where: a term at {where}; not what it depends on"
+        if not self.driver:
+            return f"Sure is where: a constant term at {where}; not its law"
+        return (
+            f"Sure are the place and what it depends on: a term at {where} over {' and '.join(self.driver)}"
+        )
+
+
+def same_cause(one: Effect, other: Effect) -> bool:
+    """Whether two effects are laws of one answer: at the same place, over the same variables."""
+    return set(one.slots) == set(other.slots) and driver_variables(one) == driver_variables(other)
+
+
+def levels_of(
+    classes: Sequence[Sequence[str]],
+    effects: Mapping[str, Effect],
+    *,
+    sure: bool,
+    bent: Mapping[str, bool],
+) -> tuple[Levels, ...]:
+    """The levels of each member of an answer.
+
+    Parameters
+    ----------
+    classes: of each member, itself and the effects that it is not told from.
+    effects: all of these by name.
+    sure: whether anything is: the set is the right one by what it leaves and by what it predicts.
+    bent: of each member, whether the data ask for another shape of its law.
+    """
+    found = []
+    for names in classes:
+        first, *others = (effects[name] for name in names)
+        place = all(set(first.slots) == set(other.slots) for other in others)
+        driver = place and all(driver_variables(first) == driver_variables(other) for other in others)
+        found.append(
+            Levels(
+                effect=first.name,
+                place=first.slots,
+                driver=tuple(sorted(driver_variables(first))),
+                place_sure=sure and place,
+                driver_sure=sure and driver,
+                law_sure=sure and not others and not bent.get(first.name, False),
+            )
+        )
+    return tuple(found)

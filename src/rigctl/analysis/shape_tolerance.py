@@ -1,0 +1,201 @@
+"""A tolerance for the shape of an effect's law, beside the noise.
+
+No effect of a library has a bench's exact law. Its term T may therefore be bent over each of its drivers x:
+
+    T·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K),   K_ij = exp(−(i − j)²/(2ℓ²)),   τ = `SHAPE_TOLERANCE`
+
+with cubic B-splines B over the range that the data visit. What the b do to the readings are further columns
+of the linearisation, with a prior: a right effect in another shape needs little of it, a stand-in much, and
+pays for it. The size of a bend is said of the effect's parameters where its term is no multiple of them.
+
+Source: M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63 (2001) 425, the discrepancy inside the equations;
+C. de Boor, A Practical Guide to Splines (1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.linearisation import base_at
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.drivers import Driver, drivers
+from rigctl.engine.splines import SplineArgument, SplineColumn, SplineColumns, knots_over
+from rigctl.engine.trajectories import Trajectories
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.record import MeasuredRecord
+
+Floats = NDArray[np.float64]
+
+#: splines over each driver
+FUNCTIONS = 8
+#: ℓ, in splines
+_SMOOTH = 1.5
+#: the ends of a driver's range, as shares of the samples
+_ENDS = (0.002, 0.998)
+#: of the range, the least distance of two knots
+_APART = 0.02
+#: a driver that changes by less than this share of its size is a constant
+_VARIES = 0.005
+
+
+@dataclass(frozen=True)
+class Bend:
+    """The splines over one driver of one effect.
+
+    Attributes
+    ----------
+    effect: its name.
+    driver: over what.
+    knots: (functions + 4) of the splines, SI.
+    columns: their places among all of a set's.
+    root: (functions, functions) L of ``K = L·Lᵀ``: the coefficients are ``b = L·a``, a ~ N(0, τ²).
+    """
+
+    effect: str
+    driver: Driver
+    knots: Floats = field(repr=False)
+    columns: slice
+    root: Floats = field(repr=False)
+
+    def weights(self, amplitudes: Floats, x: Floats) -> Floats:
+        """(n) ``1 + Σ b_k·B_k(x)`` for the amplitudes a of all columns; constant beyond the ends."""
+        from scipy.interpolate import BSpline
+
+        spline = BSpline(self.knots, self.root @ amplitudes[self.columns], 3)
+        return np.asarray(1.0 + spline(np.clip(x, self.knots[3], self.knots[-4])))
+
+
+@dataclass(frozen=True)
+class ShapeColumns:
+    """What bending the laws of some effects does to the readings.
+
+    Attributes
+    ----------
+    bends: which columns are what.
+    readings: (n, channels, columns) of each record, the derivatives by the amplitudes a.
+    """
+
+    bends: tuple[Bend, ...]
+    readings: tuple[Floats, ...] = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One of each column."""
+        return tuple(
+            f"shape of {bend.effect} over {bend.driver.name}, {k}"
+            for bend in self.bends
+            for k in range(bend.columns.stop - bend.columns.start)
+        )
+
+
+def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -> ShapeColumns:
+    """The columns of `effects` at a fit that has them, on its fitted records; `problem` is the same data with
+    the whole library.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    inner = problem.only(fit.fitted)
+    base = base_at(inner, fit)
+    local = [fit.local[k] for k in fit.fitted]
+    at = inner.with_shared((), base)
+    width = len(inner.measurements.outputs)
+    nothing = tuple(np.empty((record.times.size, width, 0)) for record in inner.records)
+    wanted = [(effect, driver) for effect in effects for driver in drivers(effect)]
+    if not wanted:
+        return ShapeColumns((), nothing)
+    found = at.simulate(np.empty(0), local).require()
+    bends: list[Bend] = []
+    arguments: list[SplineArgument] = []
+    columns: list[SplineColumn] = []
+    root = prior_root()
+    for effect, driver in wanted:
+        knots = knots_of(courses(at, found, driver))
+        carried = _carried(effect, at, base)
+        if knots is None or not carried:
+            continue
+        first = len(columns)
+        columns += [SplineColumn(carried, (len(arguments), k)) for k in range(FUNCTIONS)]
+        arguments.append(SplineArgument(dict(driver.weights), knots))
+        bends.append(Bend(effect.name, driver, knots, slice(first, len(columns)), root))
+    if not bends:
+        return ShapeColumns((), nothing)
+    readings: list[Floats] = []
+    for part in at.parts(len(columns)):
+        some = at.only(part)
+        slopes = some.simulate(
+            np.empty(0), [local[k] for k in part], splines=SplineColumns(tuple(arguments), tuple(columns))
+        ).require()
+        for array in slopes.sensitivities:
+            seen = np.take(array, at.channels, axis=1)
+            readings.append(np.concatenate([seen[:, :, one.columns] @ one.root for one in bends], axis=2))
+    return ShapeColumns(tuple(bends), tuple(readings))
+
+
+def _carried(effect: Effect, problem: Problem, base: Floats) -> dict[str, float]:
+    """The parameters that switch an effect on, each with its distance from its null where that is not 0."""
+    names = problem.compiled.system.parameter_names
+    found = {}
+    for one in effect.parameters:
+        name = qualified(effect.name, one.name)
+        value = float(base[names.index(name)]) - one.at_null
+        if value and not one.shape:
+            found[name] = value
+    return found
+
+
+def courses(problem: Problem, found: Trajectories, driver: Driver) -> list[Floats]:
+    """(n) of each record: the driver at its samples, SI."""
+    states, inputs = problem.compiled.system.state_names, problem.compiled.system.input_names
+    result = []
+    for record, known in zip(problem.records, found.states, strict=True):
+        total = np.zeros(record.times.size)
+        for name, weight in driver.weights:
+            if name in states:
+                total += weight * known[:, states.index(name)]
+            else:
+                total += weight * _input(record, inputs.index(name))
+        result.append(total)
+    return result
+
+
+def _input(record: MeasuredRecord, place: int) -> Floats:
+    """(n) an input at a record's samples."""
+    if place in record.along:
+        return np.interp(record.times, record.knots, record.lines[:, record.along.index(place)])
+    last = np.searchsorted(record.switch_times, record.times, side="left") - 1
+    return np.asarray(record.inputs[np.maximum(last, 0), place])
+
+
+def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats | None:
+    """Knots between which lie equal numbers of samples, as far as they keep apart; None of a constant."""
+    values = np.concatenate(values_of) if values_of else np.empty(0)
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return None
+    low, high = (float(end) for end in np.quantile(values, _ENDS))
+    size = max(abs(low), abs(high))
+    if not high - low > _VARIES * size:
+        return None
+    inner: list[float] = []
+    shares = np.arange(1, functions - 3) / (functions - 3)
+    apart = min(_APART, 0.2 / functions) * (high - low)
+    for place, value in enumerate(np.quantile(values, shares).tolist()):
+        before = inner[-1] if inner else low
+        left = (functions - 4 - place) * apart
+        inner.append(min(max(value, before + apart), high - left))
+    return knots_over(low, high, functions, inner)
+
+
+def prior_root(functions: int = FUNCTIONS) -> Floats:
+    """(functions, functions) L of ``L·Lᵀ = K``."""
+    apart = np.subtract.outer(np.arange(functions), np.arange(functions))
+    covariance = np.exp(-0.5 * np.square(apart / _SMOOTH)) + 1e-8 * np.eye(functions)
+    return np.asarray(np.linalg.cholesky(covariance))

@@ -1,0 +1,139 @@
+"""Columns by the shape of a term: what the readings would do if a spline of its variables weighted it.
+
+    f = … + (1 + Σ_k b_k·B_k(x))·T(y, u, q),   x = w·(y, u),   columns ∂z/∂b_k at b = 0
+
+B_k are cubic B-splines (C. de Boor, A Practical Guide to Splines, 1978). The term is known by the parameters
+that carry it: where T is proportional to a, ``T = a·∂f/∂a``; a parameter that is no factor is itself what the
+spline bends. Any term of a compiled system can be looked at in this way, without compiling another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.kernels.splines import DEGREE, MORE_KNOTS
+from rigctl.engine.source import Pattern
+from rigctl.engine.system import System
+from rigctl.errors import RigctlError, unknown_name
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SplineArgument:
+    """What a spline depends on.
+
+    Attributes
+    ----------
+    weights: of states and inputs by name: ``x = Σ weight·variable``.
+    knots: (functions + 4) rising, in the unit of x; x beyond the fourth from either end counts as that one.
+    """
+
+    weights: Mapping[str, float]
+    knots: Floats
+
+
+@dataclass(frozen=True)
+class SplineColumn:
+    """One column.
+
+    Attributes
+    ----------
+    parameters: that carry the term, each with its factor: the value that it is proportional to.
+    first: (argument, function) of the spline that weighs it; `second` of another that multiplies that one.
+    """
+
+    parameters: Mapping[str, float]
+    first: tuple[int, int]
+    second: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class SplineColumns:
+    """Columns by shapes, all of one number of functions for each argument.
+
+    Raises
+    ------
+    RigctlError
+        knots do not rise, or a column asks for a function that there is not.
+    """
+
+    arguments: tuple[SplineArgument, ...] = ()
+    columns: tuple[SplineColumn, ...] = ()
+
+    def __post_init__(self) -> None:
+        sizes = {one.knots.size for one in self.arguments}
+        problem = ""
+        if len(sizes) > 1:
+            problem = "all arguments need as many knots"
+        elif any(one.knots.size < 2 * MORE_KNOTS for one in self.arguments):
+            problem = f"a cubic spline needs {2 * MORE_KNOTS} knots"
+        elif any(not np.all(np.diff(one.knots) > 0.0) for one in self.arguments):
+            problem = "the knots do not rise"
+        else:
+            asked = [place for one in self.columns for place in (one.first, one.second) if place is not None]
+            if any(not (0 <= a < len(self.arguments) and 0 <= k < self.functions) for a, k in asked):
+                problem = "a column asks for a function that there is not"
+        if problem:
+            raise RigctlError(f"columns by shapes: {problem}")
+
+    @property
+    def functions(self) -> int:
+        """How many splines each argument has."""
+        return self.arguments[0].knots.size - MORE_KNOTS if self.arguments else 0
+
+    def weights(self, system: System) -> Floats:
+        """(arguments, states + inputs), as the kernels take them."""
+        names = [*system.state_names, *system.input_names]
+        found = np.zeros((len(self.arguments), len(names)))
+        for place, argument in enumerate(self.arguments):
+            for name, weight in argument.weights.items():
+                if name not in names:
+                    raise unknown_name("state or input of a spline", name, names)
+                found[place, names.index(name)] = weight
+        return found
+
+    def knots(self) -> Floats:
+        """(arguments, functions + 4)."""
+        if not self.arguments:
+            return np.empty((0, 0))
+        return np.array([one.knots for one in self.arguments], dtype=float)
+
+    def active(self, pattern: Pattern, system: System, first: int) -> tuple[Integers, Floats]:
+        """(entries, 5) and (entries): what of a packed ∂/∂q the columns from `first` on use, and factors."""
+        places: dict[int, list[tuple[int, int]]] = {}
+        for place, (row, parameter) in enumerate(pattern):
+            places.setdefault(parameter, []).append((place, row))
+        known = system.parameter_names
+        entries: list[tuple[int, ...]] = []
+        scales: list[float] = []
+        for column, one in enumerate(self.columns):
+            function = one.first[0] * self.functions + one.first[1]
+            second = -1 if one.second is None else one.second[0] * self.functions + one.second[1]
+            for name, scale in one.parameters.items():
+                if name not in known:
+                    raise unknown_name("parameter that carries a term", name, known)
+                for place, row in places.get(known.index(name), ()):
+                    entries.append((place, row, first + column, function, second))
+                    scales.append(scale)
+        return np.array(entries, dtype=np.int64).reshape(-1, 5), np.array(scales, dtype=np.float64)
+
+
+#: no such columns
+NO_SPLINES = SplineColumns()
+
+
+def knots_over(low: float, high: float, functions: int, inner: Sequence[float] = ()) -> Floats:
+    """(functions + 4) knots of cubic splines over a range: `inner` ones (functions − 4), else evenly spaced.
+
+    Beyond the ends they go on as far apart as the ends' neighbours, so that the functions sum to 1 inside.
+    """
+    breaks = np.array([low, *inner, high]) if len(inner) else np.linspace(low, high, functions - DEGREE + 1)
+    before = breaks[0] - (breaks[1] - breaks[0]) * np.arange(DEGREE, 0, -1)
+    behind = breaks[-1] + (breaks[-1] - breaks[-2]) * np.arange(1, DEGREE + 1)
+    return np.concatenate([before, breaks, behind])

@@ -1,0 +1,125 @@
+"""Rates of the shape tier: what is claimed of effects whose laws are not the library's, level by level."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+from rigctl.analysis.identity import same_cause
+from rigctl.effects.declaration import Effect
+from rigctl.effects.registry import find_effect
+from rigctl.validation.figures import Figures, Rate
+from rigctl.validation.outcome import Claim, Outcome
+from rigctl.validation.rates import confusion
+
+_FAMILY = "hydraulic_cylinder"
+
+
+def shape_figures(outcomes: Sequence[Outcome]) -> Figures:
+    """Everything that is printed of the tier."""
+    return Figures(tuple(outcomes), shape_rates(outcomes), confusion(outcomes))
+
+
+def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
+    """All rates of the tier, with their targets."""
+    made = [outcome for outcome in outcomes if outcome.counts]
+    one = [o for o in made if o.scenario.kind == "one" and o.scenario.hidden[0].amplitude is None]
+    beyond = [o for o in made if o.scenario.kind == "one" and o.scenario.hidden[0].amplitude is not None]
+    two = [o for o in made if o.scenario.kind == "two"]
+    removed = [o for o in made if o.scenario.kind == "removed"]
+    found = [
+        _rate("false alarm, nothing hidden", "noise estimated", _of(made, "nothing"), _alarm, at_most=0.05),
+        *_by_size("place and driver named", one, _cause_named, at_least=0.95),
+        *_by_size("law or its class named", one, lambda o: o.right, at_least=0.90),
+        *_by_size("wrong at a level that is claimed", one, wrongly_claimed, at_most=0.01),
+        _rate("beyond its usual range", "named or in the class", beyond, lambda o: o.right, at_least=1.0),
+        _rate("a strong and a weak effect", "both named", two, lambda o: o.exact, at_least=0.90),
+        _rate("a strong and a weak effect", "wrong at a level", two, wrongly_claimed, at_most=0.01),
+        _rate("a strong and a weak effect", "one, and that is all", two, _one_is_all, at_most=0.05),
+        *_by_size("truth removed, outside or a true level", removed, _honest, at_least=0.95),
+        *_by_size("truth removed, wrong place or driver", removed, _wrong_cause, at_most=0.01),
+    ]
+    return tuple(rate for rate in found if rate.trials)
+
+
+def wrongly_claimed(outcome: Outcome) -> bool:
+    """Whether something that it says for sure is true of none of the hidden effects."""
+    return any(_wrong(claim, outcome.scenario.truth) for claim in outcome.claims)
+
+
+def _wrong(claim: Claim, truth: Sequence[str]) -> bool:
+    if claim.law:
+        return claim.effect not in truth
+    if claim.driver:
+        return not any(same_cause(_effect(claim.effect), _effect(name)) for name in truth)
+    return claim.place and not any(_same_place(claim.effect, name) for name in truth)
+
+
+def _wrong_cause(outcome: Outcome) -> bool:
+    """Whether a place or a driver that it says for sure is that of none of the hidden effects."""
+    truth = outcome.scenario.truth
+    return any(
+        (claim.driver and not any(same_cause(_effect(claim.effect), _effect(name)) for name in truth))
+        or (claim.place and not any(_same_place(claim.effect, name) for name in truth))
+        for claim in outcome.claims
+    )
+
+
+def _honest(outcome: Outcome) -> bool:
+    """Of a hidden effect that the library lacks: outside of it, or not decided, or at the true place."""
+    return outcome.verdict is not None and outcome.verdict != "adequate" and not _wrong_cause(outcome)
+
+
+def _cause_named(outcome: Outcome) -> bool:
+    """Whether place and driver of the hidden effect are among what it says for sure."""
+    truth = outcome.scenario.truth[0]
+    return any(claim.driver and same_cause(_effect(claim.effect), _effect(truth)) for claim in outcome.claims)
+
+
+def _one_is_all(outcome: Outcome) -> bool:
+    return outcome.verdict == "missing_effect" and len(outcome.effects) == 1 and outcome.all_of_it
+
+
+def _alarm(outcome: Outcome) -> bool:
+    return outcome.verdict != "adequate"
+
+
+def _same_place(one: str, other: str) -> bool:
+    return set(_effect(one).slots) == set(_effect(other).slots)
+
+
+@lru_cache(maxsize=256)
+def _effect(name: str) -> Effect:
+    return find_effect(name, _FAMILY)
+
+
+def _of(made: Sequence[Outcome], kind: str) -> list[Outcome]:
+    return [outcome for outcome in made if outcome.scenario.kind == kind]
+
+
+def _by_size(
+    name: str,
+    among: Sequence[Outcome],
+    happened: Callable[[Outcome], bool],
+    *,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> list[Rate]:
+    sizes = sorted({outcome.scenario.hidden[0].size for outcome in among})
+    found = [_rate(name, "all sizes", among, happened, at_least=at_least, at_most=at_most)]
+    for size in sizes:
+        sized = [outcome for outcome in among if outcome.scenario.hidden[0].size == size]
+        found.append(_rate(name, f"λ = {size:g}", sized, happened))
+    return found
+
+
+def _rate(
+    name: str,
+    of: str,
+    among: Sequence[Outcome],
+    happened: Callable[[Outcome], bool],
+    *,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Rate:
+    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)

@@ -1,0 +1,89 @@
+"""Laws that are not the library's: bent they leave little, and their name, place and driver stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.identity import levels_of, same_cause
+from rigctl.analysis.shape_tolerance import FUNCTIONS, knots_of, prior_root
+from rigctl.effects.declaration import Effect
+from rigctl.effects.registry import find_effect
+from rigctl.engine.one_thread import one_thread
+from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.work import diagnose_scenario
+
+FAMILY = "hydraulic_cylinder"
+
+
+def diagnosed(effect: str, amplitude: float) -> Diagnosis:
+    """A campaign of the separate bench that hides an effect in the shape that is wrong on purpose."""
+    scenario = Scenario(
+        "one",
+        (Wanted(effect, 100.0),),
+        "wrong",
+        repeated=2,
+        temperatures=(20.0, 50.0, 80.0),
+        pressures=(20.0, 50.0),
+    )
+    with one_thread():
+        return diagnose_scenario(replace(scenario, seed=5), (amplitude,))
+
+
+def test_a_strong_leak_that_is_half_turbulent_is_one_effect() -> None:
+    """300 sigmas: without a tolerance it was named with a pump's slip that there is not."""
+    found = diagnosed("valve_leakage", 2.57e-14)
+    assert found.effects == ("valve_leakage",)
+    assert found.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
+    (levels,) = found.document()["levels"]
+    assert levels["place"]["sure"]
+    assert levels["driver"]["sure"]
+    assert not levels["law"]["sure"]  # the data ask for another law
+
+
+def test_knots_stand_where_the_data_are() -> None:
+    at_rest_mostly = np.concatenate([np.zeros(900), np.linspace(-1.0, 1.0, 100)])
+    knots = knots_of([at_rest_mostly])
+    assert knots is not None
+    assert knots.size == FUNCTIONS + 4
+    assert np.all(np.diff(knots) > 0.0)
+    inner = knots[4:-4]
+    assert np.all(np.abs(inner) < 0.2)  # most of them about standstill
+    assert knots_of([np.full(50, 3.0)]) is None
+
+
+def test_the_prior_is_smooth_and_of_unit_size() -> None:
+    root = prior_root()
+    covariance = root @ root.T
+    assert np.diag(covariance) == pytest.approx(1.0, abs=1e-6)
+    assert covariance[0, 1] > 0.7
+    assert abs(covariance[0, -1]) < 1e-3
+
+
+def test_laws_of_one_cause_share_place_and_driver() -> None:
+    coulomb, stribeck, viscous, spring = (
+        find_effect(f"{name}", FAMILY)
+        for name in ("coulomb_friction", "stribeck_friction", "viscous_friction", "spring_load")
+    )
+    assert same_cause(coulomb, stribeck)
+    assert not same_cause(coulomb, viscous)  # that one is over the temperature too
+    assert not same_cause(coulomb, spring)
+
+
+def level(classes: list[str], *, sure: bool = True, bent: bool = False) -> tuple[bool, bool, bool]:
+    effects: dict[str, Effect] = {name: find_effect(name, FAMILY) for name in classes}
+    (found,) = levels_of([classes], effects, sure=sure, bent=dict.fromkeys(classes, bent))
+    assert found.statement == "" or not found.law_sure
+    return found.place_sure, found.driver_sure, found.law_sure
+
+
+def test_a_level_is_claimed_where_the_whole_class_agrees_on_it() -> None:
+    assert level(["coulomb_friction"]) == (True, True, True)
+    assert level(["coulomb_friction"], bent=True) == (True, True, False)
+    assert level(["coulomb_friction", "stribeck_friction"]) == (True, True, False)
+    assert level(["coulomb_friction", "viscous_friction"]) == (True, False, False)
+    assert level(["coulomb_friction", "spring_load"]) == (False, False, False)
+    assert level(["coulomb_friction"], sure=False) == (False, False, False)
