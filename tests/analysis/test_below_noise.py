@@ -56,7 +56,9 @@ def searched(
         adequacy=adequacy,
         linearisation=SimpleNamespace(candidates=()),
         screening=SimpleNamespace(scores=()),
+        view=lambda _: here,  # no law of it bends
     )
+    search.tolerance, search.start = 0.1, before
     search.at = lambda _: here  # type: ignore[method-assign]
     return search, best
 

@@ -6,6 +6,8 @@ thread, and whatever talks in lines, guards and reconnects does so with any prot
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -16,6 +18,10 @@ from rigctl.clock import Clock
 
 _LONGEST_WAIT = 0.5  # s of wall time in one read
 _ENDS_WITHIN = 0.2  # s; a library that is still waiting for its device then is left to itself
+_GIVES_WAY = 10.0  # s; for so long the next port to the device waits for that library
+
+#: by device, the thread of the port that was opened last
+_threads: dict[str, Thread] = {}
 
 
 class Client(Protocol):
@@ -55,7 +61,13 @@ class ClientPort:
         self._answers: SimpleQueue[bytes | None] = SimpleQueue()  # None when it is lost
         self._lost: PortLost | None = None
         self._begun = b""
-        self._thread = Thread(target=self._serve, args=(connect,), daemon=True, name=f"client of {name}")
+        self._left = False  # the device was silent when the port was closed
+        self._asked = math.inf  # when the question was asked that has no answer yet, s
+        earlier = _threads.get(name)
+        self._thread = Thread(
+            target=self._serve, args=(connect, earlier), daemon=True, name=f"client of {name}"
+        )
+        _threads[name] = self._thread
         self._thread.start()
 
     def write(self, data: bytes) -> None:
@@ -84,16 +96,26 @@ class ClientPort:
         return answer
 
     def close(self) -> None:
-        """Let it go; what was sent is carried out, unless the device has been silent for long."""
-        self._requests.put(None)
-        self._thread.join(_ENDS_WITHIN)
+        """Let it go; what was sent is carried out, unless the device has been silent for long.
 
-    def _serve(self, connect: Callable[[], Client]) -> None:
+        What a silent device was not sent by then it is not sent later, when it may have been told otherwise.
+        """
+        self._left = time.monotonic() - self._asked > _ENDS_WITHIN
+        self._requests.put(None)
+        if not self._left:
+            self._thread.join(_ENDS_WITHIN)
+            self._left = self._thread.is_alive()
+
+    def _serve(self, connect: Callable[[], Client], earlier: Thread | None) -> None:
+        if earlier is not None:  # what it still has under way comes before anything that is sent from now on
+            earlier.join(_GIVES_WAY)
         try:
             client = connect()
             try:
-                while (line := self._requests.get()) is not None:
+                while not self._left and (line := self._requests.get()) is not None:
+                    self._asked = time.monotonic()
                     answer = client.answer(line)
+                    self._asked = math.inf
                     if answer is not None:
                         self._answers.put(f"{answer}\n".encode())
             finally:

@@ -24,7 +24,7 @@ from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.duty import Outputs, SafeOrder
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
 from rigctl.backends.transport.port import Port, PortLost
-from rigctl.backends.transport.pursuit import Pursuit, take_over
+from rigctl.backends.transport.pursuit import Pursuit, hold, let_go, take_over
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
@@ -209,6 +209,7 @@ def main() -> int:
         except (RigctlError, PortLost) as error:
             send_frame(connection, Frame.REFUSED, _refusal(error))
             return 1
+        holding = hold(orders.url)
         guard = Guard(connection, orders, port, clock)
         signal.signal(signal.SIGTERM, lambda _number, _frame: guard.end())
         send_frame(connection, Frame.OPENED)
@@ -219,8 +220,11 @@ def main() -> int:
             raise
     if left is Outputs.SAFE or (left is Outputs.UNTOUCHED and not inherited):
         port.close()
+        let_go(orders.url, holding)
         return 0
-    return 0 if _pursue(guard, orders, port, clock) else 1
+    done = _pursue(guard, orders, port, clock, holding)
+    let_go(orders.url, holding)
+    return 0 if done else 1
 
 
 def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
@@ -238,9 +242,9 @@ def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
             time.sleep(_PAUSE)
 
 
-def _pursue(guard: Guard, orders: Orders, port: Port, clock: Clock) -> bool:
+def _pursue(guard: Guard, orders: Orders, port: Port, clock: Clock, holding: str) -> bool:
     """Go on until the device has confirmed that it is safe."""
-    pursuit = Pursuit(orders, clock, lambda: orders.address.open(clock), lambda: guard.ended)
+    pursuit = Pursuit(orders, clock, lambda: orders.address.open(clock), lambda: guard.ended, holding)
     return pursuit.carry_out(port)
 
 

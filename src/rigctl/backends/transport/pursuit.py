@@ -93,16 +93,23 @@ class Pursuit:
     clock: what the port's waits are counted on; real.
     open_port: opens the port anew.
     ended: whether the guard was asked to end; it tries once more then.
+    holding: what `hold` gave the guard when it opened the port; "" where it did not.
     """
 
     def __init__(
-        self, orders: Orders, clock: Clock, open_port: Callable[[], Port], ended: Callable[[], bool]
+        self,
+        orders: Orders,
+        clock: Clock,
+        open_port: Callable[[], Port],
+        ended: Callable[[], bool],
+        holding: str = "",
     ) -> None:
         self._orders = orders
         self._clock = clock
         self._reply_ends = orders.reply_ends.encode("utf-8")
         self._open_port = open_port
         self._ended = ended
+        self._holding = holding
         self._path = _path_of(orders.url)
         now = time.time()
         self._notice = Notice(uuid4().hex, orders.url, os.getpid(), now, now)
@@ -113,14 +120,20 @@ class Pursuit:
         """Try until the device has confirmed; False when another program has taken over, or at the limit."""
         give_up = time.monotonic() + LASTS
         pause, known = _FIRST_PAUSE, port is not None
+        self._announce()  # whoever opens the port meanwhile is to know
         while True:
             try:
+                if self._taken_over():
+                    raise _TakenOver
                 if port is None:
                     port, known = self._open_port(), False
                 if not known:
                     self._require_same(port)
                     known = True
                 self._make_safe(port)
+            except _TakenOver:
+                _close(port)
+                return False
             except (PortLost, RigctlError) as error:
                 if isinstance(error, PortLost) and port is not None and not isinstance(error, _Mute):
                     port.close()
@@ -128,12 +141,10 @@ class Pursuit:
                 self._say(str(error), given_up=time.monotonic() >= give_up)
             else:
                 self._withdraw()
-                if port is not None:
-                    port.close()
+                _close(port)
                 return True
             if time.monotonic() >= give_up or not self._pause(pause):
-                if port is not None:
-                    port.close()
+                _close(port)
                 return False
             pause = min(2.0 * pause, _LONGEST_PAUSE)
 
@@ -167,6 +178,8 @@ class Pursuit:
 
     def _line(self, port: Port, deadline: float) -> str:
         while self._reply_ends not in self._rest:
+            if self._taken_over():
+                raise _TakenOver
             if time.monotonic() >= deadline:
                 raise _Mute("the device does not answer")
             self._rest += port.read(self._clock.now() + _LOOK)
@@ -190,14 +203,20 @@ class Pursuit:
             trouble=trouble,
             given_up=given_up,
         )
+        self._announce()
+
+    def _announce(self) -> None:
         if not self._announced or not self._taken_over():
             self._announced = _write(self._path, self._notice) or self._announced
 
     def _taken_over(self) -> bool:
         """Whether another program has taken the notice away, or left its own there.
 
-        One that could never be written, or cannot be read, was taken away by nobody.
+        Or whether it has opened the port since the guard did. A notice that could never be written, or cannot
+        be read, was taken away by nobody.
         """
+        if self._holding and _held_by_another(self._orders.url, self._holding):
+            return True
         if not self._announced:
             return False
         found = _read(self._path)
@@ -212,8 +231,48 @@ class Pursuit:
                 self._path.unlink()
 
 
+def _close(port: Port | None) -> None:
+    if port is not None:
+        port.close()
+
+
+class _TakenOver(Exception):
+    """Another program has opened the port: what it commands counts from now on."""
+
+
 class _Mute(PortLost):
     """The port is there, and the device does not confirm; the port stays open."""
+
+
+def hold(url: str) -> str:
+    """Say that this process has opened a port, so that no earlier guard of it acts any more; its token."""
+    token = f"{os.getpid()} {uuid4().hex}"
+    path = _holder_of(url)
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(token, encoding="utf-8")
+    return token
+
+
+def let_go(url: str, token: str) -> None:
+    """Take back what `hold` said, unless another process has the port by now."""
+    path = _holder_of(url)
+    with suppress(OSError):
+        if path.read_text(encoding="utf-8") == token:
+            path.unlink()
+
+
+def _held_by_another(url: str, token: str) -> bool:
+    try:
+        found = _holder_of(url).read_text(encoding="utf-8")
+        pid = int(found.partition(" ")[0])
+    except (OSError, ValueError):
+        return False
+    return found != token and process_exists(pid)
+
+
+def _holder_of(url: str) -> Path:
+    return _path_of(url).with_suffix(".holder")
 
 
 def pursuits() -> list[Notice]:
