@@ -210,9 +210,16 @@ def test_a_run_that_an_interlock_ends_leaves_the_outputs_off(device: Subject, tm
     (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "step.yaml").write_text(STEP, encoding="utf-8")
     port = f"socket://127.0.0.1:{server.number}" if device.kind == "serial" else server.port
-    result = rigctl.run(tmp_path / "step.yaml", port=port, runs=tmp_path / "runs", answers={})
-    assert (result.status, "Supply over-pressure" in (result.reason or "")) == ("failed", True)
-    assert [name for _, name, driven in server.circuit.switched if driven] == ["heater", "relief_valve"]
+    for _ in range(3):  # on busy cores a run in real time may end for a late answer instead, as safely
+        begun = len(server.circuit.switched)
+        result = rigctl.run(tmp_path / "step.yaml", port=port, runs=tmp_path / "runs", answers={})
+        assert result.status == "failed"
+        assert server.circuit.off
+        if "Supply over-pressure" in (result.reason or ""):
+            break
+    assert "Supply over-pressure" in (result.reason or "")
+    driven = [name for _, name, on in server.circuit.switched[begun:] if on]
+    assert driven == ["heater", "relief_valve"]
     assert server.circuit.off
     assert result.folder is not None
     record = rigctl.open_run(result.folder).samples(record=0)
