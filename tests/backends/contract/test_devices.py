@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -206,20 +207,15 @@ def test_a_run_that_an_interlock_ends_leaves_the_outputs_off(device: Subject, tm
     """One that finishes is in the how-to pages, which are followed at the same servers."""
     server = device.server
     assert server is not None
+    # only the limit may end it, however late busy cores let its two samples come
     text = device.rig.text.replace("above: 65 bar", "above: 10 bar")
+    text = re.sub("stale_after: [12] s", "stale_after: 30 s", text)
     (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
-    (tmp_path / "step.yaml").write_text(STEP, encoding="utf-8")
+    (tmp_path / "step.yaml").write_text(STEP.replace("wait: 1 s", "wait: 60 s"), encoding="utf-8")
     port = f"socket://127.0.0.1:{server.number}" if device.kind == "serial" else server.port
-    for _ in range(3):  # on busy cores a run in real time may end for a late answer instead, as safely
-        begun = len(server.circuit.switched)
-        result = rigctl.run(tmp_path / "step.yaml", port=port, runs=tmp_path / "runs", answers={})
-        assert result.status == "failed"
-        assert server.circuit.off
-        if "Supply over-pressure" in (result.reason or ""):
-            break
-    assert "Supply over-pressure" in (result.reason or "")
-    driven = [name for _, name, on in server.circuit.switched[begun:] if on]
-    assert driven == ["heater", "relief_valve"]
+    result = rigctl.run(tmp_path / "step.yaml", port=port, runs=tmp_path / "runs", answers={})
+    assert (result.status, "Supply over-pressure" in (result.reason or "")) == ("failed", True), result.reason
+    assert [name for _, name, driven in server.circuit.switched if driven] == ["heater", "relief_valve"]
     assert server.circuit.off
     assert result.folder is not None
     record = rigctl.open_run(result.folder).samples(record=0)
