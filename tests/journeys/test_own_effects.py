@@ -141,6 +141,35 @@ def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:
     assert values["brake.width"]["value"] == pytest.approx(1.0, rel=0.1)
 
 
+def test_a_model_that_leaves_the_range_of_its_effect_says_where() -> None:
+    learned = (
+        BRAKE.replace("effect: brake", "effect: slow_brake").replace("confused_with: [fan]", "")
+        + "valid: {speed: [0 rad/s, 60 rad/s], drive: [-1 V, 20 V]}\n"
+        + "provenance: {runs: [early], date: 2026-11-22, tier: B}\n"
+    )
+    Path("effects/slow-brake.yaml").write_text(learned, encoding="utf-8")
+    Path("slow.yaml").write_text(MODEL.replace("effects/brake.yaml, effects/fan.yaml", ""), encoding="utf-8")
+    run = answer("import", "flywheel.csv", "--rig", "flywheel-rig.yaml")["run"]
+    added = answer("model", "add", "slow.yaml", "effects/slow-brake.yaml:width=1 rad/s", run)
+    (left,) = added["outside_validity"]
+    assert (left["effect"], left["over"], left["unit"]) == ("slow_brake", "speed", "rad/s")
+    assert left["value"] == pytest.approx(556.0, rel=0.01)  # at 12 V: (0.05·12 − 0.04)/1e-3·(1 − e⁻⁵)
+    assert left["record"] == f"{run}/4"  # the fifth
+    assert left["time"] == pytest.approx(9.95)
+    assert left["records"] == 5  # 2 V lead to 60 rad/s
+    shown = answer("model", "show", "slow.yaml")["effects"][0]
+    assert shown["valid"][0]["over"] == "speed"
+    assert shown["provenance"]["runs"] == ["early"]
+    document = answer("compare", run, "--model", "slow.yaml", "--no-fit", "-o", "slow.html")
+    (again,) = document["outside_validity"]
+    assert (again["record"], again["time"]) == (left["record"], left["time"])
+    said = told("compare", run, "--model", "slow.yaml", "--no-fit")
+    assert f"warning: {again['statement']}" in said
+    assert "Outside its range" in Path("slow.html").read_text("utf-8")
+    diagnosed = answer("diagnose", run, "--model", "slow.yaml")
+    assert [one["record"] for one in diagnosed["outside_validity"]] == [left["record"]]
+
+
 def test_an_own_effect_of_the_cylinder_is_a_candidate() -> None:
     lines = Path("data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
     kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]

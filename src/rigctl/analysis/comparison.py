@@ -24,6 +24,7 @@ from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.model import Model
+from rigctl.model.validity import departures
 from rigctl.units import show
 
 #: a converter's step of more sigmas than this hides the noise before it
@@ -143,6 +144,7 @@ def _located(found: ModelComparison) -> ModelComparison:
         rows=rows,
         findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
         record_level=quantities,
+        outside=departures(fitted),
     )
 
 

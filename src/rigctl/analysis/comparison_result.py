@@ -21,6 +21,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
+from rigctl.model.validity import Departure
 from rigctl.noise import ChannelNoise
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit
@@ -58,6 +59,7 @@ class ModelComparison:
     excluded: effects that were not looked at.
     rows: of a table, every value beside the model's; findings: what they say, a sentence each.
     record_level: what each record has of its own, by quantity, what is evidence of something first.
+    outside: where the model leaves the ranges over which laws of its effects were learned.
     """
 
     name: str
@@ -76,6 +78,7 @@ class ModelComparison:
     rows: tuple[TableRow, ...] = ()
     findings: tuple[str, ...] = ()
     record_level: tuple[RecordQuantity, ...] = ()
+    outside: tuple[Departure, ...] = ()
 
     def __repr__(self) -> str:
         """The verdict on one line."""
@@ -126,6 +129,7 @@ class ModelComparison:
             "findings": list(self.findings),
             "record_level": [row for quantity in self.record_level for row in quantity.rows()],
             "record_level_summary": [quantity.document() for quantity in self.record_level],
+            "outside_validity": [one.document() for one in self.outside],
             "statement": self.statement,
         }
 

@@ -33,6 +33,7 @@ from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.model import Model
+from rigctl.model.validity import departures
 from rigctl.units import parse_unit
 
 _SHOWN = 12
@@ -143,6 +144,7 @@ def diagnose_comparison(
         remainder=left,
         doubt=doubt,
         levels=levels,
+        outside=departures(best.fit),
     )
 
 

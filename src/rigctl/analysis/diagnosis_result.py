@@ -12,6 +12,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.identity import Levels
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
+from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, one_line
 from rigctl.units import with_uncertainty
 
@@ -169,6 +170,7 @@ class Diagnosis:
     excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
     next_steps: of a table, what to measure next.
     levels: of each of `effects`, how far the answer goes: its place, what drives it, its law.
+    outside: where the model with `effects` leaves the ranges over which their laws were learned.
     """
 
     runs: tuple[str, ...]
@@ -195,6 +197,7 @@ class Diagnosis:
     remainder: Remainder | None = None
     doubt: str = ""
     levels: tuple[Levels, ...] = ()
+    outside: tuple[Departure, ...] = ()
 
     @property
     def title(self) -> str:
@@ -259,6 +262,7 @@ class Diagnosis:
             "findings": list(self.before.findings),
             "next_steps": list(self.next_steps),
             "next_experiment": None,
+            "outside_validity": [one.document() for one in self.outside],
             "p_value": self.before.adequacy.p_value,
             "p_value_after": _finite(self.p_value_after),
             "held_out": list(self.held_out),

@@ -27,7 +27,6 @@ from rigctl.engine.splines import SplineArgument, SplineColumn, SplineColumns, k
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
-from rigctl.model.measured.record import MeasuredRecord
 
 Floats = NDArray[np.float64]
 
@@ -161,17 +160,9 @@ def courses(problem: Problem, found: Trajectories, driver: Driver) -> list[Float
             if name in states:
                 total += weight * known[:, states.index(name)]
             else:
-                total += weight * _input(record, inputs.index(name))
+                total += weight * record.input_course(inputs.index(name))
         result.append(total)
     return result
-
-
-def _input(record: MeasuredRecord, place: int) -> Floats:
-    """(n) an input at a record's samples."""
-    if place in record.along:
-        return np.interp(record.times, record.knots, record.lines[:, record.along.index(place)])
-    last = np.searchsorted(record.switch_times, record.times, side="left") - 1
-    return np.asarray(record.inputs[np.maximum(last, 0), place])
 
 
 def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats | None:

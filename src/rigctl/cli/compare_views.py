@@ -12,6 +12,7 @@ from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.localisation import Place
 from rigctl.cli.table_views import show_rows
 from rigctl.cli.tables import console, table
+from rigctl.model.validity import Departure
 from rigctl.report.bars import draw_bar
 from rigctl.report.numbers import resolved
 
@@ -37,6 +38,7 @@ def show_comparison(found: Comparison) -> None:
     out = console()
     for model in found.models:
         show_statement(model)
+        show_departures(model.outside)
         for finding in model.findings:
             out.print(f"  {escape(finding)}.", soft_wrap=True)
     for note in found.notes:
@@ -63,6 +65,12 @@ def show_statement(model: ModelComparison) -> None:
     """What a comparison says in one sentence: green where it agrees, yellow where it cannot tell."""
     colour = "yellow" if model.adequacy.below_noise else "green" if model.adequate else "red"
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
+
+
+def show_departures(found: Sequence[Departure]) -> None:
+    """A warning for each range that the model leaves."""
+    for one in found:
+        console().print(f"  [yellow]warning:[/] {escape(one.statement)}.", soft_wrap=True)
 
 
 def show_record_level(model: ModelComparison) -> None:

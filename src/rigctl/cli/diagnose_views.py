@@ -13,6 +13,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.held_out import Unseen
 from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.text import parameters_text
+from rigctl.cli.compare_views import show_departures
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
 from rigctl.report.bars import draw_bar
@@ -32,6 +33,7 @@ def show_diagnosis(found: Diagnosis) -> None:
     """The verdict, the ranking, what speaks for and against, and what cannot be told."""
     out = console()
     _show_verdict(found)
+    show_departures(found.outside)
     if found.remainder_text:
         out.print(f"  {escape(found.remainder_text)}.", soft_wrap=True)
     for note in found.notes:

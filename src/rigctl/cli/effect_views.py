@@ -101,6 +101,8 @@ def show_effect(effect: Effect) -> None:
         ("confused with", ", ".join(effect.confused_with)),
         ("instead of", ", ".join(effect.instead_of)),
         ("needs", effect.needs),
+        ("valid over", "; ".join(map(str, effect.valid))),
+        ("provenance", str(effect.provenance or "")),
         ("source", effect.source),
     ):
         if text:

@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from rigctl.analysis.fitting import fit_again, fit_to_data, read_runs, require_free_parameters
 from rigctl.cli.compare import open_runs
+from rigctl.cli.compare_views import show_departures
 from rigctl.cli.echo import echo
 from rigctl.cli.model_views import show_errors, value_texts
 from rigctl.cli.next_command import DataOptions, analysis, show_next
@@ -23,6 +24,7 @@ from rigctl.effects.user import is_effect_file
 from rigctl.errors import RigctlError
 from rigctl.model import Change, Model, Version, load_model, save_version, stated_values
 from rigctl.model.fit.model_error import model_error
+from rigctl.model.validity import Departure, departures
 
 
 @dataclass(frozen=True)
@@ -60,23 +62,23 @@ def carry_out(path: Path, wanted: Wanted, *, as_json: bool) -> None:
     model = load_model(path)
     if wanted.kind == "fit":
         require_free_parameters(model)
-    made, done = _measured(model, wanted) if wanted.runs else _unmeasured(model, wanted)
+    made, done, outside = _measured(model, wanted) if wanted.runs else _unmeasured(model, wanted)
     version = save_version(made, path, done, effect_files=wanted.effect_files)
     if as_json:
-        print_json(_document(version))
+        print_json(_document(version) | {"outside_validity": [one.document() for one in outside]})
     else:
-        _show(made, version)
+        _show(made, version, outside)
 
 
-def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
+def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change, tuple[Departure, ...]]:
     """A change that no record is asked about."""
     for option, value in (("--hold-out", wanted.hold_out), ("--only", wanted.only)):
         if value:
             raise RigctlError(f"{option} chooses among the records of runs, and none was named")
-    return wanted.changed(model), Change(wanted.kind, effect=wanted.effect)
+    return wanted.changed(model), Change(wanted.kind, effect=wanted.effect), ()
 
 
-def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
+def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change, tuple[Departure, ...]]:
     wanted.changed(model)  # refused before any work
     runs = open_runs(wanted.runs, model, wanted.assume)
     with telling("nothing was saved") as on_progress:
@@ -96,7 +98,7 @@ def _measured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
         before=model_error(before),
         after=model_error(after),
     )
-    return after.model, done
+    return after.model, done, departures(after)
 
 
 def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], tuple[Path, ...]]:
@@ -126,7 +128,7 @@ def _document(version: Version) -> dict[str, Any]:
     }
 
 
-def _show(made: Model, version: Version) -> None:
+def _show(made: Model, version: Version, outside: Sequence[Departure]) -> None:
     """What became of the file, the fall of the error, and the values found."""
     done, head = version.done, version.head
     old, new = {
@@ -139,6 +141,7 @@ def _show(made: Model, version: Version) -> None:
         show_errors([(old, done.before), (new, done.after)])
         echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
         _show_values(made)
+    show_departures(outside)
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
         choice = DataOptions(done.only, done.hold_out, done.assume)

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rigctl.cli.tables import console, table
+from rigctl.effects.declaration import Effect
 from rigctl.model import Model, StatedValue, Version, VersionError, stated_values, version_errors
 from rigctl.model.difference import ModelDifference, ValueDifference
 from rigctl.model.history.change import Change, ModelError
@@ -39,6 +40,10 @@ def show_model(model: Model, version: Version) -> None:
     for name in model.effects:
         effect = model.effect(name)
         out.print(f"  effect [bold]{name}[/] at {', '.join(effect.slots)}: {escape(effect.equation)}")
+        if effect.valid:
+            out.print(f"    [dim]valid over[/] {escape('; '.join(map(str, effect.valid)))}", soft_wrap=True)
+        if effect.provenance is not None:
+            out.print(f"    [dim]provenance:[/] {escape(str(effect.provenance))}", soft_wrap=True)
     if not model.effects:
         out.print("  no effects besides its base")
     out.print(_parameters(stated_values(model)))
@@ -104,16 +109,20 @@ def model_document(model: Model, version: Version) -> dict[str, Any]:
             for state in model.family.states
         ],
         "readings": list(model.system().output_names),
-        "effects": [
-            {
-                "effect": name,
-                "summary": model.effect(name).summary,
-                "equation": model.effect(name).equation,
-                "slots": list(model.effect(name).slots),
-            }
-            for name in model.effects
-        ],
+        "effects": [_effect_document(model.effect(name)) for name in model.effects],
         "parameters": [{"name": stated.name, **value_document(stated)} for stated in values],
+    }
+
+
+def _effect_document(effect: Effect) -> dict[str, Any]:
+    """An effect of a model as data."""
+    return {
+        "effect": effect.name,
+        "summary": effect.summary,
+        "equation": effect.equation,
+        "slots": list(effect.slots),
+        "valid": [one.document() for one in effect.valid],
+        "provenance": None if effect.provenance is None else effect.provenance.document(),
     }
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
+from rigctl.effects.validity import Provenance, ValidRange
 from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
 from rigctl.notebook import one_line
@@ -177,6 +178,8 @@ class Effect:
     base: base physics instead: the family's parameters and the values that take it away; such an effect is in
         every model and has no terms of its own.
     own_family: the family itself where its name alone does not find it: a user's, from a file.
+    valid: the ranges over which its law was learned; none of a law that holds everywhere.
+    provenance: what it was learned from; None of one that was not.
     """
 
     name: str
@@ -196,6 +199,8 @@ class Effect:
     becomes: tuple[tuple[str, float, str], ...] = ()
     base: Mapping[str, float] = field(default_factory=dict)
     own_family: ModelFamily | None = None
+    valid: tuple[ValidRange, ...] = ()
+    provenance: Provenance | None = None
 
     def __repr__(self) -> str:
         """What it is, on one line."""

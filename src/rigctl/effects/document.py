@@ -43,6 +43,8 @@ def effect_document(effect: Effect) -> dict[str, Any]:
         "confused_with": list(effect.confused_with),
         "instead_of": list(effect.instead_of),
         "needs": effect.needs,
+        "valid": [one.document() for one in effect.valid],
+        "provenance": None if effect.provenance is None else effect.provenance.document(),
     }
 
 

@@ -84,6 +84,10 @@ def _remarks(effect: Effect) -> Iterator[str]:
         yield f"**Instead of:** {_names(effect.instead_of)}; a model has one or the other.\n"
     if effect.needs:
         yield f"**Needs:** {_plain(effect.needs)}.\n"
+    if effect.valid:
+        yield f"**Valid over:** {_plain('; '.join(map(str, effect.valid)))}.\n"
+    if effect.provenance is not None:
+        yield f"**Provenance:** {_plain(str(effect.provenance))}.\n"
     yield f"**Source:** {_plain(effect.source)}.\n"
 
 

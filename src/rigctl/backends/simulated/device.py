@@ -66,6 +66,8 @@ class Device:
 
     def read(self) -> tuple[float, ...]:
         """What the sensors report now, SI, in the order of the rig's layout."""
+        for text in self._plant.take_departures():
+            self.notices.append(Notice(self.time, "note", text, {"warning": "outside_validity"}))
         return self._sensors.read(self._plant.read())
 
     @property

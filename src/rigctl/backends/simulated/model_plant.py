@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from rigctl.backends.simulated.initial import initial_commands, initial_values
 from rigctl.model import Model, plant_inputs, plant_stepper
+from rigctl.model.validity import RangeWatch
 from rigctl.rig import Rig
 
 
@@ -44,6 +45,7 @@ class ModelPlant:
         given = {source.channel: source.value for source in self._inputs.sources if source.channel}
         self._values = [given.get(name, initial[name]) for name in self.channels]
         outputs = self._stepper.compiled.system.output_names
+        self._ranges = RangeWatch(model, rig)
         self._places = [
             (self.channels.index(name), outputs.index(name)) for name in outputs if name in self.channels
         ]
@@ -64,6 +66,16 @@ class ModelPlant:
         for place, output in self._places:
             self._values[place] = outputs[output]
         return self._values
+
+    def take_departures(self) -> Sequence[str]:
+        """The ranges of the model's effects that are left now, each once."""
+        if not self._ranges.sides:
+            return ()
+        stepper = self._stepper
+        system = stepper.compiled.system
+        known = dict(zip(system.state_names, stepper.state.tolist(), strict=True))
+        known |= dict(zip(system.input_names, stepper.acting_inputs.tolist(), strict=True))
+        return self._ranges.left(known)
 
 
 def _says_start(rig: Rig, state: str) -> bool:

@@ -28,3 +28,7 @@ class Plant(Protocol):
     def read(self) -> Sequence[float]:
         """The true SI values at the time the plant has reached, without noise."""
         ...
+
+    def take_departures(self) -> Sequence[str]:
+        """In words, the ranges of laws of the plant's effects that it has left since it was last asked."""
+        ...

@@ -10,7 +10,7 @@ All three are integrated exactly over any step. Channels without a role keep the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from rigctl.backends.simulated.failures import possible_range
@@ -62,6 +62,10 @@ class RolesPlant:
     def switch(self, actuator: str, value: float) -> None:
         """Put an actuator to an SI value."""
         self._inputs[actuator] = value
+
+    def take_departures(self) -> Sequence[str]:
+        """None: it has no effects."""
+        return ()
 
     def read(self) -> list[float]:
         """The true SI values."""

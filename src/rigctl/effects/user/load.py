@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from rigctl.effects.registry import library
 from rigctl.effects.user.formula import read_term
 from rigctl.effects.user.names import name_in_file, names_beside, taken_names
 from rigctl.effects.user.schema import EffectFile, ParameterField
+from rigctl.effects.user.valid import read_range
+from rigctl.effects.validity import Provenance, ValidRange
 from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.files.quantity import in_dimension
 from rigctl.files.reader import Reader
@@ -76,8 +79,9 @@ def _build(document: Document) -> Effect:
     parameters = tuple(_parameters(reader, written, family))
     reader.stop_at_errors()
     terms = tuple(_terms(reader, written, family, parameters))
+    valid = tuple(_valid(reader, written, family))
     reader.stop_at_errors()
-    effect = _effect(written, family, terms, parameters, document.path)
+    effect = replace(_effect(written, family, terms, parameters, document.path), valid=valid)
     for problem in problems(effect, family):
         reader.refuse(("parameters",), RigctlError(problem), of_key=True)
     reader.stop_at_errors()
@@ -180,6 +184,15 @@ def _terms(
             yield name, term
 
 
+def _valid(reader: Reader, written: EffectFile, family: ModelFamily) -> Iterator[ValidRange]:
+    for over, ends in written.valid.items():
+        keys = ("valid", over)
+        where = reader.document.locate(keys, of_key=True)
+        found = reader.read(keys, partial(read_range, over, ends, family, where))
+        if found is not None:
+            yield found
+
+
 def _slot(name: str, written: EffectFile, family: ModelFamily) -> Slot:
     try:
         return family.slot(name)
@@ -231,4 +244,5 @@ def _effect(
         instead_of=written.instead_of,
         needs=written.needs,
         own_family=family if is_family_file(written.family) else None,
+        provenance=None if written.provenance is None else Provenance(**dict(written.provenance)),
     )

@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from rigctl.effects.declaration import Ends
+from rigctl.effects.validity import Tier
 from rigctl.errors import RigctlError
 from rigctl.files.quantity import AnyQuantity
 from rigctl.files.refusal import refusal
@@ -45,6 +46,23 @@ class ParameterField(_Part):
     meaning: str = Field(default="", description="its symbol and what it stands for")
 
 
+class ProvenanceField(_Part):
+    """What the effect was learned from."""
+
+    runs: tuple[Text, ...] = Field(default=(), description="ids of the runs")
+    model: str = Field(default="", description="the model beside which it was learned")
+    method: int | None = Field(
+        default=None, ge=1, strict=True, description="the version of the method that found it"
+    )
+    date: str = Field(default="", pattern=r"^(\d{4}-\d{2}-\d{2})?$", description="the day, e.g. 2026-11-22")
+    tier: Tier | None = Field(
+        default=None,
+        description="A: a dimensionless coefficient beside declared parameters; B: one coefficient with a "
+        "dimension of its own; curve: a table of measured points; law: a law of the library in another shape",
+    )
+    statement: str = Field(default="", description="in words")
+
+
 class EffectFile(_Part):
     """One piece of physics that a model may lack: what it adds, where, and what switches it off."""
 
@@ -70,6 +88,12 @@ class EffectFile(_Part):
         default=(), description="effects that it contradicts: a model has one or the other"
     )
     needs: str | None = Field(default=None, description="what the data must hold for it to show")
+    valid: dict[Text, tuple[AnyQuantity, AnyQuantity]] = Field(
+        default_factory=dict,
+        description="the range over which its law was learned, lowest and highest, of each quantity: a "
+        "variable or a parameter of the model, or a formula of these, e.g. 'pressure_a - pressure_b'",
+    )
+    provenance: ProvenanceField | None = Field(default=None, description="what it was learned from")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

@@ -87,6 +87,13 @@ class MeasuredRecord:
         kinds = np.where(changes[row, index] > 0.0, 0, 1)
         return np.asarray(np.where(self.inputs[row, index] == 0.0, 2, kinds), dtype=np.intp)
 
+    def input_course(self, place: int) -> Floats:
+        """(n) the input at `place`, SI, at the samples."""
+        if place in self.along:
+            return np.interp(self.times, self.knots, self.lines[:, self.along.index(place)])
+        last = np.searchsorted(self.switch_times, self.times, side="left") - 1
+        return np.asarray(self.inputs[np.maximum(last, 0), place])
+
     @property
     def here(self) -> NDArray[np.bool_]:
         """(n, outputs) where a value was read."""

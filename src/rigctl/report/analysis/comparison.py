@@ -78,6 +78,7 @@ def _model(model: ModelComparison) -> dict[str, object]:
         "trends": [
             one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement
         ],
+        "outside": [one.statement for one in model.outside],
         "held_out": bool(model.fit.held_out),
         "own": [_own(one) for one in model.record_level],
         "suspicious": [

@@ -1,0 +1,109 @@
+"""Where an effect's law holds, and where it comes from.
+
+A law that was learned from data holds over what these data visited, and nobody knows how it goes on beyond:
+its validity box says how far that is, its provenance from which runs it was learned, and how.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from rigctl.physics.family import Formula
+from rigctl.units import parse_unit, show
+
+#: how strong a claim a law is: a dimensionless coefficient beside groups of declared parameters (A), one
+#: coefficient with a dimension of its own (B), a curve through what was measured, a law of the library with
+#: another shape
+Tier: TypeAlias = Literal["A", "B", "curve", "law"]
+
+
+@dataclass(frozen=True)
+class ValidRange:
+    """One side of a validity box; SI, `unit` is what it is shown in.
+
+    Attributes
+    ----------
+    over: the quantity as it is written: ``velocity``, ``pressure_a - pressure_b``.
+    formula: the same of the model's variables.
+    difference: a temperature that is an interval.
+    """
+
+    over: str
+    unit: str
+    low: float
+    high: float
+    formula: Formula
+    difference: bool = False
+
+    def shown(self, si: float) -> str:
+        """A value of the quantity in its unit."""
+        return show(si, self.unit, difference=self.difference)
+
+    def __str__(self) -> str:
+        """As it is read: ``velocity from 0 m/s to 0.3 m/s``."""
+        return f"{self.over} from {self.shown(self.low)} to {self.shown(self.high)}"
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form, in its unit."""
+        unit = parse_unit(self.unit)
+        low, high = (unit.from_si(end, difference=self.difference) for end in (self.low, self.high))
+        return {
+            "over": self.over,
+            "unit": self.unit,
+            "low": float(f"{low:.12g}"),
+            "high": float(f"{high:.12g}"),
+        }
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a law was learned from.
+
+    Attributes
+    ----------
+    runs: the ids of the runs.
+    model: the model beside which it was learned; "" where nobody said.
+    method: the version of the method that found it; None where a person did.
+    date: ISO, the day it was found.
+    tier: how strong a claim it is.
+    statement: in words.
+    """
+
+    runs: tuple[str, ...] = ()
+    model: str = ""
+    method: int | None = None
+    date: str = ""
+    tier: Tier | None = None
+    statement: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "runs": list(self.runs),
+            "model": self.model,
+            "method": self.method,
+            "date": self.date,
+            "tier": self.tier,
+            "statement": self.statement,
+        }
+
+    def __str__(self) -> str:
+        """As it is read: ``tier B, found 2026-11-22 by method 12 from 20261121-064412-campaign``."""
+        words = [] if self.tier is None else [TIERS[self.tier]]
+        found = [f"found {self.date}"] if self.date else []
+        found += [f"by method {self.method}"] if self.method is not None else []
+        found += [f"from {', '.join(self.runs)}"] if self.runs else []
+        found += [f"beside {self.model}"] if self.model else []
+        words += [" ".join(found)] if found else []
+        said = ", ".join(words)
+        return f"{said}: {self.statement}" if said and self.statement else said or self.statement
+
+
+#: what each tier is called
+TIERS: dict[Tier, str] = {
+    "A": "tier A (dimensionless coefficient)",
+    "B": "tier B (one coefficient with a dimension)",
+    "curve": "a measured curve",
+    "law": "a law of the library in another shape",
+}

@@ -1,0 +1,195 @@
+"""Where a model leaves the ranges over which the laws of its effects were learned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.effects.record_level import RECORD
+from rigctl.effects.validity import ValidRange
+from rigctl.engine.symbols import Scalar
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.model import Model
+from rigctl.model.values import choices
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.scope import Scope
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit
+
+Floats = NDArray[np.float64]
+
+#: of a range's width: what a course may be beyond it before that is said, as a fit moves it a little
+_MARGIN = 0.01
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Where a quantity is furthest beyond the range that the law of an effect was learned over.
+
+    Attributes
+    ----------
+    effect, side: whose law, and which range of it.
+    value: of the quantity there, SI.
+    record: the record's label; `time` from its first sample, s.
+    records: in so many records it is beyond; `of` so many.
+    share: of all samples that are.
+    row: the record is a row of a table, which has no course in time.
+    """
+
+    effect: str
+    side: ValidRange
+    value: float
+    record: str
+    time: float
+    records: int = 1
+    of: int = 1
+    share: float = 0.0
+    row: bool = False
+
+    @property
+    def statement(self) -> str:
+        """In words, with the place."""
+        side = self.side
+        when = "" if self.row else f" at {self.time:.3g} s"
+        many = f", and {self.records} of {self.of} records leave it" if self.records > 1 else ""
+        return (
+            f"{self.effect} was learned for {side}; in {self.record}{when} it is {side.shown(self.value)}"
+            f"{many}: beyond its range nothing is known of its law"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form; `value` in the unit of the range."""
+        value = parse_unit(self.side.unit).from_si(self.value, difference=self.side.difference)
+        return {
+            "effect": self.effect,
+            **self.side.document(),
+            "value": value,
+            "record": self.record,
+            "time": None if self.row else self.time,
+            "records": self.records,
+            "share": self.share,
+            "statement": self.statement,
+        }
+
+
+def departures(fit: FitResult) -> tuple[Departure, ...]:
+    """Where the model of a fit leaves the validity boxes of its effects on its data, the furthest first.
+
+    Nothing for effects whose laws hold everywhere, and for a model that cannot be simulated there.
+    """
+    problem = fit.problem
+    rig = problem.measurements.rig or problem.model.rig
+    effects = [problem.model.effect(name) for name in problem.model.effects]
+    if not any(effect.valid for effect in effects):
+        return ()
+    found = problem.simulate(fit.values, fit.local)
+    if not found.ok:
+        return ()
+    every = [_known(fit, place, states) for place, states in enumerate(found.states)]
+    worst = [
+        _worst(fit, effect, side, [quantity(side, problem.model.family, effects, one, rig) for one in every])
+        for effect in effects
+        for side in effect.valid
+    ]
+    return tuple(sorted((one for one in worst if one is not None), key=lambda one: -_distance(one)))
+
+
+class RangeWatch:
+    """Says once of each range when a simulated bench leaves it.
+
+    Attributes
+    ----------
+    sides: the effects with the ranges of their laws; none of a model whose laws hold everywhere.
+    """
+
+    def __init__(self, model: Model, rig: Rig) -> None:
+        self._model = model
+        self._rig = rig
+        self._effects = [model.effect(name) for name in model.effects]
+        self.sides = [(effect.name, side) for effect in self._effects for side in effect.valid]
+
+    def left(self, known: Mapping[str, float]) -> list[str]:
+        """In words, the ranges that states and inputs leave; each is said once."""
+        found: list[str] = []
+        for name, side in list(self.sides):
+            everything: dict[str, Scalar] = {**self._model.values, **known}
+            value = float(quantity(side, self._model.family, self._effects, everything, self._rig))
+            margin = _MARGIN * (side.high - side.low)
+            if not side.low - margin <= value <= side.high + margin and np.isfinite(value):
+                self.sides.remove((name, side))
+                found.append(
+                    f"{name} was learned for {side}, and it is {side.shown(value)}: beyond its range nothing "
+                    "is known of its law"
+                )
+        return found
+
+
+def quantity(
+    side: ValidRange,
+    family: ModelFamily,
+    effects: Iterable[Effect],
+    known: Mapping[str, Scalar],
+    rig: Rig | None = None,
+) -> Floats:
+    """The quantity of a range where `known` are the equations' variables: numbers, or their courses."""
+    additions = [addition for effect in effects for addition in effect.additions()]
+    scope = Scope(family, known, additions=additions, options=choices(family, rig))
+    with np.errstate(all="ignore"):
+        return np.asarray(side.formula(scope), dtype=float)
+
+
+def _known(fit: FitResult, place: int, states: Floats) -> dict[str, Scalar]:
+    """Every variable of the equations along a record, as it was fitted."""
+    problem, record = fit.problem, fit.problem.records[place]
+    system = problem.compiled.system
+    known: dict[str, Any] = {parameter.name: parameter.value for parameter in problem.model.family.parameters}
+    known |= problem.model.values
+    known |= dict(zip(system.parameter_names, problem.base.tolist(), strict=True))
+    known |= {one.name: float(value) for one, value in zip(problem.shared, fit.values, strict=True)}
+    for one, value in zip(problem.local[place], fit.local[place], strict=True):
+        if one.kind == "parameter":
+            known[one.name] = known.get(one.name, 0.0) + float(value)
+    known |= {name: states[:, k] for k, name in enumerate(system.state_names)}
+    for k, name in enumerate(system.input_names):
+        known[name] = record.input_course(k)
+        if name in record.unrecorded:
+            known[name] = known[name] + known.get(qualified(RECORD, name), 0.0)
+    return known
+
+
+def _worst(fit: FitResult, effect: Effect, side: ValidRange, courses: Sequence[Floats]) -> Departure | None:
+    """The furthest place of one range."""
+    records = fit.problem.records
+    margin = _MARGIN * (side.high - side.low)
+    beyond = [
+        np.broadcast_to(np.nan_to_num(np.maximum(side.low - x, x - side.high), nan=0.0), record.times.shape)
+        for x, record in zip(courses, records, strict=True)
+    ]
+    outside = [distance > margin for distance in beyond]
+    where = [k for k, one in enumerate(outside) if one.any()]
+    if not where:
+        return None
+    k = max(where, key=lambda place: float(beyond[place].max()))
+    at = int(np.argmax(beyond[k]))
+    return Departure(
+        effect=effect.name,
+        side=side,
+        value=float(np.broadcast_to(courses[k], records[k].times.shape)[at]),
+        record=records[k].label,
+        time=float(records[k].times[at]),
+        records=len(where),
+        of=len(records),
+        share=sum(int(one.sum()) for one in outside) / max(1, sum(one.size for one in outside)),
+        row=records[k].row,
+    )
+
+
+def _distance(one: Departure) -> float:
+    """How far beyond, in widths of the range."""
+    side = one.side
+    return max(side.low - one.value, one.value - side.high) / (side.high - side.low)
