@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from importlib.util import find_spec
 
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.rig import Rig
 
 _FLAGS = {"on": True, "off": False, "true": True, "false": False, "yes": True, "no": False}
 
@@ -15,6 +17,32 @@ def refuse_unknown(kind: str, options: Mapping[str, object], known: Iterable[str
     for name in options:
         if name not in names:
             raise unknown_name(kind, name, names)
+
+
+def read_port(rig: Rig, options: Mapping[str, object], question: str, expected: str, begins: str = "") -> str:
+    """The port of the command line, else of the rig file.
+
+    Raises
+    ------
+    RigctlError
+        there is none (`question`, `expected`), or none that `begins` so.
+    """
+    port = options.get("port") or rig.backend.port
+    if isinstance(port, str) and port.startswith(begins):
+        return port
+    raise RigctlError(question, value=port if isinstance(port, str) else None, expected=expected)
+
+
+def require_packages(device: str, library: str, extra: str, modules: Iterable[str]) -> None:
+    """Refuse a `device` whose `library` is not installed, and say how it is.
+
+    Raises
+    ------
+    RigctlError
+        one of the `modules` is missing.
+    """
+    if any(find_spec(module) is None for module in modules):
+        raise RigctlError(f"{device} needs {library}", hint=f"pip install 'rigctl[{extra}]'")
 
 
 def read_flag(name: str, given: object, *, default: bool) -> bool:

@@ -8,40 +8,106 @@ does holds for it as well: one question at a time, reconnection, its guard.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Protocol
+
+from pydantic import Field
 
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
 from rigctl.rig.lines import Lines
+from rigctl.rig.positions import position_problems
 from rigctl.rig.problem import Problem
 from rigctl.rig.setting import POSITIONS
 
 _MARGIN = 0.2  # s that an answer may take on its way between the client and the bench
 
 
+class Positioned(Protocol):
+    """What an actuator is set by."""
+
+    @property
+    def values(self) -> Mapping[str, float] | None:
+        """The numbers of its positions; None where they are 0 and 1, or it takes a number."""
+
+
+class Beating(Protocol):
+    """What counts up while rigctl lives."""
+
+    @property
+    def every(self) -> float:
+        """Time between two counts, s."""
+
+
+class ClientDevice(Protocol):
+    """A device that a library speaks to, as its part of a rig file describes it; times in s, rates in Hz."""
+
+    @property
+    def timeout(self) -> float:
+        """How long it may take to answer."""
+
+    @property
+    def tries(self) -> int:
+        """How often a question is asked before it is lost."""
+
+    @property
+    def wake(self) -> float:
+        """How long it may be silent after it was connected."""
+
+    @property
+    def fastest(self) -> float | None:
+        """The highest rate at which it can be asked; None where nothing says it."""
+
+    @property
+    def actuators(self) -> Mapping[str, Positioned]:
+        """What is written."""
+
+    @property
+    def heartbeat(self) -> Beating | None:
+        """None where it wants none."""
+
+    @property
+    def watchdog(self) -> float:
+        """After how long without rigctl its guard makes outputs safe."""
+
+
+#: fields that such devices share
+Positions = Annotated[
+    dict[str, int] | None,
+    Field(
+        description="of a switch or a directional valve: the numbers of its positions; left out: 0 and 1",
+    ),
+]
+Tries = Annotated[int, Field(ge=1, le=5, description="how often a question is asked before it is lost")]
+Watchdog = Annotated[
+    float,
+    Q("s", low="0.5 s", high="60 s"),
+    Field(description="when rigctl has stood still or was killed for so long, its guard makes outputs safe"),
+]
+Every = Annotated[
+    Annotated[float, Q("s", positive=True)] | None,
+    Field(description="read at most so often, the last value holds; left out: for each sample"),
+]
+
+
 def client_lines(
+    device: ClientDevice,
+    actuators: Mapping[str, Actuator],
     *,
     identity: str,
     reads: Sequence[tuple[Sequence[str], float | None]],
-    writes: Mapping[str, Mapping[str, str] | None],
-    timeout: float,
-    tries: int,
-    wake: float,
-    fastest: float | None,
-    beat: float | None,
-    watchdog: float,
 ) -> Lines:
     """The lines of a client.
 
     Parameters
     ----------
+    actuators: of the rig.
     identity: what it answers to ``identify``, as a pattern.
     reads: the names that each ``read`` gives, and how often in s it is asked at the most; None: each sample.
-    writes: actuator to what stands for its positions; None for one that takes a number.
-    timeout: s that the device may take.
-    fastest: Hz; None where nothing says it.
-    beat: s between two ``beat``; None for a device that wants none.
     """
+    writes = {name: _positions_of(actuators, name, part.values) for name, part in device.actuators.items()}
+    beat = device.heartbeat
     queries = [
         {
             "send": f"read {index}",
@@ -50,7 +116,7 @@ def client_lines(
         }
         for index, (names, every) in enumerate(reads)
     ]
-    actuators = {
+    settings = {
         name: {"send": f"write {name} {{value:.9e}}", "reply": "ok"}
         if words is None
         else {"send": f"write {name} {{value}}", "reply": "ok", "words": dict(words)}
@@ -58,21 +124,23 @@ def client_lines(
     }
     return Lines.model_validate(
         {
-            "timeout": f"{timeout + _MARGIN:g} s",
-            "tries": tries,
-            "wake": f"{wake:g} s",
-            "fastest": None if fastest is None else f"{fastest:g} Hz",
+            "timeout": f"{device.timeout + _MARGIN:g} s",
+            "tries": device.tries,
+            "wake": f"{device.wake:g} s",
+            "fastest": None if device.fastest is None else f"{device.fastest:g} Hz",
             "identify": {"send": "identify", "reply": identity},
             "queries": queries,
-            "actuators": actuators,
+            "actuators": settings,
             "errors": ["error {_}"],
-            "keep_alive": None if beat is None else {"send": "beat", "reply": "ok", "every": f"{beat:g} s"},
-            "watchdog": f"{watchdog:g} s",
+            "keep_alive": None
+            if beat is None
+            else {"send": "beat", "reply": "ok", "every": f"{beat.every:g} s"},
+            "watchdog": f"{device.watchdog:g} s",
         }
     )
 
 
-def positions_of(
+def _positions_of(
     actuators: Mapping[str, Actuator], name: str, values: Mapping[str, float] | None
 ) -> dict[str, str] | None:
     """What stands for an actuator's positions, as the client is told; None for one that takes a number."""
@@ -126,17 +194,14 @@ def _positions(
 ) -> Iterator[Problem]:
     positions = POSITIONS.get(actuator.kind)
     if values is None:
+        if actuator.kind == "directional_valve":
+            error = RigctlError(
+                "values: a valve's positions need numbers", expected="{retract: 2, neutral: 0, …}"
+            )
+            yield Problem(keys, error)
         return
     if positions is None:
         error = RigctlError("a level has no positions", expected="a number in its unit")
         yield Problem((*keys, "values"), error, of_key=True)
         return
-    for word in values:
-        if word not in positions:
-            yield Problem((*keys, "values", word), unknown_name("position", word, positions), of_key=True)
-    missing = [word for word in positions if word not in values]
-    if missing:
-        error = RigctlError("values: a position has none", value=", ".join(missing), expected="one for each")
-        yield Problem((*keys, "values"), error)
-    elif len(set(values.values())) < len(values):
-        yield Problem((*keys, "values"), RigctlError("values: two positions have the same"))
+    yield from position_problems("values", positions, values, (*keys, "values"))

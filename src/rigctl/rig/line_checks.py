@@ -8,6 +8,7 @@ from itertools import chain
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.rig.line_pattern import VALUE
 from rigctl.rig.lines import Exchange, LineActuator, Lines
+from rigctl.rig.positions import position_problems
 from rigctl.rig.problem import Problem
 from rigctl.rig.rig import Rig
 from rigctl.rig.setting import POSITIONS
@@ -93,16 +94,7 @@ def _actuator(rig: Rig, name: str, part: LineActuator, keys: tuple[str | int, ..
     if part.scale is not None:
         error = RigctlError(f"a {actuator.kind} has no scale", expected="'words'")
         yield Problem((*keys, "scale"), error, of_key=True)
-    words = part.words or {}
-    for word in words:
-        if word not in positions:
-            yield Problem((*keys, "words", word), unknown_name("position", word, positions), of_key=True)
-    missing = [word for word in positions if word not in words]
-    if missing:
-        error = RigctlError("words: a position has none", value=", ".join(missing), expected="one for each")
-        yield Problem((*keys, "words") if part.words else keys, error)
-    elif len(set(words.values())) < len(words):
-        yield Problem((*keys, "words"), RigctlError("words: two positions have the same"))
+    yield from position_problems("words", positions, part.words or {}, (*keys, "words"))
 
 
 def _scale(rig: Rig, name: str, part: LineActuator, keys: tuple[str | int, ...]) -> Iterator[Problem]:

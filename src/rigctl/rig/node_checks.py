@@ -31,10 +31,6 @@ def node_problems(
     for name, part in server.actuators.items():
         keys = (*_AT, "actuators", name)
         yield from _node(part, keys)
-        valve = name in actuators and actuators[name].kind == "directional_valve"
-        if valve and part.values is None:
-            error = RigctlError("a valve's positions need numbers", expected="values: {retract: 2, …}")
-            yield Problem(keys, error)
         if isinstance(part.readback, Node):
             yield from _node(part.readback, (*keys, "readback"))
 

@@ -12,7 +12,7 @@ from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
-from rigctl.rig.client_lines import client_lines, positions_of
+from rigctl.rig.client_lines import Every, Positions, Tries, Watchdog, client_lines
 from rigctl.rig.lines import Lines
 
 _Seconds = Annotated[float, Q("s", positive=True)]
@@ -32,9 +32,7 @@ class Node(Part):
 class ReadNode(Node):
     """A variable that is read for a channel."""
 
-    every: _Seconds | None = Field(
-        default=None, description="read at most so often, the last value holds; left out: for each sample"
-    )
+    every: Every = None
     max_age: _Seconds | None = Field(
         default=None, description="a value whose source is older by the server's clock is none"
     )
@@ -60,10 +58,7 @@ class HeartbeatNode(Part):
 class WrittenNode(Node):
     """A variable that an actuator is set by."""
 
-    values: dict[str, int] | None = Field(
-        default=None,
-        description="of a switch or a directional valve: the numbers of its positions; left out: 0 and 1",
-    )
+    values: Positions = None
     readback: Node | bool = Field(
         default=True,
         description="where its state is read with each sample: true: where it is written; false: nowhere",
@@ -76,7 +71,7 @@ class OpcUa(Part):
     timeout: Annotated[float, Q("s", low="0.1 s", high="10 s")] = Field(
         default=1.0, description="how long an answer may take"
     )
-    tries: int = Field(default=2, ge=1, le=5, description="how often a question is asked before it is lost")
+    tries: Tries = 2
     wake: _Seconds = Field(default=5.0, description="how long connecting may take")
     fastest: Annotated[float, Q("Hz", positive=True)] = Field(
         default=10.0,
@@ -88,10 +83,7 @@ class OpcUa(Part):
         default_factory=dict, description="where each driven actuator is written"
     )
     heartbeat: HeartbeatNode | None = Field(default=None, description="written again and again")
-    watchdog: Annotated[float, Q("s", low="0.5 s", high="60 s")] = Field(
-        default=3.0,
-        description="when rigctl has stood still or was killed for so long, its guard makes outputs safe",
-    )
+    watchdog: Watchdog = 3.0
 
     @cached_property
     def reads(self) -> tuple[tuple[float | None, Mapping[str, Node]], ...]:
@@ -108,15 +100,8 @@ class OpcUa(Part):
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
         """The lines that its client understands, `rigctl.backends.opcua.client`."""
         return client_lines(
+            self,
+            actuators,
             identity="opcua {product}",
             reads=[(tuple(nodes), every) for every, nodes in self.reads],
-            writes={
-                name: positions_of(actuators, name, part.values) for name, part in self.actuators.items()
-            },
-            timeout=self.timeout,
-            tries=self.tries,
-            wake=self.wake,
-            fastest=self.fastest,
-            beat=None if self.heartbeat is None else self.heartbeat.every,
-            watchdog=self.watchdog,
         )

@@ -25,12 +25,6 @@ def register_problems(
     for name, part in modbus.actuators.items():
         keys = (*_AT, "actuators", name)
         yield from _written(part, keys)
-        valve = name in actuators and actuators[name].kind == "directional_valve"
-        if valve and part.values is None:
-            error = RigctlError(
-                "values: a valve's positions need numbers", expected="{retract: 2, neutral: 0, …}"
-            )
-            yield Problem(keys, error)
         if isinstance(part.readback, Register):
             yield from _register(part.readback, (*keys, "readback"))
     if modbus.identify is not None:

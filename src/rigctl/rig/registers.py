@@ -13,7 +13,7 @@ from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
-from rigctl.rig.client_lines import client_lines, positions_of
+from rigctl.rig.client_lines import Every, Positions, Tries, Watchdog, client_lines
 from rigctl.rig.lines import Lines
 
 _Seconds = Annotated[float, Q("s", positive=True)]
@@ -69,9 +69,7 @@ class Register(Part):
 class ReadRegister(Register):
     """A number that is read for a channel."""
 
-    every: _Seconds | None = Field(
-        default=None, description="read at most so often, the last value holds; left out: for each sample"
-    )
+    every: Every = None
 
 
 class IdentityRegister(Register):
@@ -89,10 +87,7 @@ class Heartbeat(Register):
 class WrittenRegister(Register):
     """A number that an actuator is set by."""
 
-    values: dict[str, int] | None = Field(
-        default=None,
-        description="of a switch or a directional valve: the numbers of its positions; left out: 0 and 1",
-    )
+    values: Positions = None
     readback: Register | bool = Field(
         default=True,
         description="where its state is read with each sample: true: where it is written; false: nowhere",
@@ -111,7 +106,7 @@ class Modbus(Part):
     timeout: Annotated[float, Q("s", low="0.02 s", high="5 s")] = Field(
         default=0.3, description="how long an answer may take"
     )
-    tries: int = Field(default=2, ge=1, le=5, description="how often a question is asked before it is lost")
+    tries: Tries = 2
     wake: _Seconds = Field(default=3.0, description="how long it may be silent after it was connected")
     read_gaps: int = Field(
         default=0, ge=0, le=100, description="registers between two that may be read along in one request"
@@ -125,10 +120,7 @@ class Modbus(Part):
         default_factory=dict, description="where each driven actuator is written"
     )
     heartbeat: Heartbeat | None = Field(default=None, description="written again and again")
-    watchdog: Annotated[float, Q("s", low="0.5 s", high="60 s")] = Field(
-        default=2.0,
-        description="when rigctl has stood still or was killed for so long, its guard makes outputs safe",
-    )
+    watchdog: Watchdog = 2.0
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
@@ -143,17 +135,10 @@ class Modbus(Part):
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
         """The lines that its client understands, `rigctl.backends.modbus.client`."""
         return client_lines(
+            self,
+            actuators,
             identity=self.identity(),
             reads=[(tuple(block.registers), block.every) for block in self.blocks],
-            writes={
-                name: positions_of(actuators, name, part.values) for name, part in self.actuators.items()
-            },
-            timeout=self.timeout,
-            tries=self.tries,
-            wake=self.wake,
-            fastest=self.fastest,
-            beat=None if self.heartbeat is None else self.heartbeat.every,
-            watchdog=self.watchdog,
         )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from rigctl.validation.outcome import TrialOutcome
 
+Trial = TypeVar("Trial")
 #: two-sided 95 %
 _Z = 1.959963984540054
 
@@ -81,6 +82,19 @@ def wilson(count: int, trials: int, z: float = _Z) -> tuple[float, float]:
     half = z * math.sqrt(share * (1.0 - share) / trials + square / (4.0 * trials))
     centre = share + square / 2.0
     return max(0.0, (centre - half) / (1.0 + square)), min(1.0, (centre + half) / (1.0 + square))
+
+
+def rate_of(
+    name: str,
+    of: str,
+    among: Sequence[Trial],
+    happened: Callable[[Trial], bool],
+    *,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Rate:
+    """How often something `happened` among trials."""
+    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from rigctl.validation.amplitude import CLOSE
-from rigctl.validation.figures import Figures, Rate
+from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Outcome
 
 #: separation below which a class must be reported, and above which one effect
@@ -57,18 +57,6 @@ def _of(outcomes: Sequence[Outcome], wanted: Callable[[Outcome], bool]) -> list[
     return [outcome for outcome in outcomes if wanted(outcome)]
 
 
-def _rate(
-    name: str,
-    of: str,
-    among: Sequence[Outcome],
-    happened: Callable[[Outcome], bool],
-    *,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> Rate:
-    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)
-
-
 def _false_alarms(nothing: Sequence[Outcome]) -> list[Rate]:
     name = "false alarm, nothing hidden"
 
@@ -77,12 +65,12 @@ def _false_alarms(nothing: Sequence[Outcome]) -> list[Rate]:
 
     estimated = _of(nothing, lambda o: not o.scenario.noise_known)
     found = [
-        _rate(name, "noise known", _of(nothing, lambda o: o.scenario.noise_known), alarm, at_most=0.02),
-        _rate(name, "noise estimated", estimated, alarm, at_most=0.05),
+        rate_of(name, "noise known", _of(nothing, lambda o: o.scenario.noise_known), alarm, at_most=0.02),
+        rate_of(name, "noise estimated", estimated, alarm, at_most=0.05),
     ]
     for noise in dict.fromkeys(sorted(outcome.scenario.noise for outcome in estimated)):
         among = [outcome for outcome in estimated if outcome.scenario.noise == noise]
-        found.append(_rate(name, f"noise estimated: {noise.replace('_', ' ')}", among, alarm))
+        found.append(rate_of(name, f"noise estimated: {noise.replace('_', ' ')}", among, alarm))
     return found
 
 
@@ -99,8 +87,8 @@ def _first(one: Sequence[Outcome], name: str, *, targets: bool = True) -> list[R
         distinct = _of(sized, _distinct)
         wanted = target if targets else None
         found += [
-            _rate(name, f"{of}, all cos < {NEAR_TWIN:g}", distinct, _found_first, at_least=wanted),
-            _rate(name, of, sized, _found_first),
+            rate_of(name, f"{of}, all cos < {NEAR_TWIN:g}", distinct, _found_first, at_least=wanted),
+            rate_of(name, of, sized, _found_first),
         ]
     return found
 
@@ -118,8 +106,8 @@ def _accepted(made: Sequence[Outcome]) -> list[Rate]:
     shaped = [o for o in among if o.scenario.shape != "wrong"]
     far = [o for o in among if o.scenario.shape == "wrong"]
     return [
-        _rate("accepted and wrong", "one or two hidden", shaped, wrong, at_most=0.01),
-        _rate("accepted and wrong", "wrong shape", far, wrong),
+        rate_of("accepted and wrong", "one or two hidden", shaped, wrong, at_most=0.01),
+        rate_of("accepted and wrong", "wrong shape", far, wrong),
     ]
 
 
@@ -128,9 +116,9 @@ def _together(made: Sequence[Outcome]) -> list[Rate]:
     beside = _of(two, lambda o: min(o.beside, default=math.inf) >= (1.0 - CLOSE) * TOGETHER)
     name = "two hidden effects exactly"
     return [
-        _rate(name, "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),
-        _rate(name, "λ >= 10 each, also beside the other", beside, lambda o: o.exact),
-        _rate(name, f"all cos < {NEAR_TWIN:g}", _of(two, _distinct), lambda o: o.exact),
+        rate_of(name, "λ >= 10 each", two, lambda o: o.exact, at_least=0.95),
+        rate_of(name, "λ >= 10 each, also beside the other", beside, lambda o: o.exact),
+        rate_of(name, f"all cos < {NEAR_TWIN:g}", _of(two, _distinct), lambda o: o.exact),
     ]
 
 
@@ -142,8 +130,8 @@ def _removed(made: Sequence[Outcome]) -> list[Rate]:
         return outcome.verdict == "outside_library"
 
     return [
-        _rate(name, f"best rival's cos < {NEAR_TWIN:g}", _of(removed, _distinct), outside, at_least=0.95),
-        _rate(name, "all", removed, outside),
+        rate_of(name, f"best rival's cos < {NEAR_TWIN:g}", _of(removed, _distinct), outside, at_least=0.95),
+        rate_of(name, "all", removed, outside),
     ]
 
 
@@ -166,6 +154,6 @@ def _classes(one: Sequence[Outcome]) -> list[Rate]:
         return len(outcome.named_class(outcome.scenario.truth[0])) > 1
 
     return [
-        _rate("reports the class", f"d < {SEPARABLE}", near, several, at_least=1.0),
-        _rate("class of one", f"d >= {SEPARABLE}", apart, lambda o: not several(o), at_least=1.0),
+        rate_of("reports the class", f"d < {SEPARABLE}", near, several, at_least=1.0),
+        rate_of("class of one", f"d >= {SEPARABLE}", apart, lambda o: not several(o), at_least=1.0),
     ]

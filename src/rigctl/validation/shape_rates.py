@@ -8,7 +8,7 @@ from functools import lru_cache
 from rigctl.analysis.identity import same_cause
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
-from rigctl.validation.figures import Figures, Rate
+from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Claim, Outcome
 from rigctl.validation.rates import confusion
 
@@ -28,14 +28,14 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
     two = [o for o in made if o.scenario.kind == "two"]
     removed = [o for o in made if o.scenario.kind == "removed"]
     found = [
-        _rate("false alarm, nothing hidden", "noise estimated", _of(made, "nothing"), _alarm, at_most=0.05),
+        rate_of("false alarm, nothing hidden", "noise estimated", _of(made, "nothing"), _alarm, at_most=0.05),
         *_by_size("place and driver named", one, _cause_named, at_least=0.95),
         *_by_size("law or its class named", one, lambda o: o.right, at_least=0.90),
         *_by_size("wrong at a level that is claimed", one, wrongly_claimed, at_most=0.01),
-        _rate("beyond its usual range", "named or in the class", beyond, lambda o: o.right, at_least=1.0),
-        _rate("a strong and a weak effect", "both named", two, lambda o: o.exact, at_least=0.90),
-        _rate("a strong and a weak effect", "wrong at a level", two, wrongly_claimed, at_most=0.01),
-        _rate("a strong and a weak effect", "one, and that is all", two, _one_is_all, at_most=0.05),
+        rate_of("beyond its usual range", "named or in the class", beyond, lambda o: o.right, at_least=1.0),
+        rate_of("a strong and a weak effect", "both named", two, lambda o: o.exact, at_least=0.90),
+        rate_of("a strong and a weak effect", "wrong at a level", two, wrongly_claimed, at_most=0.01),
+        rate_of("a strong and a weak effect", "one, and that is all", two, _one_is_all, at_most=0.05),
         *_by_size("truth removed, outside or a true level", removed, _honest, at_least=0.95),
         *_by_size("truth removed, wrong place or driver", removed, _wrong_cause, at_most=0.01),
     ]
@@ -106,20 +106,8 @@ def _by_size(
     at_most: float | None = None,
 ) -> list[Rate]:
     sizes = sorted({outcome.scenario.hidden[0].size for outcome in among})
-    found = [_rate(name, "all sizes", among, happened, at_least=at_least, at_most=at_most)]
+    found = [rate_of(name, "all sizes", among, happened, at_least=at_least, at_most=at_most)]
     for size in sizes:
         sized = [outcome for outcome in among if outcome.scenario.hidden[0].size == size]
-        found.append(_rate(name, f"λ = {size:g}", sized, happened))
+        found.append(rate_of(name, f"λ = {size:g}", sized, happened))
     return found
-
-
-def _rate(
-    name: str,
-    of: str,
-    among: Sequence[Outcome],
-    happened: Callable[[Outcome], bool],
-    *,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> Rate:
-    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from importlib.util import find_spec
 from typing import Any
 
 from rigctl.backends.lines.create import line_bench
 from rigctl.backends.modbus.numbers import Place
-from rigctl.backends.options import refuse_unknown
+from rigctl.backends.options import read_port, refuse_unknown, require_packages
 from rigctl.backends.protocol import Backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
@@ -47,17 +46,12 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
         an option is unknown or wrong, no port is named, or pymodbus is missing.
     """
     refuse_unknown("option of the modbus backend", options, OPTIONS)
-    port = options.get("port") or rig.backend.port
-    if not isinstance(port, str):
-        raise RigctlError(
-            "where is the device?",
-            expected="e.g. '--port 192.168.0.20:502', or '--port /dev/ttyUSB0' for RTU",
-        )
+    expected = "e.g. '--port 192.168.0.20:502', or '--port /dev/ttyUSB0' for RTU"
+    port = read_port(rig, options, "where is the device?", expected)
     baud = options.get("baud") or rig.backend.baud or BAUD
     if not isinstance(baud, int) or isinstance(baud, bool):
         raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 19200")
-    if find_spec("pymodbus") is None:
-        raise RigctlError("a device on Modbus needs pymodbus", hint="pip install 'rigctl[modbus]'")
+    require_packages("a device on Modbus", "pymodbus", "modbus", ["pymodbus"])
     return Address("modbus", port, settings_of(_registers(rig), baud))
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
 from typing import Any
 
 from rigctl.backends.lines.create import line_bench
-from rigctl.backends.options import refuse_unknown
+from rigctl.backends.options import read_port, refuse_unknown, require_packages
 from rigctl.backends.protocol import Backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
@@ -44,15 +43,9 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
         an option is unknown or wrong, no server is named, or asyncua is missing.
     """
     refuse_unknown("option of the opcua backend", options, OPTIONS)
-    port = options.get("port") or rig.backend.port
-    if not (isinstance(port, str) and port.startswith("opc.tcp://")):
-        raise RigctlError(
-            "where is the server?",
-            value=port if isinstance(port, str) else None,
-            expected="e.g. '--port opc.tcp://192.168.0.22:4840'",
-        )
-    if find_spec("asyncua") is None:
-        raise RigctlError("a server of OPC UA needs asyncua", hint="pip install 'rigctl[opcua]'")
+    expected = "e.g. '--port opc.tcp://192.168.0.22:4840'"
+    port = read_port(rig, options, "where is the server?", expected, begins="opc.tcp://")
+    require_packages("a server of OPC UA", "asyncua", "opcua", ["asyncua"])
     return Address("opcua", port, settings_of(_nodes(rig)))
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
 
 from rigctl.backends.lines.create import line_bench
-from rigctl.backends.options import refuse_unknown
+from rigctl.backends.options import read_port, refuse_unknown, require_packages
 from rigctl.backends.protocol import Backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
@@ -44,16 +43,11 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
         an option is unknown or wrong, no port is named, or PyVISA is missing.
     """
     refuse_unknown("option of the visa backend", options, OPTIONS)
-    port = options.get("port") or rig.backend.port
-    if not isinstance(port, str):
-        raise RigctlError(
-            "which instrument?",
-            expected="e.g. '--port TCPIP::192.168.0.21::5025::SOCKET', or GPIB0::9::INSTR",
-        )
+    expected = "e.g. '--port TCPIP::192.168.0.21::5025::SOCKET', or GPIB0::9::INSTR"
+    port = read_port(rig, options, "which instrument?", expected)
     library = options.get("library") or "@py"
     needed = ("pyvisa", "pyvisa_py") if library == "@py" else ("pyvisa",)
-    if any(find_spec(module) is None for module in needed):
-        raise RigctlError("an instrument behind VISA needs PyVISA", hint="pip install 'rigctl[visa]'")
+    require_packages("an instrument behind VISA", "PyVISA", "visa", needed)
     lines = _lines(rig)
     settings = {
         "library": str(library),

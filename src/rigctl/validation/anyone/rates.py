@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from rigctl.validation.anyone.work import BenchOutcome
-from rigctl.validation.figures import Figures, Rate
+from rigctl.validation.figures import Figures, Rate, rate_of
 
 #: the least λ of what must be found
 _PLAIN = 30.0
@@ -18,12 +18,12 @@ def bench_rates(outcomes: Iterable[BenchOutcome]) -> tuple[Rate, ...]:
     nothing = [outcome for outcome in made if not outcome.scenario.size]
     hidden = [outcome for outcome in made if outcome.scenario.size >= _PLAIN]
     found = [
-        _rate("false alarm", "nothing hidden", nothing, alarm, at_most=0.05),
-        _rate("right, or its class", f"λ >= {_PLAIN:g}", hidden, found_right, at_least=0.95),
-        _rate("wrong", "all trials", made, wrong, at_most=0.01),
-        _rate("something is missing, not what", f"λ >= {_PLAIN:g}", hidden, outside),
-        _rate("called adequate", f"λ >= {_PLAIN:g}", hidden, lambda o: o.verdict == "adequate"),
-        _rate("failed", "all trials", made, lambda o: bool(o.failure)),
+        rate_of("false alarm", "nothing hidden", nothing, alarm, at_most=0.05),
+        rate_of("right, or its class", f"λ >= {_PLAIN:g}", hidden, found_right, at_least=0.95),
+        rate_of("wrong", "all trials", made, wrong, at_most=0.01),
+        rate_of("something is missing, not what", f"λ >= {_PLAIN:g}", hidden, outside),
+        rate_of("called adequate", f"λ >= {_PLAIN:g}", hidden, lambda o: o.verdict == "adequate"),
+        rate_of("failed", "all trials", made, lambda o: bool(o.failure)),
         *_parted("false alarm", nothing, alarm),
         *_parted("right, or its class", hidden, found_right),
     ]
@@ -67,18 +67,6 @@ def outside(outcome: BenchOutcome) -> bool:
     return outcome.verdict == "outside_library"
 
 
-def _rate(
-    name: str,
-    of: str,
-    among: Sequence[BenchOutcome],
-    happened: Callable[[BenchOutcome], bool],
-    *,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> Rate:
-    return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)
-
-
 def _parted(
     name: str, among: Sequence[BenchOutcome], happened: Callable[[BenchOutcome], bool]
 ) -> Iterator[Rate]:
@@ -91,4 +79,4 @@ def _parted(
     )
     for by, part in parts:
         for value in sorted({part(outcome) for outcome in among}):
-            yield _rate(name, f"{by}: {value}", [o for o in among if part(o) == value], happened)
+            yield rate_of(name, f"{by}: {value}", [o for o in among if part(o) == value], happened)
