@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.analysis.data import MODEL, RIG, ROOT, run_of, write_fast
+from benchmarks.analysis.data import MODEL, RIG, ROOT, run_of, write_fast, write_own_bench
 from benchmarks.analysis.process import in_a_command, in_a_process
 from benchmarks.engine.timing import best
 from benchmarks.record import keep, table
@@ -121,11 +121,8 @@ def standard(folder: Path) -> dict[str, dict[str, float]]:
 
 
 def own_bench(folder: Path) -> dict[str, dict[str, float]]:
-    """``rigctl diagnose`` of a user's own bench: 8 records of 751 samples, 3 states, all generic effects."""
-    from rigctl.validation.benches.bench import BenchCampaign, write_bench
-    from rigctl.validation.benches.register import find_bench
-
-    log = write_bench(BenchCampaign(find_bench("chain"), 0.03, seed=1), folder)
+    """``rigctl diagnose`` of a user's own bench: 12 records of 600 samples, 3 states, all generic effects."""
+    log = write_own_bench(folder)
     command = [sys.executable, "-m", "rigctl", "import", str(log), "--rig", "rig.yaml"]
     subprocess.run(command, check=True, capture_output=True, cwd=folder)
     found = {}

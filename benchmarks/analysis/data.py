@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -14,6 +15,8 @@ from rigctl.dataset import Run, open_run
 from rigctl.validation.bench import record as bench_record
 from rigctl.validation.bench.campaign import Campaign, clean_outputs, operating_points
 from rigctl.validation.bench.parameters import Bench
+from rigctl.validation.benches.bench import BenchCampaign, write_bench
+from rigctl.validation.benches.register import find_bench
 from rigctl.validation.campaign_run import make_run
 
 ROOT = Path(__file__).parents[2]
@@ -23,6 +26,8 @@ MODEL = ROOT / "models" / "hl32-textbook.yaml"
 STANDARD = Campaign(bench=Bench(spool_leak=8e-15), seed=1)
 #: of long records: samples a second, so that one has ten thousand
 FAST = 10_000 / 3.75
+#: of a user's own bench
+OWN_RECORDS, OWN_SAMPLES = 12, 600
 
 
 def run_of(records: int, folder: Path) -> Run:
@@ -30,6 +35,24 @@ def run_of(records: int, folder: Path) -> Run:
     hot = np.linspace(20.0, 80.0, records // 4)
     path = make_run(replace(STANDARD, temperatures=tuple(hot.tolist())), RIG, folder)
     return open_run(path)
+
+
+def write_own_bench(folder: Path) -> Path:
+    """A user's own bench of three states that hides an effect, as a log of 12 records of 600 samples: its
+    eight records, of which four were taken twice; returns the log."""
+    campaign = BenchCampaign(find_bench("chain"), 0.03, noise="none", seed=1)
+    log = write_bench(campaign, folder)
+    clean = pd.read_csv(log)
+    records = [rows.iloc[:OWN_SAMPLES] for _, rows in clean.groupby("record", sort=False)]
+    taken = [*records, *records[: OWN_RECORDS - len(records)]]
+    rng = np.random.default_rng(1)
+    noisy = [rows.assign(record=number) for number, rows in enumerate(taken, start=1)]
+    for rows in noisy:
+        for channel, sigma in campaign.bench.noise.items():
+            column = f"{channel} [{campaign.bench.columns[channel]}]"
+            rows[column] += sigma * rng.standard_normal(len(rows))
+    pd.concat(noisy).to_csv(log, index=False)
+    return log
 
 
 def write_fast(path: Path, repeats: int) -> int:
