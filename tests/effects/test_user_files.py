@@ -221,7 +221,7 @@ def test_a_term_is_exactly_off_at_null_and_smooth(term: str, slot: str, message:
         ("{size: {nul_value: 0 N, start: 6 N, bounds: [0 N, 9 N]}}", "did you mean 'null_value'?"),
         ("{viscosity: {null_value: 0 N, start: 6 N, bounds: [0 N, 9 N]}}", "already means something"),
         ("{Size: {null_value: 0 N, start: 6 N, bounds: [0 N, 9 N]}}", "Size"),
-        ("{}", "too few entries"),
+        ("{}", "no parameter switches the effect off"),
         (
             "{size: {null_value: 0 N, start: 6 N, bounds: [0 N, 9 N]}, more: {start: 1, bounds: [0, 2]}}",
             "no term uses this parameter, got 'more'",

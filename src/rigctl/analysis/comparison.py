@@ -21,6 +21,7 @@ from rigctl.analysis.trends import sentence, trends
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
+from rigctl.model.curve_bands import curve_bands
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.model import Model
@@ -145,6 +146,7 @@ def _located(found: ModelComparison) -> ModelComparison:
         findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
         record_level=quantities,
         outside=departures(fitted),
+        curve_bands=curve_bands(fitted),
     )
 
 

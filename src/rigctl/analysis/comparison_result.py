@@ -16,6 +16,7 @@ from rigctl.analysis.score_test import Screening
 from rigctl.analysis.single_values.rows import TableRow
 from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.analysis.trends import Trend
+from rigctl.model.curve_bands import CurveBand
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -60,6 +61,7 @@ class ModelComparison:
     rows: of a table, every value beside the model's; findings: what they say, a sentence each.
     record_level: what each record has of its own, by quantity, what is evidence of something first.
     outside: where the model leaves the ranges over which laws of its effects were learned.
+    curve_bands: how far the bands of its measured curves move its readings.
     """
 
     name: str
@@ -79,6 +81,7 @@ class ModelComparison:
     findings: tuple[str, ...] = ()
     record_level: tuple[RecordQuantity, ...] = ()
     outside: tuple[Departure, ...] = ()
+    curve_bands: tuple[CurveBand, ...] = ()
 
     def __repr__(self) -> str:
         """The verdict on one line."""
@@ -130,6 +133,7 @@ class ModelComparison:
             "record_level": [row for quantity in self.record_level for row in quantity.rows()],
             "record_level_summary": [quantity.document() for quantity in self.record_level],
             "outside_validity": [one.document() for one in self.outside],
+            "curve_bands": [one.document() for one in self.curve_bands],
             "statement": self.statement,
         }
 

@@ -39,6 +39,8 @@ def show_comparison(found: Comparison) -> None:
     for model in found.models:
         show_statement(model)
         show_departures(model.outside)
+        for band in model.curve_bands:
+            out.print(f"  {escape(band.statement)}.", soft_wrap=True)
         for finding in model.findings:
             out.print(f"  {escape(finding)}.", soft_wrap=True)
     for note in found.notes:

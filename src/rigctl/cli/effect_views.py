@@ -12,8 +12,9 @@ from rich.table import Table
 from rigctl.cli.tables import console, table
 from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.document import effect_document
-from rigctl.effects.equations import terms_in_symbols, text_of
+from rigctl.effects.equations import term_texts
 from rigctl.effects.generic import offers
+from rigctl.effects.measured_curve import MeasuredCurve
 from rigctl.model.signature import Signature
 from rigctl.model.trial import SAME, Trial
 from rigctl.physics.family import ModelFamily
@@ -87,10 +88,12 @@ def show_effect(effect: Effect) -> None:
     out, family = console(), effect.model_family
     out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}): {escape(effect.summary)}")
     out.print(f"  {escape(effect.equation)}\n")
-    for slot, term in terms_in_symbols(effect, family).items():
+    for slot, term, _ in term_texts(effect, family):
         declared = family.slot(slot)
         how = "multiplies" if declared.combine == "product" else "adds"
-        out.print(f"  {how} at {slot} \\[{declared.unit}]: {escape(text_of(term, effect, family))}")
+        out.print(f"  {how} at {slot} \\[{declared.unit}]: {escape(term)}")
+    if effect.curve is not None:
+        out.print(_points(effect.curve))
     if effect.base:
         taken = ", ".join(f"{name} = {value:g}" for name, value in effect.base.items())
         out.print(f"  base physics, in every model; taken away by {taken} (SI)")
@@ -107,6 +110,18 @@ def show_effect(effect: Effect) -> None:
     ):
         if text:
             out.print(f"  [dim]{title}:[/] {escape(text)}")
+
+
+def _points(curve: MeasuredCurve) -> Table:
+    """The points of a measured curve with their band."""
+    document = curve.document()
+    banded = bool(document["low"])
+    over, unit = (escape(f"[{document[name]}]") for name in ("over", "unit"))
+    made = table(f"{escape(curve.of)} {over}", f"value {unit}", *(["lowest", "highest"] if banded else []))
+    rows = [document[name] for name in ("x", "y", *(("low", "high") if banded else ()))]
+    for row in zip(*rows, strict=True):
+        made.add_row(*(f"{value:.5g}" for value in row))
+    return made
 
 
 def _parameters(effect: Effect) -> Table:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rigctl.effects.validity import Provenance, ValidRange
 from rigctl.engine.symbols import Scalar
@@ -19,6 +19,9 @@ from rigctl.notebook import one_line
 from rigctl.physics.families import find_family
 from rigctl.physics.family import Formula, ModelFamily
 from rigctl.physics.scope import Addition, Scope
+
+if TYPE_CHECKING:
+    from rigctl.effects.measured_curve import MeasuredCurve
 
 
 class Own:
@@ -180,6 +183,7 @@ class Effect:
     own_family: the family itself where its name alone does not find it: a user's, from a file.
     valid: the ranges over which its law was learned; none of a law that holds everywhere.
     provenance: what it was learned from; None of one that was not.
+    curve: the measured curve that its term is; None of one with a formula.
     """
 
     name: str
@@ -201,6 +205,7 @@ class Effect:
     own_family: ModelFamily | None = None
     valid: tuple[ValidRange, ...] = ()
     provenance: Provenance | None = None
+    curve: MeasuredCurve | None = None
 
     def __repr__(self) -> str:
         """What it is, on one line."""

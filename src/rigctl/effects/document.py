@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rigctl.effects.declaration import Effect, EffectParameter
-from rigctl.effects.equations import latex_of, terms_in_symbols, text_of
+from rigctl.effects.equations import term_texts
 from rigctl.physics.family import ModelFamily
 from rigctl.units import parse_unit
 
@@ -24,11 +24,12 @@ def effect_document(effect: Effect) -> dict[str, Any]:
                 "slot": slot,
                 "unit": family.slot(slot).unit,
                 "combine": family.slot(slot).combine,
-                "term": text_of(term, effect, family),
-                "latex": latex_of(term, effect),
+                "term": term,
+                "latex": latex,
             }
-            for slot, term in terms_in_symbols(effect, family).items()
+            for slot, term, latex in term_texts(effect, family)
         ],
+        "curve": None if effect.curve is None else effect.curve.document(),
         "parameters": [parameter_document(parameter) for parameter in effect.parameters],
         "other_ways": [
             {"name": way.name, "unit": way.unit, "sets": way.parameter, "meaning": way.meaning}

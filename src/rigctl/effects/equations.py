@@ -76,6 +76,18 @@ def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
     return found
 
 
+def term_texts(effect: Effect, family: ModelFamily) -> list[tuple[str, str, str]]:
+    """Slot, text and LaTeX of each term; of a measured curve its equation, without its polynomials."""
+    if effect.curve is not None:
+        text = effect.curve.equation
+        plain = text.replace("_", r"\_")
+        return [(slot, text, rf"\mathrm{{{plain}}}") for slot in effect.slots]
+    return [
+        (slot, text_of(term, effect, family), latex_of(term, effect))
+        for slot, term in terms_in_symbols(effect, family).items()
+    ]
+
+
 def latex_of(expr: Expr, effect: Effect) -> str:
     """The LaTeX of a term, its own parameters by their plain names."""
     plain = {

@@ -7,8 +7,9 @@ which goes from 0 to 1 over it and stays there; (·)₊ is `positive_part`, so t
 
 p_i is the monotone cubic with the slopes m_i at the points (F. N. Fritsch, R. E. Carlson, SIAM J. Numer.
 Anal. 17 (1980)), or straight, with corners rounded within a fiftieth of the shorter interval beside them.
-Outside, the curve goes on as a straight line with the slope at its end. Every s_i is of order 1, so that
-points at very uneven distances lose no figures, as sums of powers of x would.
+Outside, the curve goes on as a straight line with the slope at its end, or, `beyond` being ``level``, levels
+off from there: ``m_n·w·tanh((x − x_n)₊/w)`` with w half the interval beside that end. Every s_i is of order
+1, so that points at very uneven distances lose no figures, as sums of powers of x would.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from rigctl.engine.symbols import Scalar, positive_part
+from rigctl.engine.symbols import Scalar, positive_part, tanh
 from rigctl.expressions.types import TableType, type_of_unit
 from rigctl.physics.units import si_unit
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 _ROUNDED = 0.02
 #: of a cubic curve's knots: too little to be seen, enough for a derivative
 _TINY = 1e-7
+#: of the interval beside an end: within about so much beyond it a curve levels off
+_LEVELS_WITHIN = 0.5
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ class Curve:
     over, unit: of x and of y, as they are written.
     x, y: (points) SI; x rises.
     kind: how it goes between the points.
+    beyond: how it goes on beyond them.
     """
 
     name: str
@@ -50,6 +54,7 @@ class Curve:
     y: tuple[float, ...]
     kind: Literal["cubic", "linear"] = "cubic"
     meaning: str = ""
+    beyond: Literal["line", "level"] = "line"
 
     @property
     def type(self) -> TableType:
@@ -63,7 +68,9 @@ class Curve:
         t = (x - m.constant(self.x[0], si_unit(self.over))) / m.constant(length, si_unit(self.over))
         knots, widths, polynomials, (first, last) = self._shape
         plus = [positive_part(t - knot, width) for knot, width in zip(knots, widths, strict=True)]
-        inner: Scalar = first * (t - plus[0]) + last * plus[-1]
+        inner: Scalar = self._beyond(first, t - plus[0], knots[1] - knots[0]) + self._beyond(
+            last, plus[-1], knots[-1] - knots[-2]
+        )
         for begun, ended, step, (one, two, three) in zip(
             plus, plus[1:], np.diff(knots).tolist(), polynomials, strict=False
         ):
@@ -71,6 +78,13 @@ class Curve:
             inner = inner + (s * (one + s * (two + s * three)) if two or three else s * one)
         unit = si_unit(self.unit)
         return m.constant(self.y[0], unit) + m.constant(1.0, unit) * inner
+
+    def _beyond(self, slope: float, distance: Scalar, interval: float) -> Scalar:
+        """What the curve changes by at a distance from its end, which is negative at the lower one."""
+        if self.beyond == "line" or not slope:
+            return slope * distance
+        width = _LEVELS_WITHIN * interval
+        return slope * width * tanh(distance / width)
 
     @cached_property
     def _shape(

@@ -10,7 +10,9 @@ from pathlib import Path
 
 from rigctl.effects.declaration import Effect, EffectParameter, Term, problems
 from rigctl.effects.examine import examine
+from rigctl.effects.measured_curve import MeasuredCurve
 from rigctl.effects.registry import library
+from rigctl.effects.user.curve import read_curve
 from rigctl.effects.user.formula import read_term
 from rigctl.effects.user.names import name_in_file, names_beside, taken_names
 from rigctl.effects.user.schema import EffectFile, ParameterField
@@ -80,8 +82,11 @@ def _build(document: Document) -> Effect:
     reader.stop_at_errors()
     terms = tuple(_terms(reader, written, family, parameters))
     valid = tuple(_valid(reader, written, family))
+    drawn = _curve(reader, written, family)
     reader.stop_at_errors()
     effect = replace(_effect(written, family, terms, parameters, document.path), valid=valid)
+    if drawn is not None:
+        effect = _with_curve(effect, family, *drawn)
     for problem in problems(effect, family):
         reader.refuse(("parameters",), RigctlError(problem), of_key=True)
     reader.stop_at_errors()
@@ -93,6 +98,8 @@ def _build(document: Document) -> Effect:
 
 def _keys(written: EffectFile, slot: str) -> tuple[str, ...]:
     """Where the term at `slot` stands in the file, which has a short form for one slot."""
+    if written.curve is not None:
+        return ("curve",)
     return ("terms", slot) if written.slot is None else ("term",)
 
 
@@ -193,6 +200,36 @@ def _valid(reader: Reader, written: EffectFile, family: ModelFamily) -> Iterator
             yield found
 
 
+def _curve(
+    reader: Reader, written: EffectFile, family: ModelFamily
+) -> tuple[Slot, MeasuredCurve, ValidRange | None] | None:
+    """The curve that the term is, where the file has one."""
+    if written.curve is None or written.slot is None:
+        return None
+    slot = reader.read(("slot",), partial(_slot, written.slot, written, family))
+    if slot is None:
+        return None
+    where = reader.document.locate(("curve", "of"))
+    found = reader.read(("curve",), partial(read_curve, written.curve, family, slot, where))
+    return None if found is None else (slot, *found)
+
+
+def _with_curve(
+    effect: Effect, family: ModelFamily, slot: Slot, curve: MeasuredCurve, measured: ValidRange | None
+) -> Effect:
+    """The effect whose term is a curve; the range that it was measured over belongs to its box."""
+    stated = {one.over for one in effect.valid}
+    return replace(
+        effect,
+        terms=((slot.name, curve),),
+        parameters=curve.parameters,
+        curve=curve,
+        equation=effect.equation or curve.equation,
+        kind="sensor" if slot.kind == "sensor" else "process",
+        valid=effect.valid if measured is None or measured.over in stated else (measured, *effect.valid),
+    )
+
+
 def _slot(name: str, written: EffectFile, family: ModelFamily) -> Slot:
     try:
         return family.slot(name)
@@ -228,7 +265,7 @@ def _effect(
     parameters: tuple[EffectParameter, ...],
     path: Path | None,
 ) -> Effect:
-    sensor = all(family.slot(slot).kind == "sensor" for slot, _ in terms)
+    sensor = bool(terms) and all(family.slot(slot).kind == "sensor" for slot, _ in terms)
     equation = "; ".join(f"{slot}: {' '.join(text.split())}" for slot, text in written.by_slot.items())
     return Effect(
         name=written.effect,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from itertools import pairwise
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
 
 from rigctl.effects.declaration import Ends
 from rigctl.effects.validity import Tier
@@ -14,6 +15,11 @@ from rigctl.files.refusal import refusal
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Text = Annotated[str, Field(min_length=1)]
+
+#: a unit, of which YAML takes a plain 1 for a number
+UnitText = Annotated[
+    str, BeforeValidator(lambda written: "1" if written == 1 and written is not True else written)
+]
 
 
 class _Part(BaseModel):
@@ -44,6 +50,50 @@ class ParameterField(_Part):
         "none; if left out, only a bound that is the null value",
     )
     meaning: str = Field(default="", description="its symbol and what it stands for")
+
+
+class CurveField(_Part):
+    """A measured curve that is the term itself."""
+
+    of: Text = Field(
+        description="what it is a curve of: a variable of the model, or a formula of several, e.g. "
+        "'pressure_a - pressure_b'"
+    )
+    over: UnitText = Field(description="the unit of that")
+    unit: UnitText = Field(default="1", description="the unit of the values; a factor has none")
+    points: tuple[tuple[FiniteFloat, FiniteFloat], ...] = Field(
+        min_length=2, max_length=200, description="[x, y] in these units, x rising"
+    )
+    band: tuple[tuple[FiniteFloat, FiniteFloat], ...] = Field(
+        default=(),
+        description="[lowest, highest] value at each point, between which the curve lies in 95 of 100 cases",
+    )
+    beyond: Literal["level", "line"] = Field(
+        default="level", description="beyond its ends it levels off, or goes on as a straight line"
+    )
+
+    @model_validator(mode="after")
+    def _sound(self) -> Self:
+        if any(after[0] <= before[0] for before, after in pairwise(self.points)):
+            raise refusal(RigctlError("the points of a curve must have rising x"), ("points",))
+        if self.band and len(self.band) != len(self.points):
+            raise refusal(
+                RigctlError(
+                    "the band has another number of points than the curve",
+                    value=str(len(self.band)),
+                    expected=str(len(self.points)),
+                ),
+                ("band",),
+            )
+        for (x, y), (low, high) in zip(self.points, self.band, strict=False):
+            if not low <= y <= high:
+                wrong = RigctlError(
+                    f"the band at {x:g} {self.over} does not hold the curve",
+                    value=f"[{low:g}, {high:g}]",
+                    expected=f"{y:g} between them",
+                )
+                raise refusal(wrong, ("band",))
+        return self
 
 
 class ProvenanceField(_Part):
@@ -77,7 +127,13 @@ class EffectFile(_Part):
     terms: dict[str, Text] = Field(
         default_factory=dict, description="slots and their terms, when it acts at more than one"
     )
-    parameters: dict[Name, ParameterField] = Field(min_length=1, description="by name")
+    curve: CurveField | None = Field(
+        default=None,
+        description="instead of 'term': a measured curve, times a 'factor' that is fitted; 0 switches it off",
+    )
+    parameters: dict[Name, ParameterField] = Field(
+        default_factory=dict, description="by name; a curve brings its own"
+    )
     equation: str = Field(default="", description="as a person writes it; else the terms stand for it")
     source: str = Field(default="", description="where the equation comes from")
     looks_like: str = Field(default="", description="what it does to the recorded data")
@@ -97,6 +153,10 @@ class EffectFile(_Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
+        if self.curve is not None:
+            return self._one_curve()
+        if not self.parameters:
+            raise refusal(RigctlError("no parameter switches the effect off", expected="'parameters'"))
         short = (self.slot is not None, self.term is not None)
         if self.terms and any(short):
             raise refusal(RigctlError("'terms' and 'slot' with 'term' say the same", expected="one of them"))
@@ -104,9 +164,23 @@ class EffectFile(_Part):
             missing = "slot" if short == (False, True) else "term"
             if not any(short):
                 raise refusal(
-                    RigctlError("the effect adds nothing", expected="'slot' and 'term', or 'terms'")
+                    RigctlError(
+                        "the effect adds nothing",
+                        expected="'slot' and 'term', 'slot' and 'curve', or 'terms'",
+                    )
                 )
             raise refusal(RigctlError(f"the field '{missing}' is missing"))
+        return self
+
+    def _one_curve(self) -> Self:
+        for field in ("term", "terms", "parameters"):
+            if getattr(self, field):
+                wrong = RigctlError(
+                    f"an effect with a curve has no '{field}'", hint="The curve brings its own"
+                )
+                raise refusal(wrong, (field,))
+        if self.slot is None:
+            raise refusal(RigctlError("the field 'slot' is missing"))
         return self
 
     @property

@@ -3,27 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+from rigctl.effects.user.quantity import read_quantity
 from rigctl.effects.validity import ValidRange
-from rigctl.engine.symbols import Scalar
 from rigctl.errors import Location, RigctlError
-from rigctl.expressions import parse
-from rigctl.expressions.functions import ALL_FUNCTIONS
-from rigctl.expressions.nodes import Node
 from rigctl.files.quantity import in_dimension
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.formulas import lower, read_formula, refuse_branch_words, refuse_corners, variable_types
-from rigctl.physics.scope import Scope
+from rigctl.physics.formulas import variable_types
 from rigctl.units import Quantity
-
-
-@dataclass(frozen=True)
-class _Quantity:
-    tree: Node
-
-    def __call__(self, m: Scope) -> Scalar:
-        return lower(self.tree, m, lambda name: m[name])
 
 
 def read_range(
@@ -36,22 +23,18 @@ def read_range(
     RigctlError
         the formula is wrong or names what there is not, an end has another dimension, or they are no range.
     """
-    types = variable_types(family)
-    place = where or Location()
-    refuse_branch_words(over, place)
-    expression = parse(over, place, functions=ALL_FUNCTIONS)
-    refuse_corners(expression)
-    found = expression.check(types)
-    tree = read_formula(over, types, found, what=f"the range of {over}", where=where)
-    difference = found.temperature == "difference"
+    found = read_quantity(over, variable_types(family), where)
     written = f"[{ends[0]}, {ends[1]}]"
-    for end in ends:
-        if end.unit.dimension != found.dimension:
-            raise RigctlError(
-                f"the range of {over} has another unit than {over}", value=written, expected=found.wanted
-            )
+    if any(end.unit.dimension != found.type.dimension for end in ends):
+        raise RigctlError(
+            f"the range of {found.text} has another unit than {found.text}",
+            value=written,
+            expected=found.type.wanted,
+        )
     unit = ends[0].unit.text or "1"
-    low, high = (in_dimension(end, unit, difference=difference) for end in ends)
+    low, high = (in_dimension(end, unit, difference=found.difference) for end in ends)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise RigctlError(f"the range of {over} is empty", value=written, expected="the lower end first")
-    return ValidRange(" ".join(over.split()), unit, low, high, _Quantity(tree), difference)
+        raise RigctlError(
+            f"the range of {found.text} is empty", value=written, expected="the lower end first"
+        )
+    return ValidRange(found.text, unit, low, high, found, found.difference)

@@ -31,6 +31,7 @@ def comparison_sections(comparison: Comparison) -> list[Section]:
             k,
             f"overlay-{number}",
             f"Measured and model: {name}, {_condition(first, k)}",
+            first.curve_bands,
         )
         for number, (name, k) in enumerate(typical_records(first.fit) if not tables else ())
     ]
@@ -78,6 +79,7 @@ def _model(model: ModelComparison) -> dict[str, object]:
         "trends": [
             one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement
         ],
+        "curve_bands": [one.statement for one in model.curve_bands],
         "outside": [one.statement for one in model.outside],
         "held_out": bool(model.fit.held_out),
         "own": [_own(one) for one in model.record_level],

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.model.curve_bands import CurveBand, combined
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Panel, Plot, Span, Trace
@@ -32,17 +33,28 @@ def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
     return tuple((name, k) for k, name in chosen.items())
 
 
-def overlay_plot(models: Sequence[tuple[str, FitResult]], k: int, key: str, caption: str) -> Plot:
+def overlay_plot(
+    models: Sequence[tuple[str, FitResult]],
+    k: int,
+    key: str,
+    caption: str,
+    curve_bands: Sequence[CurveBand] = (),
+) -> Plot:
     """One record: every channel with its noise band and the models, and the residuals in sigmas below.
 
-    `models` are names and what each says of the same records; band and residuals are the first one's.
+    `models` are names and what each says of the same records; band and residuals are the first one's, which
+    `curve_bands` belong to: the band is wider by them.
     """
     problem = models[0][1].problem
     record = problem.records[k]
     rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
     seen = [c for c in range(len(problem.measurements.outputs)) if problem.ok[k][rows, c].any()]
     times = record.times[rows]  # once: what traces share is written to the page once
-    panels = [_channel_panel(models, k, c, rows, times, named=c == seen[0]) for c in seen]
+    extra = [combined(curve_bands, problem.measurements.outputs[c], k) for c in seen]
+    panels = [
+        _channel_panel(models, k, c, rows, times, None if more is None else more[rows], named=c == seen[0])
+        for c, more in zip(seen, extra, strict=True)
+    ]
     error = models[0][1].normalised_error(k)[rows]
     residuals = [
         Trace(
@@ -64,22 +76,26 @@ def _channel_panel(
     c: int,
     rows: NDArray[np.intp],
     times: Floats,
+    extra: Floats | None,
     *,
     named: bool,
 ) -> Panel:
-    """One channel, measured and of every model; `named` says whether the legend tells of its lines."""
+    """One channel, measured and of every model; `named` says whether the legend tells of its lines,
+    `extra` (rows) is what half the band is wider, SI."""
     problem = models[0][1].problem
     record, measurements = problem.records[k], problem.measurements
     unit, shown = parse_unit(measurements.units[c]), symbol(measurements.units[c])
     value = np.where(problem.ok[k][rows, c], (record.values[rows, c] - unit.offset) / unit.factor, np.nan)
     band = 2.0 * problem.sigma[k][rows, c] / unit.factor
+    if extra is not None:
+        band = np.hypot(band, extra / unit.factor)
     traces = [Trace("measured", times, value, colour=7, unit=shown, in_legend=named)]
     for number, (called, fit) in enumerate(models):
         said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
         name = called if len(models) > 1 else "model"
         traces.append(Trace(name, times, said, colour=number, unit=shown, in_legend=named))
         if number == 0:
-            noise = "model ± 2 sigma of the noise"
+            noise = "model ± 2 sigma of the noise" + (" and its curve's band" if extra is not None else "")
             traces.append(Trace(noise, times, said + band, unit=shown, faint=True, in_legend=named))
             traces.append(Trace("", times, said - band, unit=shown, faint=True, in_legend=False))
     return Panel(f"{plain_name(measurements.outputs[c])} [{shown}]", tuple(traces), height=1.2)
