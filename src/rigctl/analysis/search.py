@@ -126,11 +126,10 @@ class Point:
 
     def bend_evidence(self, tolerance: float) -> float:
         """``−gᵀ(I + A)⁻¹g + ln|I + A|`` of the bends of the laws; 0 where none can be."""
-        whole = self._everything
-        count = len(whole.shapes)
+        count = len(self.shapes.names)
         if not count:
             return 0.0
-        fixed = project(whole.rearranged(self._members, (), shaped=True))
+        fixed = project(self._alone.rearranged(self._members, (), shaped=True))
         columns = fixed.signatures * tolerance
         matrix = columns.T @ columns + np.eye(count)
         slope = columns.T @ fixed.residual
@@ -167,8 +166,21 @@ class Point:
     @cached_property
     def _everything(self) -> Linearisation:
         """The model's own unknowns are the nuisances, every effect is a candidate: the trial's come first."""
+        ranges, present = data_ranges(self.whole.model.family, self.whole.measurements), self.trial.effects
+        return self._linearised(
+            [one for one in candidates(self.whole.model, self.excluded, ranges) if one.name not in present]
+        )
+
+    @cached_property
+    def _alone(self) -> Linearisation:
+        """Without the effects that could join, which are most of the columns: the bends are weighed so."""
+        known: Linearisation | None = self.__dict__.get("_everything")
+        return self._linearised(()) if known is None else known
+
+    def _linearised(self, others: Sequence[Candidate]) -> Linearisation:
+        """The trial's own effects are the first candidates, before `others`."""
         trial = self.trial
-        problem, present = trial.fit.problem, set(trial.effects)
+        problem = trial.fit.problem
         effects = {column for one in trial.candidates for column in one.columns}
         keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in effects]
         base = problem.base.copy()
@@ -180,11 +192,7 @@ class Point:
             problem=problem.with_shared([problem.shared[k] for k in keep], base),
             values=trial.fit.values[keep],
         )
-        ranges = data_ranges(self.whole.model.family, self.whole.measurements)
         members = [_from_here_to_null(one) for one in trial.candidates]
-        others = [
-            one for one in candidates(self.whole.model, self.excluded, ranges) if one.name not in present
-        ]
         shapes = self.shapes.names, self.shapes.readings
         return replace(linearise(fixed, self.whole, [*members, *others], shapes), fit=trial.fit)
 
