@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from dataset.strokes import sample
 from rigctl.dataset import Run, RunWriter, exclude, open_run, verify
+from rigctl.dataset.parquet import numbers
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]
@@ -138,3 +142,36 @@ def test_what_users_wrote_is_text_in_a_notebook(run: Run) -> None:
     assert "<img" not in shown
     assert "&lt;script&gt;" in shown
     assert "&lt;img src=x&gt;" in shown
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        pa.chunked_array([[1.5, None, 3.0], [4.0]]),
+        pa.chunked_array([[1, None, 3], [4]], pa.int32()),
+        pa.chunked_array([[1, 2], [4]], pa.int32()),
+        pa.chunked_array([], pa.float64()),
+        pa.chunked_array([], pa.int32()),
+        pa.chunked_array([np.arange(10.0)]).slice(2, 5),
+    ],
+)
+def test_a_column_of_numbers_is_what_pyarrow_makes_of_it(column: pa.ChunkedArray) -> None:
+    found, expected = numbers(column), column.to_numpy()
+    assert found.dtype == expected.dtype
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_records_are_read_without_pandas(make_run: RunMaker) -> None:
+    """It takes longer to load than the records of a campaign to read."""
+    code = (
+        "import sys\n"
+        "from rigctl.dataset import open_run\n"
+        "run = open_run(sys.argv[1])\n"
+        "found = list(run.each(run.usable))\n"
+        "assert found[0].switches and run.record_units and run.signals('position').size\n"
+        "sys.exit('pandas' in sys.modules)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(make_run())], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import mkstemp
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import write_error
@@ -15,6 +15,7 @@ from rigctl.files.write import write_error
 if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
+    from numpy.typing import NDArray
 
 
 @contextmanager
@@ -41,6 +42,19 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
             where=Location(path),
             exit_code=ExitCode.FAILED,
         ) from problem
+
+
+def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
+    """The values of a column of numbers, NaN where there is none.
+
+    ``column.to_numpy()`` does as much, but loads pandas first, which takes longer than reading a run.
+    """
+    import numpy as np
+    import pyarrow as pa
+
+    if column.null_count:
+        column = column.cast(pa.float64()).fill_null(float("nan"))
+    return np.concatenate([np.empty(0, column.type.to_pandas_dtype()), *map(np.from_dlpack, column.chunks)])
 
 
 @contextmanager

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from rigctl.dataset.parquet import numbers
+
 if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
@@ -52,7 +54,7 @@ class RecordRows:
     def _read(self, group: int) -> _Group:
         names = list(dict.fromkeys([*self._columns, "record"]))
         table = self._file.read_row_group(group, columns=names)
-        return _Group(table.select(self._columns), table["record"].to_numpy())
+        return _Group(table.select(self._columns), numbers(table["record"]))
 
 
 class _Group:

@@ -16,7 +16,7 @@ from rigctl.dataset.catalogue import find_run
 from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
 from rigctl.dataset.lock import in_progress
-from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.parquet import numbers, open_parquet
 from rigctl.dataset.record_rows import RecordRows
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.notebook import one_line
@@ -163,6 +163,11 @@ class Run:
         """One row per record, sweep values and measures in the units of ``attrs["units"]``."""
         return _frame(self._record_rows)
 
+    @property
+    def record_units(self) -> dict[str, str]:
+        """The unit of each column of `records` that has one, as it is shown."""
+        return _units(self._record_rows)
+
     @cached_property
     def _record_rows(self) -> pa.Table:
         return self.table("records")
@@ -175,10 +180,12 @@ class Run:
     @cached_property
     def switches(self) -> tuple[Switch, ...]:
         """Every switch of an actuator with its exact time, in the order of time."""
-        commands = self.events[self.events["kind"] == "command"]
+        rows = self.table("events")
+        columns = (rows[name].to_pylist() for name in ("kind", "time", "record", "data"))
         found = []
-        columns = (commands["time"], commands["record"], commands["data"])
-        for time, record, data in zip(*columns, strict=True):
+        for kind, time, record, data in zip(*columns, strict=True):
+            if kind != "command":
+                continue
             facts = json.loads(data)
             if "actuator" in facts and facts.get("value") is not None:
                 value, uncertainty = float(facts["value"]), float(facts.get("uncertainty") or 0.0)
@@ -188,9 +195,13 @@ class Run:
     @cached_property
     def usable(self) -> tuple[int, ...]:
         """Indices of the records that analysis may use: complete and not excluded."""
-        rows = self.records
-        good = rows[(rows["outcome"] == COMPLETE) & rows["excluded"].isna()]
-        return tuple(good["record"].tolist())
+        rows = self._record_rows
+        columns = (rows[name].to_pylist() for name in ("record", "outcome", "excluded"))
+        return tuple(
+            record
+            for record, outcome, excluded in zip(*columns, strict=True)
+            if outcome == COMPLETE and excluded is None
+        )
 
     def signals(self, name: str, record: int | None = None) -> NDArray[np.float64]:
         """The values of one column in SI, shape (n,); of one record, or of the whole run.
@@ -278,7 +289,7 @@ class Run:
         import numpy as np
 
         unit = parse_unit(self.layout.unit(name))
-        values = table[name].to_numpy().astype(np.float64)
+        values = numbers(table[name]).astype(np.float64)
         offset = 0.0 if name in self.layout.differences else unit.offset
         return np.asarray(values * unit.factor + offset, dtype=np.float64)
 
@@ -314,12 +325,16 @@ def _time_of(switch: Switch) -> float:
 
 def _frame(table: pa.Table) -> pd.DataFrame:
     frame: pd.DataFrame = table.to_pandas()
-    frame.attrs["units"] = {
+    frame.attrs["units"] = _units(table)
+    return frame
+
+
+def _units(table: pa.Table) -> dict[str, str]:
+    return {
         column.name: unit
         for column in table.schema
         if (unit := (column.metadata or {}).get(b"unit", b"").decode("utf-8"))
     }
-    return frame
 
 
 def _values_si(schema: pa.Schema, row: Mapping[str, Any], kind: str) -> dict[str, float]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rigctl.dataset import journal
 from rigctl.dataset.journal import Journal, read_journal
-from rigctl.dataset.parquet import open_parquet, replace_with
+from rigctl.dataset.parquet import numbers, open_parquet, replace_with
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import write_error
 from rigctl.units import parse_unit
@@ -211,7 +211,7 @@ def _write(path: Path, target: pa.Schema, blocks: Iterator[pa.Table]) -> SampleF
         with write_error(path), pq.ParquetWriter(draft, target, **encodings) as writer:
             for block in blocks:
                 writer.write_table(block, row_group_size=GROUP_ROWS)
-                facts.add(block["time"].to_numpy(), block["record"].to_numpy())
+                facts.add(numbers(block["time"]), numbers(block["record"]))
                 checks.append(_checksum(block))
         with open_parquet(draft) as written:
             groups = range(written.num_row_groups)
@@ -228,7 +228,7 @@ def _write(path: Path, target: pa.Schema, blocks: Iterator[pa.Table]) -> SampleF
 def _checksum(block: pa.Table) -> str:
     digest = sha256()
     for column in block.columns:
-        digest.update(column.to_numpy().tobytes())
+        digest.update(numbers(column).tobytes())
     return digest.hexdigest()
 
 
@@ -244,5 +244,5 @@ def sample_facts(folder: Path) -> SampleFacts:
     with open_parquet(folder / NAME) as file:
         for group in range(file.num_row_groups):
             block = file.read_row_group(group, columns=["time", "record"])
-            facts.add(block["time"].to_numpy(), block["record"].to_numpy())
+            facts.add(numbers(block["time"]), numbers(block["record"]))
     return facts

@@ -204,9 +204,9 @@ def _law(seen: _Differences, step: float) -> tuple[VarianceLaw | None, Floats]:
 
 def _trimmed(terms: Floats, seen: _Differences) -> Floats:
     """The squares of highest likelihood, over the differences that agree with them: a few are no noise."""
-    from scipy.stats import chi2
+    from scipy.special import chdtr, chdtri
 
-    most = float(chi2.isf(_TRIMMED, 1))
+    most = float(chdtri(1, _TRIMMED))
     kept = np.ones(seen.squares.size, bool)
     for _ in range(_ROUNDS):
         squares = most_likely_squares(terms[kept], seen.squares[kept])
@@ -215,7 +215,7 @@ def _trimmed(terms: Floats, seen: _Differences) -> Floats:
             break
         kept = stay
     # what is left of χ² below a bound has a mean below 1
-    return np.asarray(squares * chi2.cdf(most, 1) / chi2.cdf(most, 3))
+    return np.asarray(squares * chdtr(1, most) / chdtr(3, most))
 
 
 def _cost(mean: Floats, seen: _Differences) -> float:
@@ -232,12 +232,12 @@ def _better(mean: Floats, seen: _Differences) -> bool:
 
 def _borne_out(law: VarianceLaw, mean: Floats, seen: _Differences, check: _Differences) -> bool:
     """Whether enough differences are wide, most as wide as a law says, and those of the next order too."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     wide = mean > _WIDER**2 * mean.min()
     if wide.sum() < max(_FEWEST // 2, _OFTEN * wide.size):
         return False
-    ratio = float(np.median(seen.squares[wide] / mean[wide])) / float(chi2.median(1))
+    ratio = float(np.median(seen.squares[wide] / mean[wide])) / float(2.0 * gammaincinv(0.5, 0.5))
     if not 1.0 / _MIDDLE < ratio < _MIDDLE:
         return False
     expected = check.means(law)

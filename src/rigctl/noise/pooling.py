@@ -196,9 +196,9 @@ def _chosen(
 
 def _far(group: WindowGroup, fit: NoiseFit) -> NDArray[np.bool_]:
     """Windows whose Σz² is beyond chance."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    return np.asarray(np.sum(whitened(group, fit) ** 2, axis=1) > chi2.isf(_WINDOW_LEVEL, group.degrees))
+    return np.asarray(np.sum(whitened(group, fit) ** 2, axis=1) > chdtri(group.degrees, _WINDOW_LEVEL))
 
 
 def _agreeing(
@@ -211,7 +211,7 @@ def _agreeing(
     means: bool,
 ) -> NDArray[np.bool_]:
     """The cells of which most windows are left and whose Σz² and mean z are what noise makes them."""
-    from scipy.stats import f
+    from scipy.special import fdtri
 
     squares, degrees, count, left = (np.zeros(cells) for _ in range(4))
     mean_squares, mean_degrees = np.zeros(cells), np.zeros(cells)
@@ -229,8 +229,8 @@ def _agreeing(
                 mean_degrees[cell] += group.degrees
     agree = left > 0.5 * count
     asked = np.maximum(degrees, 1.0)
-    agree &= squares / asked <= tolerance * f.isf(_CELL_LEVEL, asked, fit.degrees)
+    agree &= squares / asked <= tolerance * fdtri(asked, fit.degrees, 1.0 - _CELL_LEVEL)
     if means:
         asked = np.maximum(mean_degrees, 1.0)
-        agree &= mean_squares / asked <= f.isf(_CELL_LEVEL, asked, fit.degrees)
+        agree &= mean_squares / asked <= fdtri(asked, fit.degrees, 1.0 - _CELL_LEVEL)
     return np.asarray(agree)

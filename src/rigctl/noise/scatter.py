@@ -74,7 +74,7 @@ def estimate_scatter(
         raise ValueError(
             f"shapes do not match: {values.shape}, {std.shape}, {conditions.shape}, {prior.shape}"
         )
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     sigma, degrees = CAUTION * prior.astype(float), np.zeros(quantities)
     most = 0
@@ -89,7 +89,7 @@ def estimate_scatter(
         between = _between(values[known, i], variance, group, free)
         shared = np.bincount(group)[group] > 1
         expected = float(prior[i]) ** 2
-        surprising = _quadratic(values[known, i], variance + expected, group) > chi2.isf(_SURPRISE, free)
+        surprising = _quadratic(values[known, i], variance + expected, group) > chdtri(free, _SURPRISE)
         size = max(between, expected) if surprising else expected
         noise = float(variance[shared].mean())
         counts = free * (size / (size + noise)) ** 2 if size > 0.0 else float(free)

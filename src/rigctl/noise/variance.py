@@ -264,14 +264,15 @@ def _chosen_terms(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bo
 
 def _borne_out(terms: Floats, squares: Floats, blocks: _Blocks) -> bool:
     """Whether enough blocks show wider noise than at rest, and most of them as wide as the law says."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     mean = terms @ squares
     wider = mean > _WIDER**2 * squares[0]
     if wider.sum() < max(_FEWEST, (_OFTEN if squares[2] > 0.0 else _SOMETIMES) * wider.size):
         return False
     ratio = np.median(blocks.variance[wider] / mean[wider]) * blocks.degrees
-    return bool(1.0 / _MIDDLE < ratio / chi2.median(blocks.degrees) < _MIDDLE)
+    median = 2.0 * gammaincinv(0.5 * blocks.degrees, 0.5)  # of χ²
+    return bool(1.0 / _MIDDLE < ratio / median < _MIDDLE)
 
 
 def _cost(terms: Floats, blocks: _Blocks) -> float:
@@ -282,10 +283,10 @@ def _cost(terms: Floats, blocks: _Blocks) -> float:
 
 def _trimmed(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]:
     """The law over the blocks that agree with it: those far above it hold a signal."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     variance = blocks.variance
-    most = float(chi2.isf(_TRIMMED, blocks.degrees)) / blocks.degrees
+    most = float(chdtri(blocks.degrees, _TRIMMED)) / blocks.degrees
     kept = np.ones(variance.size, bool)
     for _ in range(_ROUNDS):
         squares = most_likely_squares(terms[kept], variance[kept])

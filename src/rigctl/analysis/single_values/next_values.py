@@ -282,14 +282,15 @@ def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
 
 def _repeats(before: ModelComparison, score: Score) -> int:
     """How often each row must be read for an effect of its size to be told; 0 where that is out of reach."""
-    from scipy.stats import norm, t
+    from scipy.special import ndtri, stdtrit
 
     channel = before.fit.problem.noise.channels[0]
     rows = len(before.fit.problem.records)
     if not channel.degrees:
         return 0
     for count in range(2, _MOST_REPEATS + 1):
-        needed = float(t.isf(0.5 * ALPHA, channel.degrees + rows * (count - 1)) + norm.isf(_MISSED))
+        degrees = channel.degrees + rows * (count - 1)
+        needed = -float(stdtrit(degrees, 0.5 * ALPHA) + ndtri(_MISSED))
         if score.z * math.sqrt(count) > needed:
             return count
     return 0

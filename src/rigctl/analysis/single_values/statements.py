@@ -220,13 +220,13 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
     degrees = min((channel.degrees for channel in fit.problem.noise.channels if channel.degrees), default=0)
     if not degrees:
         return [f"{many}, and the noise is only guessed: no verdict is surer than that guess"]
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    needed = float(t.isf(0.5 * ALPHA, degrees))
+    needed = -float(stdtrit(degrees, 0.5 * ALPHA))
     return [
         f"{many} leave {left} to judge by, and their noise is itself known to about "
         f"{100 / math.sqrt(2 * degrees):.0f} % only: an effect would have to stand out by {needed:.1f} sigma "
-        f"to be told, where {t.isf(0.5 * ALPHA, 1e9):.1f} would do if the noise were known"
+        f"to be told, where {-stdtrit(1e9, 0.5 * ALPHA):.1f} would do if the noise were known"
     ]
 
 

@@ -26,7 +26,7 @@ def as_table(
     """
     if not measurements.table:
         return measurements
-    columns = {name: unit for run in runs for name, unit in run.records.attrs["units"].items()}
+    columns = {name: unit for run in runs for name, unit in run.record_units.items()}
     titles = {output: name for output, name in (named or {}).items() if name in columns}
     units = tuple(
         columns.get(titles.get(name, name), unit)
