@@ -185,8 +185,8 @@ def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats 
     return knots_over(low, high, functions, inner)
 
 
-def prior_root(functions: int = FUNCTIONS) -> Floats:
-    """(functions, functions) L of ``L·Lᵀ = K``."""
+def prior_root(functions: int = FUNCTIONS, smooth: float = _SMOOTH) -> Floats:
+    """(functions, functions) L of ``L·Lᵀ = K``; `smooth` is ℓ, in splines."""
     apart = np.subtract.outer(np.arange(functions), np.arange(functions))
-    covariance = np.exp(-0.5 * np.square(apart / _SMOOTH)) + 1e-8 * np.eye(functions)
+    covariance = np.exp(-0.5 * np.square(apart / smooth)) + 1e-8 * np.eye(functions)
     return np.asarray(np.linalg.cholesky(covariance))

@@ -174,7 +174,7 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     """
     if not fit.problem.model.family.slots:  # nowhere for a term
         return ()
-    fit = _some(fit)
+    fit = some_records(fit)
     problem = fit.problem
     knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
     model = disturbed(problem, knots, progress)
@@ -204,14 +204,14 @@ def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotE
     return _ranked(_one_each(found), problem, columns, normals.excess)
 
 
-def _some(fit: FitResult) -> FitResult:
+def some_records(fit: FitResult, *, samples: int = _MOST_SAMPLES) -> FitResult:
     """The fitted records; of many of them some, of long ones some samples, drawn once and for all."""
     places = np.array(fit.fitted)
     if places.size > _MOST_RECORDS:
         draw = np.random.Generator(np.random.PCG64(0))
         places = np.sort(draw.choice(places, _MOST_RECORDS, replace=False))
     chosen = [
-        np.arange(0, size, -(-size // _MOST_SAMPLES), dtype=np.intp)
+        np.arange(0, size, -(-size // samples), dtype=np.intp)
         for size in (fit.problem.records[place].times.size for place in places)
     ]
     return replace(

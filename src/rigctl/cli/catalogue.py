@@ -47,6 +47,9 @@ ENTRIES = (
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
     Entry("compare", "rigctl.cli.compare:compare", PHYSICS, "How well a model agrees, and where it fails."),
     Entry("diagnose", "rigctl.cli.diagnose:diagnose", PHYSICS, "Which effect a model lacks, and adding it."),
+    Entry(
+        "discover", "rigctl.cli.discover:discover", PHYSICS, "A formula for what no effect of the library is."
+    ),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry(
         "family", "rigctl.cli.family_new:app", PHYSICS, "A first family, rig and model from your own data."

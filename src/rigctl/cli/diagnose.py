@@ -106,6 +106,7 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
     """What to type next: add what is missing, look at where nothing helps, or make the page."""
     from rigctl.analysis.diagnosis_result import Verdict
     from rigctl.cli.next_command import analysis, page_of, show_next
+    from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
     if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
@@ -117,6 +118,9 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
     elif found.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data ask for nothing more")
+    elif gate_of(found).open:
+        command = analysis("discover", runs, model, choice)
+        show_next(command, "looks for a formula of what no effect of the library is")
     elif found.best.candidates:
         likely = ", the most probable, but these data cannot tell" * (found.verdict is Verdict.AMBIGUOUS)
         show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")

@@ -36,8 +36,13 @@ class DataOptions:
 
 def analysis(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:
     """A command about a model and runs, with the same choice: ``rigctl diagnose latest --model …``."""
+    return command([verb, *runs, "--model", model], choice)
+
+
+def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
+    """A command of these words, and the choice of records."""
     chosen = choice or DataOptions()
-    words = ["rigctl", verb, *map(_quoted, runs), "--model", _quoted(model)]
+    words = ["rigctl", *map(_quoted, arguments)]
     for option, value in (("--only", chosen.only), ("--hold-out", chosen.hold_out)):
         if value:
             words += [option, f'"{value}"']

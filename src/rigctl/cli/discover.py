@@ -1,0 +1,113 @@
+"""`rigctl discover`: where a model lacks what no effect of the library is, as a curve and as formulas."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.compare import Assume, HoldOut, Only, Runs
+from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
+
+if TYPE_CHECKING:
+    from rigctl.cli.next_command import DataOptions
+    from rigctl.discovery.result import Discovery
+
+
+def discover(
+    runs: Runs,
+    model: Annotated[
+        Path,
+        typer.Option(
+            "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
+        ),
+    ],
+    hold_out: HoldOut = None,
+    only: Only = None,
+    *,
+    slot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SLOT",
+            help="Look at this place of the equations alone; 'rigctl effects list --slots' lists them.",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Write each formula that predicts what it was not fitted to as an effect file. "
+            "What lies there stays.",
+            show_default=False,
+        ),
+    ] = None,
+    assume: Assume = None,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Look for a formula of what is missing where no effect of the library is sure to be it.
+
+    First a diagnosis; where the library has the answer, or these data cannot tell whether anything is
+    missing, nothing is looked for. Else: at which place of the equations a term is missing and what it
+    depends on, the term as a curve with its band, and all formulas that these data do not tell from the best.
+
+    Examples:
+
+      rigctl discover latest --model models/hl32-textbook.yaml
+
+      rigctl discover latest --model models/hl32-textbook.yaml --slot friction -o effects/
+    """
+    from rigctl.cli.compare import open_models, open_runs
+    from rigctl.cli.discover_views import show_discovery
+    from rigctl.cli.next_command import DataOptions
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.telling import telling
+    from rigctl.discovery.discover import discover as discovered
+    from rigctl.discovery.discover import require_slot
+    from rigctl.discovery.hand_over import require_folder, write_files
+
+    require_folder(output)
+    (opened,) = open_models([model])
+    require_slot(opened.family, slot)
+    choice = DataOptions(only, hold_out, assume or ())
+    with telling("nothing was saved") as on_progress:
+        found = discovered(
+            open_runs(runs, opened, choice.assume),
+            opened,
+            hold_out=hold_out,
+            only=only,
+            slot=slot,
+            on_progress=on_progress,
+        )
+    if output is not None:
+        found = write_files(found, output)
+    if as_json:
+        print_json(found.document())
+    else:
+        show_discovery(found)
+        _lead_on(found, runs, str(model), choice, saved=output is not None)
+
+
+def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:
+    """What to type next: what the gate says, save the formulas, or add the first of them."""
+    from rigctl.cli.next_command import analysis, command, show_next
+
+    accepted = [one for one in found.formulas if one.accepted]
+    if found.gate.reason == "library":
+        show_next(analysis("diagnose", runs, model, choice), "says which effect it is, and how sure that is")
+    elif accepted and accepted[0].file is not None:
+        words = ["model", "add", model, accepted[0].file.as_posix(), *runs, "--fit-shapes"]
+        show_next(command(words, choice), "adds the first of them as the model's next version")
+    elif accepted and not saved:
+        again = analysis("discover", runs, model, choice)
+        show_next(f"{again} -o effects", "writes them as effect files, for 'model add' and 'compare'")
+    else:
+        draws = "draws where the model fails"
+        show_next(f"{analysis('compare', runs, model, choice)} -o page.html", draws)

@@ -1,0 +1,133 @@
+"""Which formulas need no number with a dimension beside what the model declares (Buckingham's theorem).
+
+Tier A: a pure number times a product of powers of declared parameters has the dimension that the formula
+needs; tier B: one coefficient with a dimension of its own, which any formula can be made consistent with.
+Tier B is the weaker claim.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+from rigctl.discovery.formulas import Formula
+from rigctl.discovery.grammar import DISTANCES
+from rigctl.model.model import Model
+from rigctl.units import Dimension, parse_unit
+
+#: exponents that groups are made of, and parameters in a group: with more, any number could be made
+_EXPONENTS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
+_MOST = 2
+#: a pure number of physics is within these
+_LEAST, _LARGEST = 0.01, 100.0
+
+_POWERS = {
+    "linear": 1.0,
+    "power_half": 0.5,
+    "power_three_halves": 1.5,
+    "power_two": 2.0,
+    "power_three": 3.0,
+    "even_half": 0.5,
+    "even_one": 1.0,
+    "even_two": 2.0,
+}
+
+
+@dataclass(frozen=True)
+class Tier:
+    """How strong a formula's claim is.
+
+    Attributes
+    ----------
+    coefficient: in front of the group, a pure number; of tier B in the unit that `group` says.
+    group: ``mass*stiffness^0.5``, or the unit of the coefficient.
+    statement: in words.
+    """
+
+    letter: Literal["A", "B"]
+    coefficient: float
+    group: str
+    statement: str
+
+
+def tier_of(formula: Formula, model: Model) -> Tier:
+    """The tier of a formula whose size and scales are the fitted ones."""
+    size, dimension, unit = _coefficient(formula)
+    scales = [
+        (one.argument.scale_si(kind, x), parse_unit(one.argument.driver.unit).dimension)
+        for one in formula.factors
+        for kind, x in zip(one.form.scales, one.scales, strict=True)
+        if kind in DISTANCES or not one.argument.point
+    ]
+    found = [_group(value, of, model) for value, of in [(size, dimension), *scales]]
+    known = [one for one in found if one is not None]
+    if len(known) == len(found):
+        (number, text), *others = known
+        said = f"{number:.3g} times {text}" if text else f"the pure number {number:.3g}"
+        more = "".join(f", scale {value:.3g} times {group}" for value, group in others if group)
+        return Tier("A", number, text, f"no number with a dimension of its own: {said}{more}")
+    missing = "its size" if found[0] is None else "a scale of it"
+    return Tier(
+        "B",
+        size,
+        unit,
+        f"the weaker claim: {missing} has a dimension that no group of the model's parameters has",
+    )
+
+
+def _coefficient(formula: Formula) -> tuple[float, Dimension, str]:
+    """What stands in front once powers of a variable are written without their references."""
+    value, dimension = formula.size, parse_unit(formula.slot.unit).dimension
+    unit = formula.slot.unit
+    for one in formula.factors:
+        power = _POWERS.get(one.form.name, 0.0)
+        if power:
+            value /= one.argument.reference**power
+            dimension = dimension / parse_unit(one.argument.driver.unit).dimension ** power
+            unit = f"{unit} per ({one.argument.driver.unit})^{power:g}"
+    return value, dimension, unit
+
+
+def _group(value: float, dimension: Dimension, model: Model) -> tuple[float, str] | None:
+    """The simplest product of powers of parameters of a dimension, and the number in front of it."""
+    if dimension.dimensionless:
+        return value, ""
+    best: tuple[float, float, str] | None = None
+    for count, cost, size, text in _products(dimension, model):
+        number = value / size
+        if _LEAST <= abs(number) <= _LARGEST and (best is None or (count + cost) < best[0]):
+            best = (count + cost, number, text)
+    return None if best is None else best[1:]
+
+
+def _products(dimension: Dimension, model: Model) -> Iterator[tuple[int, float, float, str]]:
+    """How many parameters, how unlike 1 their exponents are, the value and the text of each product."""
+    known = _parameters(model)
+    powers = {
+        (name, power): tuple(float(one) for one in (of**power).exponents)
+        for name, (_, of) in known.items()
+        for power in _EXPONENTS
+    }
+    wanted = tuple(float(one) for one in dimension.exponents)
+    for count in range(1, _MOST + 1):
+        for chosen in combinations(powers, count):
+            if len({name for name, _ in chosen}) < count:
+                continue
+            if tuple(map(sum, zip(*(powers[one] for one in chosen), strict=True))) != wanted:
+                continue
+            size = math.prod(known[name][0] ** power for name, power in chosen)
+            text = "*".join(name if power == 1.0 else f"{name}^{power:g}" for name, power in chosen)
+            yield count, sum(abs(abs(power) - 1.0) for _, power in chosen), size, text
+
+
+def _parameters(model: Model) -> Mapping[str, tuple[float, Dimension]]:
+    """Positive parameters with a dimension, by name: value and dimension."""
+    found: dict[str, tuple[float, Dimension]] = {}
+    for one in model.family.parameters:
+        value, dimension = model.values.get(one.name, one.value), parse_unit(one.unit).dimension
+        if value > 0.0 and not dimension.dimensionless:
+            found[one.name] = (value, dimension)
+    return found

@@ -1,0 +1,184 @@
+"""A formula as a user's effect file: term, parameters, where it holds and what it was learned from."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from rigctl.discovery.formulas import Factor, Formula
+from rigctl.discovery.grammar import DISTANCES, amount
+from rigctl.effects.declaration import Effect
+from rigctl.effects.user import parse_effect
+from rigctl.effects.user.names import taken_names
+from rigctl.files.yaml import parse_document
+from rigctl.method_version import METHOD_VERSION
+from rigctl.model.model import Model
+from rigctl.physics.families import FAMILIES, is_family_file, using_families
+from rigctl.physics.family import ModelFamily
+
+#: bounds of a size, times what was found; of a distance, times its start; of a place, ranges beyond the data
+_FAR, _SCALE, _BEYOND = 100.0, 10.0, 0.5
+#: a function's argument may get so large at the most: exp(40) is 2e17
+_LARGEST = 40.0
+
+
+@dataclass(frozen=True)
+class ScaleParameter:
+    """A scale of a formula as a parameter of its effect: SI, and as the file writes it."""
+
+    name: str
+    factor: Factor
+    kind: str
+    value: float
+    low: float
+    high: float
+
+    def text(self) -> str:
+        """Its line in the file."""
+        own = self.factor.argument
+        start, low, high = (own.amount(self.kind, one) for one in (self.value, self.low, self.high))
+        return f"{{start: {start}, bounds: [{low}, {high}], meaning: {_MEANINGS[self.kind]}}}"
+
+
+_MEANINGS = {
+    "scale": "s over which it changes",
+    "width": "w of the bump",
+    "center": "where the bump is",
+    "limit": "where it begins",
+}
+
+
+def scale_parameters(formula: Formula, family: ModelFamily) -> tuple[ScaleParameter, ...]:
+    """The parameters besides the size, with names that mean nothing else in the model."""
+    taken = {*taken_names(family), "size"}
+    found = []
+    for factor in formula.factors:
+        own = factor.argument
+        for kind, x in zip(factor.form.scales, factor.scales, strict=True):
+            name = next(one for one in (kind, f"{kind}_2", f"{kind}_3", f"{kind}_4") if one not in taken)
+            taken.add(name)
+            value = own.scale_si(kind, x)
+            if kind in DISTANCES:
+                least = max(abs(own.low - own.zero), abs(own.high - own.zero)) / _LARGEST
+                steep = factor.form.name in ("growth", "decay")
+                low, high = max(value / _SCALE, least if steep else 0.0), value * _SCALE
+            else:
+                beyond = _BEYOND * (own.high - own.low)
+                low, high = own.low - beyond, own.high + beyond
+            value = min(max(value, low), high)
+            found.append(ScaleParameter(name, factor, kind, value, low, high))
+    return tuple(found)
+
+
+def term_of(formula: Formula, scales: Sequence[ScaleParameter]) -> str:
+    """As an effect file has it."""
+    text = "size"
+    for factor in formula.factors:
+        names = [one.name for one in scales if one.factor is factor]
+        text += f"*{factor.form.text(factor.argument, names)}"
+    return f"1 + {text}" if formula.slot.combine == "product" else text
+
+
+def effect_of(formula: Formula, family: ModelFamily) -> Effect:
+    """The effect; its scales are fitted once it is in the model."""
+    text = "\n".join([f"effect: {formula.name}", f"family: {family.name}", *_body(formula, family)])
+    if family.name in FAMILIES:
+        found = parse_effect(text)
+    else:
+        with using_families(family):
+            found = parse_effect(text)
+    return replace(
+        found,
+        own_family=None if family.name in FAMILIES else family,
+        parameters=tuple(replace(one, refined=one.shape) for one in found.parameters),
+    )
+
+
+def _body(formula: Formula, family: ModelFamily) -> list[str]:
+    scales = scale_parameters(formula, family)
+    unit = formula.slot.unit
+    start = formula.size or 1.0
+    far = _FAR * abs(start)
+    return [
+        f"summary: {_summary(formula)}",
+        f"slot: {formula.slot.name}",
+        f"term: {term_of(formula, scales)}",
+        "parameters:",
+        f"  size: {{null_value: {amount(0.0, unit)}, start: {amount(start, unit)}, "
+        f"bounds: [{amount(-far, unit)}, {amount(far, unit)}], physical: none, meaning: in front of it}}",
+        *(f"  {one.name}: {one.text()}" for one in scales),
+    ]
+
+
+def _summary(formula: Formula) -> str:
+    over = " and ".join(one.argument.driver.name for one in formula.factors)
+    return f"A term at {formula.slot.name} over {over}, found in measurements by 'rigctl discover'."
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a formula was learned from.
+
+    Attributes
+    ----------
+    runs: ids; `model` its name; `date` the day, ``2026-11-22``.
+    tier: A or B, see `rigctl.discovery.dimensions`.
+    """
+
+    runs: tuple[str, ...]
+    model: str
+    date: str
+    tier: Literal["A", "B"]
+    statement: str
+
+
+def file_text(
+    formula: Formula,
+    name: str,
+    valid: Sequence[tuple[str, float, float, str]],
+    model: Model,
+    folder: Path,
+    origin: Origin,
+) -> str:
+    """The effect file of a formula whose size and scales are the fitted ones.
+
+    Parameters
+    ----------
+    name: of the effect.
+    valid: (variable, lowest, highest, unit) of each factor, SI.
+    folder: where it will lie: a family of the user's is named from there.
+    """
+    lines = [f"effect: {name}", f"family: {_family_text(model, folder)}"]
+    lines += _body(formula, model.family)
+    lines.append("valid:")
+    for factor, (over, *ends, _) in zip(formula.factors, valid, strict=True):
+        low, high = (factor.argument.amount("center", end) for end in ends)
+        lines.append(f"  {over}: [{low}, {high}]")
+    provenance = {
+        "runs": list(origin.runs),
+        "model": origin.model,
+        "method": METHOD_VERSION,
+        "date": origin.date,
+        "tier": origin.tier,
+        "statement": origin.statement,
+    }
+    lines.append("provenance:")
+    lines += [f"  {name}: {json.dumps(value, ensure_ascii=False)}" for name, value in provenance.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _family_text(model: Model, folder: Path) -> str:
+    """How a file in `folder` names the model's family: by its name, or by its file."""
+    family = model.family
+    if family.name in FAMILIES or model.path is None or not model.text:
+        return family.name
+    said = parse_document(model.text, model.path).data
+    written = said.get("model") if isinstance(said, Mapping) else None
+    if not isinstance(written, str) or not is_family_file(written):
+        return family.name
+    beside = model.path.parent / written
+    return Path(os.path.relpath(beside if beside.exists() else written, folder)).as_posix()

@@ -1,0 +1,310 @@
+"""Formulas for what is left, scored through the trajectories: never through differentiated data.
+
+The columns of fine splines at a slot say what any smooth function of the variable there does to the readings:
+``g(x) = Σ_k c_k·B_k(x)``, ``s = Σ_k c_k·s̃_k``. A formula explains ``(s·r̃)²/s·s`` of χ², and costs
+``p·ln N_eff + 2·ln K + 2·C``, p its parameters, K the formulas that were tried and C its operations.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.discovery.grammar import DISTANCES, Argument, Form, argument, factors, forms
+from rigctl.discovery.locate import Located
+from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
+from rigctl.engine.one_thread import one_thread
+from rigctl.engine.splines import SplineArgument
+from rigctl.physics.family import Slot
+
+Floats = NDArray[np.float64]
+
+#: splines that stand for a function of one variable, and for each of a product's
+FINE, FINE_PRODUCT = 24, 11
+#: points between two knots at which a function is followed
+_POINTS = 15
+#: formulas whose scales are refined, and whose columns are compared
+_FIRST = 40
+#: two formulas as alike as this are one
+SAME = 0.99
+#: at most two scales in a formula
+_SCALES = 2
+#: of a range, how far a place is moved at first
+_NEAR = 0.1
+#: letters of a name
+_LONGEST = 60
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A form of one argument, its scales as values of x."""
+
+    argument: Argument
+    form: Form = field(repr=False)
+    scales: tuple[float, ...] = ()
+
+    def of(self, z: Floats) -> Floats:
+        """(n) at values of the driver, SI."""
+        return self.form.of(self.argument.of(z), *self.scales)
+
+
+@dataclass(frozen=True)
+class Formula:
+    """One formula at one slot, as the linear problem sees it.
+
+    Attributes
+    ----------
+    factors: one, or two for a product.
+    gain: of χ².
+    size: in the slot's unit, SI; the term is size·Π factors.
+    cost: what it costs less what it explains; less is better.
+    alike: names of formulas that do the same to these data.
+    """
+
+    slot: Slot
+    factors: tuple[Factor, ...]
+    gain: float
+    size: float
+    cost: float
+    alike: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What it is, whatever its scales."""
+        product = " times ".join(f"{one.form.name} of {one.argument.driver.name}" for one in self.factors)
+        return f"{self.slot.name}: {product}"
+
+    @property
+    def name(self) -> str:
+        """The name of its effect: ``friction_bump_of_position``."""
+        return re.sub(r"[^a-z0-9]+", "_", self.key.casefold())[:_LONGEST].strip("_")
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """Of all factors."""
+        return tuple(scale for one in self.factors for scale in one.scales)
+
+    @property
+    def parameters(self) -> int:
+        """Its size and scales."""
+        return 1 + len(self.scales)
+
+    @property
+    def complexity(self) -> int:
+        """Operations and constants."""
+        return sum(one.form.complexity for one in self.factors) + len(self.factors) - 1
+
+    def with_scales(self, scales: Sequence[float]) -> Formula:
+        """The same with other scales."""
+        left, found = list(scales), []
+        for one in self.factors:
+            count = len(one.scales)
+            found.append(replace(one, scales=tuple(left[:count])))
+            left = left[count:]
+        return replace(self, factors=tuple(found))
+
+    def price(self, samples: float, tried: int) -> float:
+        """What it has to explain to pay for itself, in χ²."""
+        return self.parameters * math.log(samples) + 2.0 * math.log(max(tried, 2)) + 2.0 * self.complexity
+
+
+@dataclass(frozen=True)
+class Scored:
+    """The formulas that were tried: `formulas` the best of each form, the cheapest first; `tried` of all."""
+
+    formulas: tuple[Formula, ...]
+    tried: int
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """Splines at one slot over one variable or the products over two, and what they do to the readings.
+
+    `square` and `along` are ``S̃ᵀS̃`` and ``S̃ᵀr̃``; `grids` are points of each variable, SI, and `follow`
+    (functions, points) what makes a function's spline of its values there.
+    """
+
+    located: Located
+    known: tuple[SplineArgument, ...]
+    arguments: tuple[Argument, ...]
+    square: Floats = field(repr=False)
+    along: Floats = field(repr=False)
+    grids: tuple[Floats, ...] = field(repr=False)
+    follow: tuple[Floats, ...] = field(repr=False)
+
+    def weights(self, chosen: Sequence[Factor]) -> Floats:
+        """The splines' coefficients of a product of factors, one of each variable."""
+        parts = []
+        for own, grid, follow in zip(self.arguments, self.grids, self.follow, strict=True):
+            (factor,) = (one for one in chosen if one.argument is own)
+            parts.append(follow @ factor.of(grid))
+        return parts[0] if len(parts) == 1 else np.outer(parts[0], parts[1]).ravel()
+
+    def score(self, weights: Floats) -> tuple[float, float]:
+        """The gain of χ² and the size that a column has."""
+        length = float(weights @ self.square @ weights)
+        along = float(weights @ self.along)
+        if not length > 0.0 or not math.isfinite(length) or not math.isfinite(along):
+            return 0.0, 0.0
+        return along**2 / length, along / length
+
+
+@one_thread()
+def score_formulas(opened: OpenSlots, located: Sequence[Located], samples: float) -> Scored:
+    """Every formula of the grammar at the located slots and variables.
+
+    Parameters
+    ----------
+    located: over one variable or two.
+    samples: N_eff.
+    """
+    best: dict[str, tuple[Formula, _Basis]] = {}
+    tried = 0
+    for one in located:
+        basis = _basis(opened, one)
+        if basis is None:
+            continue
+        for formula in _every(basis):
+            tried += 1
+            known = best.get(formula.key)
+            if formula.gain > 0.0 and (known is None or formula.gain > known[0].gain):
+                best[formula.key] = (formula, basis)
+
+    def priced(formula: Formula) -> Formula:
+        return replace(formula, cost=formula.price(samples, tried) - formula.gain)
+
+    found = sorted(
+        ((priced(formula), basis) for formula, basis in best.values()), key=lambda one: one[0].cost
+    )
+    first = [(priced(_refined(formula, basis)), basis) for formula, basis in found[:_FIRST]]
+    first.sort(key=lambda one: one[0].cost)
+    return Scored(tuple(_merged(opened, first)), tried)
+
+
+def _basis(opened: OpenSlots, one: Located) -> _Basis | None:
+    family = opened.problem.model.family
+    functions = FINE if len(one.over) == 1 else FINE_PRODUCT
+    known, arguments, grids, follow = [], [], [], []
+    for driver in one.over:
+        knots = opened.knots(driver, functions)
+        if knots is None:
+            return None
+        grid = _points(knots)
+        known.append(SplineArgument(dict(driver.weights), knots))
+        arguments.append(argument(driver, float(grid[0]), float(grid[-1]), family))
+        grids.append(grid)
+        follow.append(_following(grid, knots))
+    splines = splines_at([(one.slot, known[0])]) if len(known) == 1 else products_at(one.slot, *known)
+    projected = opened.project(opened.readings(splines))
+    columns = np.where(projected.usable, projected.signatures, 0.0)
+    return _Basis(
+        one,
+        tuple(known),
+        tuple(arguments),
+        columns.T @ columns,
+        columns.T @ projected.residual,
+        tuple(grids),
+        tuple(follow),
+    )
+
+
+def _points(knots: Floats) -> Floats:
+    """Points over a range, as many between any two knots."""
+    inner = knots[3:-3]
+    parts = [np.linspace(a, b, _POINTS, endpoint=False) for a, b in pairwise(inner.tolist())]
+    return np.concatenate([*parts, [np.nextafter(inner[-1], inner[0])]])
+
+
+def _following(grid: Floats, knots: Floats) -> Floats:
+    """(functions, points) what makes a function's spline of its values at the points."""
+    from scipy.interpolate import BSpline
+
+    return np.asarray(np.linalg.pinv(BSpline.design_matrix(grid, knots, 3).toarray()))
+
+
+def _every(basis: _Basis) -> Iterator[Formula]:
+    for chosen in _choices(basis.arguments):
+        gain, size = basis.score(basis.weights(chosen))
+        yield Formula(basis.located.slot, chosen, gain, size, 0.0)
+
+
+def _choices(arguments: Sequence[Argument]) -> Iterator[tuple[Factor, ...]]:
+    """A form of the one variable, or of either of two with a factor of the other."""
+    for place, own in enumerate(arguments):
+        inner = list(_factors(own, forms))
+        outer = list(_factors(arguments[1 - place], factors)) if len(arguments) == 2 else []
+        for one in inner:
+            if not outer:
+                yield (one,)
+            for other in outer:
+                if len(one.scales) + len(other.scales) <= _SCALES:
+                    yield (one, other)
+
+
+def _factors(own: Argument, kinds: Callable[[float, float], Iterator[Form]]) -> Iterator[Factor]:
+    ends = own.of(np.array([own.low, own.high]))
+    for form in kinds(float(ends[0]), float(ends[1])):
+        for scales in form.starts:
+            yield Factor(own, form, scales)
+
+
+def _refined(formula: Formula, basis: _Basis) -> Formula:
+    """Its scales where the linear problem likes them best, near where they began."""
+    if not formula.scales:
+        return formula
+    from scipy.optimize import minimize
+
+    begin = np.array(formula.scales)
+    distance = np.array([name in DISTANCES for one in formula.factors for name in one.form.scales])
+    length = np.concatenate([np.full(len(one.scales), one.argument.length) for one in formula.factors])
+
+    def at(moved: Floats) -> list[float]:
+        near = np.clip(moved, -1.5, 1.5)
+        return [
+            float(value) for value in np.where(distance, begin * np.exp(near), begin + _NEAR * length * near)
+        ]
+
+    def loss(moved: Floats) -> float:
+        return -basis.score(basis.weights(formula.with_scales(at(moved)).factors))[0]
+
+    done = minimize(loss, np.zeros(begin.size), method="Nelder-Mead", options={"maxfev": 60, "xatol": 0.02})
+    if not -done.fun > formula.gain:
+        return formula
+    better = formula.with_scales(at(done.x))
+    gain, size = basis.score(basis.weights(better.factors))
+    return replace(better, gain=gain, size=size)
+
+
+def _merged(opened: OpenSlots, found: Sequence[tuple[Formula, _Basis]]) -> Iterator[Formula]:
+    """One of all that do the same to the data: ``|cos| > 0.99``, the cheapest, which names the others."""
+    if not found:
+        return
+    readings: list[list[Floats]] = []
+    order: list[int] = []
+    for key in dict.fromkeys(id(basis) for _, basis in found):
+        places = [k for k, (_, basis) in enumerate(found) if id(basis) == key]
+        basis = found[places[0]][1]
+        slot = basis.located.slot
+        splines = (
+            splines_at([(slot, basis.known[0])]) if len(basis.known) == 1 else products_at(slot, *basis.known)
+        )
+        weights = np.column_stack([basis.weights(found[k][0].factors) for k in places])
+        readings.append([one @ weights for one in opened.readings(splines)])
+        order += places
+    projected = opened.project([np.concatenate(parts, axis=2) for parts in zip(*readings, strict=True)])
+    lengths = np.where(projected.lengths > 0.0, projected.lengths, 1.0)
+    unit = projected.signatures / lengths
+    cosines = np.empty((len(order), len(order)))
+    cosines[np.ix_(order, order)] = np.abs(unit.T @ unit)
+    left = list(range(len(found)))
+    while left:
+        leader = left.pop(0)
+        same = [k for k in left if cosines[leader, k] > SAME]
+        left = [k for k in left if k not in same]
+        yield replace(found[leader][0], alike=tuple(found[k][0].name for k in same))

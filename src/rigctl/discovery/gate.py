@@ -1,0 +1,132 @@
+"""When is it worth looking for a formula? Where something is missing that no effect is sure to be.
+
+Closed where the model agrees, where these data cannot tell, where the library has an answer, and where
+records of one condition differ from each other: that is no term of the model's variables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rigctl.analysis.adequacy import chi2_tail
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.linearisation import Linearisation
+
+#: of the misfit, the share that differs between records of one condition and closes the gate
+_IRREPRODUCIBLE = 0.5
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Whether to look, and why or why not.
+
+    Attributes
+    ----------
+    reason: ``outside_library`` where it is open; ``adequate``, ``undecided``, ``library`` or ``replicates``.
+    statement: in words.
+    """
+
+    open: bool
+    reason: str
+    statement: str
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {"open": self.open, "reason": self.reason, "statement": self.statement}
+
+
+def gate_of(found: Diagnosis) -> Gate:
+    """The gate of a diagnosed model."""
+    before = found.before
+    if found.verdict is Verdict.ADEQUATE:
+        if before.adequacy.below_noise:
+            return Gate(False, "undecided", f"Nothing is looked for: {before.statement}")
+        return Gate(False, "adequate", f"There is nothing to discover: {found.statement}")
+    if found.doubt:
+        return Gate(
+            False,
+            "undecided",
+            f"Nothing is looked for, as these data do not tell whether anything is missing: {found.doubt}",
+        )
+    if found.verdict is Verdict.MISSING_EFFECT or (
+        found.verdict is Verdict.AMBIGUOUS and (found.indistinguishable or _sure(found))
+    ):
+        return Gate(False, "library", _library(found))
+    differ = _replicates_differ(before)
+    if differ:
+        return Gate(False, "replicates", differ)
+    return Gate(
+        True,
+        "outside_library",
+        "Something is missing, and no effect of the library is sure to be it, whatever its shape",
+    )
+
+
+def _sure(found: Diagnosis) -> bool:
+    """Whether a class of effects is sure; else what is nearest fails on records left out, or is unusual."""
+    return any(one.place_sure for one in found.levels)
+
+
+def _library(found: Diagnosis) -> str:
+    names = " and ".join(found.effects)
+    if found.verdict is Verdict.AMBIGUOUS:
+        others = sorted({name for group in found.classes for name in group} - set(found.effects))
+        which = f" (or {', '.join(others)})" if others else ""
+        return (
+            f"Nothing is looked for: the library explains it by {names}{which}, and what is not known is "
+            "which of these it is: 'rigctl diagnose' says what would tell"
+        )
+    if found.remainder is not None:
+        return (
+            f"Nothing is looked for yet: {names} is missing for sure, and it is not all: add it "
+            "('rigctl diagnose … --apply'), then look for what is left beside it"
+        )
+    return f"Nothing is looked for: the library has it, {names}: 'rigctl diagnose … --apply' adds it"
+
+
+def _replicates_differ(before: ModelComparison) -> str:
+    """That records of one condition differ by more than the noise, and by most of the misfit; "" if not.
+
+    The whitened residuals of each phase and channel are summed, ``z ~ N(0, 1)`` each; what these differ by
+    between the records of one condition no term of the model's variables explains.
+    """
+    found = replicate_test(before.linearisation)
+    if found is None:
+        return ""
+    p_value, share = found
+    if p_value >= ALPHA or share < _IRREPRODUCIBLE:
+        return ""
+    return (
+        f"Nothing is looked for: records of one condition differ from each other, by {share:.0%} of what the "
+        f"model leaves (p = {p_value:.2g}): something changes from record to record that no variable of the "
+        "model says. Find out what, or record it"
+    )
+
+
+def replicate_test(lin: Linearisation) -> tuple[float, float] | None:
+    """The p-value that records of one condition agree, and the share of the misfit by which they do not.
+
+    None where no condition has two records.
+    """
+    sums = np.array([record.regions.T @ record.residual for record in lin.records])
+    groups = np.array([lin.regions.groups[k] for k in range(len(lin.records))])
+    between, dof = 0.0, 0
+    total, whole = 0.0, 0
+    for group in np.unique(groups):
+        own = sums[groups == group]
+        if own.shape[0] < 2:
+            continue
+        seen = np.any(own != 0.0, axis=0)
+        between += float(np.square(own - own.mean(axis=0))[:, seen].sum())
+        dof += int(seen.sum()) * (own.shape[0] - 1)
+        total += float(np.square(own)[:, seen].sum())
+        whole += int(seen.sum()) * own.shape[0]
+    if not dof:
+        return None
+    of_records, of_all = between / dof - 1.0, total / whole - 1.0  # per degree of freedom, beyond the noise
+    return chi2_tail(between, dof), min(max(of_records, 0.0) / max(of_all, 1e-12), 1.0)

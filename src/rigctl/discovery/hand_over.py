@@ -1,0 +1,70 @@
+"""The accepted formulas as effect files, for `rigctl model add`, `compare` and later diagnoses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+from rigctl.discovery.effect_file import Origin, file_text
+from rigctl.discovery.result import Discovery, FoundFormula
+from rigctl.effects.registry import library
+from rigctl.effects.user.names import name_in_file
+from rigctl.errors import Location, RigctlError
+from rigctl.files.write import write_text
+from rigctl.model.model import Model
+
+
+def require_folder(folder: Path | None) -> None:
+    """Refuse a folder that is a file, before any work is done.
+
+    Raises
+    ------
+    RigctlError
+        it is one.
+    """
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise RigctlError("effect files go into a folder, and this is a file", where=Location(folder))
+
+
+def write_files(found: Discovery, folder: Path) -> Discovery:
+    """Each accepted formula as an effect file in `folder`; what lies there already stays.
+
+    Raises
+    ------
+    RigctlError
+        the folder is a file, or cannot be written.
+    """
+    require_folder(folder)
+    model = found.diagnosis.before.fit.problem.model
+    taken = {*library(model.family), *(effect.name for effect in model.own_effects)}
+    if folder.is_dir():
+        taken |= {name for path in folder.glob("*.y*ml") if (name := name_in_file(path)) is not None}
+    written = []
+    for one in found.formulas:
+        if one.accepted:
+            path = _write(one, found, model, folder, taken)
+            written.append(replace(one, file=path))
+        else:
+            written.append(one)
+    return replace(found, formulas=tuple(written))
+
+
+def _write(one: FoundFormula, found: Discovery, model: Model, folder: Path, taken: Collection[str]) -> Path:
+    origin = Origin(
+        runs=found.runs,
+        model=found.model,
+        date=date.today().isoformat(),  # noqa: DTZ011 - the day on the user's calendar
+        tier=one.tier.letter,
+        statement=one.tier.statement,
+    )
+    names = [one.name, *(f"{one.name}_{k}" for k in range(2, 1000))]
+    name = next(name for name in names if name not in taken and not (folder / _file_name(name)).exists())
+    path = folder / _file_name(name)
+    write_text(path, file_text(one.fitted.formula, name, one.valid, model, folder, origin))
+    return path
+
+
+def _file_name(effect: str) -> str:
+    return f"{effect.replace('_', '-')}.yaml"

@@ -1,0 +1,147 @@
+"""The model with a term of unknown size at each slot, and what any spline of any variable does there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.disturbance import disturbed_system, level, sort_slots, with_system
+from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.nuisance_projection import Projected, project
+from rigctl.analysis.shape_tolerance import courses, knots_of
+from rigctl.analysis.slot_evidence import some_records
+from rigctl.effects.drivers import Driver, drivers
+from rigctl.effects.registry import library
+from rigctl.engine.compile import Progress, compile_system
+from rigctl.engine.kept import switched_off
+from rigctl.engine.splines import SplineArgument, SplineColumn, SplineColumns
+from rigctl.engine.trajectories import Trajectories
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.physics.family import InputVariable, Slot, StateVariable
+
+Floats = NDArray[np.float64]
+#: told what is being done
+OnProgress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class OpenSlots:
+    """A fitted model whose slots are open for a term.
+
+    Attributes
+    ----------
+    fit: of the model as it is, on the records that are looked at.
+    problem: these records with a level at each slot, 0.
+    slots: those of which something that is read depends.
+    drivers: states, inputs and differences of them that change in these data.
+    found: the records as the model has them.
+    """
+
+    fit: FitResult = field(repr=False)
+    problem: Problem = field(repr=False)
+    slots: tuple[Slot, ...]
+    drivers: tuple[Driver, ...]
+    found: Trajectories = field(repr=False)
+
+    def values(self, driver: Driver) -> Floats:
+        """(samples of all records) of a driver, SI."""
+        return np.concatenate(courses(self.problem, self.found, driver))
+
+    def knots(self, driver: Driver, functions: int) -> Floats | None:
+        """Of splines over a driver, between which lie as many samples; None where it is constant."""
+        return knots_of(courses(self.problem, self.found, driver), functions)
+
+    def columns(self, asked: Sequence[tuple[Slot, SplineArgument]]) -> Projected:
+        """The columns of every spline of each argument at its slot, the fitted unknowns projected off.
+
+        Raises
+        ------
+        RigctlError
+            the model cannot be simulated there.
+        """
+        return self.project(self.readings(splines_at(asked)))
+
+    def readings(self, splines: SplineColumns) -> list[Floats]:
+        """(n, channels, columns) of each record: the derivatives of what is read."""
+        problem, local = self.problem, self.fit.local
+        found: list[Floats] = []
+        for part in problem.parts(len(splines.columns)):
+            some = problem.only(part)
+            slopes = some.simulate(np.empty(0), [local[k] for k in part], splines=splines).require()
+            found += [np.take(array, problem.channels, axis=1) for array in slopes.sensitivities]
+        return found
+
+    def project(self, readings: Sequence[Floats]) -> Projected:
+        """Columns of readings, of every record, the fitted unknowns projected off."""
+        names = [str(k) for k in range(readings[0].shape[2])]
+        with switched_off():  # large, and asked for once
+            found = linearise(self.fit, self.fit.problem, (), (names, readings))
+        return project(found.rearranged((), (), shaped=True))
+
+    def thinned(self, samples: int) -> OpenSlots:
+        """The same with about so many samples of each record: enough to say which columns are alike."""
+        fit = some_records(self.fit, samples=samples)
+        problem = self.problem.at_samples(
+            [np.arange(0, one.times.size, -(-one.times.size // samples)) for one in self.problem.records]
+        )
+        found = problem.simulate(np.empty(0), list(fit.local)).require()
+        return replace(self, fit=fit, problem=problem, found=found)
+
+
+def splines_at(asked: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
+    """Every spline of each argument as a term at its slot."""
+    columns = [
+        SplineColumn({level(slot): 1.0}, (place, k))
+        for place, (slot, argument) in enumerate(asked)
+        for k in range(argument.knots.size - 4)
+    ]
+    return SplineColumns(tuple(argument for _, argument in asked), tuple(columns))
+
+
+def products_at(slot: Slot, first: SplineArgument, second: SplineArgument) -> SplineColumns:
+    """All products of a spline of one argument and one of another as terms at a slot, first by first."""
+    count = first.knots.size - 4
+    columns = [SplineColumn({level(slot): 1.0}, (0, i), (1, j)) for i in range(count) for j in range(count)]
+    return SplineColumns((first, second), tuple(columns))
+
+
+def open_slots(before: ModelComparison, progress: Progress | None = None) -> OpenSlots:
+    """The slots of a compared model, opened; of a great many fitted records, and long ones, some are used.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated at its fit.
+    """
+    fit = some_records(before.fit)
+    inner = fit.problem
+    moving, reading = sort_slots(inner)
+    slots = tuple(slot for slot in inner.model.family.slots if slot in (*moving, *reading))
+    compiled = compile_system(disturbed_system(inner, (), slots, 0), progress=progress)
+    problem = with_system(inner, fit, compiled, 1.0)
+    found = problem.simulate(np.empty(0), list(fit.local)).require()
+    tried = tuple(
+        driver for driver in _drivers(inner) if knots_of(courses(problem, found, driver)) is not None
+    )
+    return OpenSlots(fit, problem, slots, tried, found)
+
+
+def _drivers(problem: Problem) -> Iterator[Driver]:
+    """Every state and input, and the differences that effects of the library are driven by, each once."""
+    model = problem.model
+    seen: set[tuple[tuple[str, float], ...]] = set()
+    named: tuple[StateVariable | InputVariable, ...] = (*model.family.states, *model.family.inputs)
+    for item in named:
+        one = Driver(((item.name, 1.0),), item.unit)
+        seen.add(one.weights)
+        yield one
+    for effect in (*library(model.family).values(), *model.own_effects):
+        for driver in drivers(effect) if effect.terms else ():
+            if driver.weights not in seen:
+                seen.add(driver.weights)
+                yield driver

@@ -1,0 +1,53 @@
+"""Does a term take energy out, as friction and leaks do, or put it in?
+
+At the balance of a state s the power of a term is ``direction·w·s``, s counted from its surroundings: below
+0 it takes energy out. A term that does not depend on s has no sign of its own: a spring gives back what it
+took.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.shape_tolerance import courses
+from rigctl.discovery.formulas import Formula
+from rigctl.discovery.open_slots import OpenSlots
+from rigctl.effects.drivers import Driver
+from rigctl.effects.generic.places import Balance, places
+from rigctl.errors import RigctlError
+
+Floats = NDArray[np.float64]
+
+#: a share of the power that is the wrong way, and no more than rounding and noise
+_SMALL = 0.02
+
+
+def passivity(formula: Formula, opened: OpenSlots) -> str:
+    """``takes energy out``, ``puts energy in``, ``takes and puts energy``, or "" where that says nothing."""
+    family = opened.problem.model.family
+    try:
+        place = next((one for one in places(family) if one.slot.name == formula.slot.name), None)
+    except RigctlError:
+        return ""
+    if not isinstance(place, Balance):
+        return ""
+    if all(place.state.name not in one.argument.driver.variables for one in formula.factors):
+        return ""
+    value = np.full(opened.values(Driver(((place.state.name, 1.0),), place.state.unit)).shape, formula.size)
+    for one in formula.factors:
+        value = value * one.of(opened.values(one.argument.driver))
+    power = place.direction * value * _above(place, opened)
+    lost, gained = float(-power[power < 0.0].sum()), float(power[power > 0.0].sum())
+    if not lost + gained > 0.0:
+        return ""
+    if gained <= _SMALL * lost:
+        return "takes energy out"
+    return "puts energy in" if lost <= _SMALL * gained else "takes and puts energy"
+
+
+def _above(place: Balance, opened: OpenSlots) -> Floats:
+    name = place.surroundings
+    weights = [(place.state.name, 1.0)] if name is None else [(place.state.name, 1.0), (name, -1.0)]
+    found = courses(opened.problem, opened.found, Driver(tuple(weights), place.state.unit))
+    return np.asarray(np.concatenate(found) - (place.reference if name is None else 0.0))

@@ -1,0 +1,153 @@
+"""Formulas in the model: refitted together with everything that it frees, and what they predict unseen.
+
+The linear problem says what a formula promises; only a refit says what it keeps, as the scales of a formula
+and the model's parameters move. Each scale of the best is begun at three values or more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from time import monotonic
+
+from rigctl.analysis.adequacy import Adequacy, adequacy, variance_factor
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
+from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.nuisance_projection import project
+from rigctl.analysis.refit import RefittedSet, refit
+from rigctl.analysis.score_test import screen
+from rigctl.discovery.effect_file import effect_of, scale_parameters
+from rigctl.discovery.formulas import Formula
+from rigctl.discovery.grammar import DISTANCES
+from rigctl.discovery.open_slots import OnProgress
+from rigctl.effects.declaration import qualified
+from rigctl.engine.one_thread import one_thread
+from rigctl.model.fit.fit import FitResult
+
+#: formulas that are refitted, and of these those that are begun at several scales
+FIRST, SEVERAL = 12, 4
+#: formulas that cost no more than this above the best are in the set
+DELTA = 6.0
+#: a formula that promises less than this share of what the best does is not refitted, and a refit that is
+#: this far behind the best, in shares of what that explains and in χ², is not begun again
+_PROMISING, _BEHIND, _APART = 0.6, 0.03, 20.0
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A formula with its fitted size and scales in the model.
+
+    Attributes
+    ----------
+    formula: size and scales as fitted.
+    cost: χ² and what the formula costs.
+    """
+
+    formula: Formula
+    trial: RefittedSet = field(repr=False)
+    cost: float
+
+    @property
+    def size_std(self) -> float:
+        """Standard deviation of its size, SI; NaN where it is not known."""
+        return self.trial.value(qualified(self.formula.name, "size"))[1]
+
+
+@one_thread()
+def refit_formulas(
+    fit: FitResult, formulas: Sequence[Formula], samples: float, tried: int, on_progress: OnProgress
+) -> tuple[Fitted, ...]:
+    """The best formulas in the model, the cheapest first.
+
+    Parameters
+    ----------
+    formulas: the cheapest first, as the linear problem sees them.
+    samples: N_eff; `tried` how many formulas were looked at.
+    """
+    chosen = [one for one in formulas[:FIRST] if one.gain > _PROMISING * formulas[0].gain]
+    found: list[Fitted] = []
+    began = monotonic()
+    for place, formula in enumerate(chosen):
+        left = (monotonic() - began) / place * (len(chosen) - place) if place else 0.0
+        on_progress(f"Refitting with formula {place + 1} of {len(chosen)}{_left_text(left)}: {formula.name}")
+        one = _refitted(fit, formula, formula, samples, tried)
+        found += [] if one is None else [one]
+    found.sort(key=lambda one: one.cost)
+    again: list[Fitted] = []
+    for one in found[:SEVERAL]:
+        near = one.cost - found[0].cost < _APART + _BEHIND * formulas[0].gain
+        better = [one]
+        for start in _other_scales(one.formula) if near else ():
+            on_progress(f"Refitting {one.formula.name} from other scales")
+            other = _refitted(fit, one.formula, start, samples, tried)
+            better += [] if other is None else [other]
+        again.append(min(better, key=lambda each: each.cost))
+    return tuple(sorted([*again, *found[SEVERAL:]], key=lambda one: one.cost))
+
+
+def _left_text(seconds: float) -> str:
+    return f", about {seconds:.0f} s left" if seconds >= 1.0 else ""
+
+
+def _refitted(fit: FitResult, formula: Formula, start: Formula, samples: float, tried: int) -> Fitted | None:
+    family = fit.problem.model.family
+    effect = effect_of(formula, family)
+    scales = scale_parameters(start, family)
+    shapes = {qualified(effect.name, one.name): one.value for one in scales}
+    trial = refit(fit, [Candidate(effect, (qualified(effect.name, "size"),), (0,), shapes, {})])
+    if trial is None or not math.isfinite(trial.chi2):
+        return None
+    values = {one.name: trial.value(qualified(effect.name, one.name))[0] for one in scales}
+    fitted = start.with_scales(
+        [
+            (values[one.name] - (0.0 if one.kind in DISTANCES else one.factor.argument.zero))
+            / one.factor.argument.reference
+            for one in scales
+        ]
+    )
+    size = trial.value(qualified(effect.name, "size"))[0]
+    price = formula.price(samples, tried)
+    return Fitted(replace(fitted, size=size, cost=trial.chi2 + price), trial, trial.chi2 + price)
+
+
+def _other_scales(formula: Formula) -> Iterator[Formula]:
+    """The same begun at a half and twice of each distance, and a tenth of the range beside each place."""
+    kinds = [(kind, one.argument) for one in formula.factors for kind in one.form.scales]
+    for place, (kind, argument) in enumerate(kinds):
+        for sign in (-1.0, 1.0):
+            scales = list(formula.scales)
+            scales[place] = (
+                scales[place] * 2.0**sign
+                if kind in DISTANCES
+                else scales[place] + 0.1 * sign * argument.length
+            )
+            yield formula.with_scales(scales)
+
+
+def within(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
+    """The set: all formulas that cost no more than `DELTA` above the best.
+
+    What the best one leaves makes differences count less, by its variance factor.
+    """
+    if not fitted:
+        return ()
+    best = fitted[0]
+    factor = variance_factor(best.trial.fit)
+    return tuple(one for one in fitted if (one.cost - best.cost) / factor < DELTA)
+
+
+def left_out(one: Fitted) -> CrossValidation:
+    """What a formula predicts of each condition that it was not fitted to."""
+    fit = one.trial.fit
+    column = qualified(one.formula.name, "size")
+    lin = linearise(fit, fit.problem, ())
+    return held_out_gain(lin, (column,), [one.formula.size])
+
+
+def tests_after(one: Fitted) -> Adequacy:
+    """Whether the model with the formula agrees with the data."""
+    fit = one.trial.fit
+    projected = project(linearise(fit, fit.problem, ()))
+    return adequacy(projected, screen(projected))

@@ -1,0 +1,210 @@
+"""What a search for a formula returns, for people and for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigctl.analysis.cross_validation import CrossValidation
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.discovery.curve import Curve
+from rigctl.discovery.dimensions import Tier
+from rigctl.discovery.gate import Gate
+from rigctl.discovery.locate import Located, Map
+from rigctl.discovery.refits import Fitted
+from rigctl.notebook import as_html, one_line
+from rigctl.units import parse_unit, show, with_uncertainty
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class FormulaParameter:
+    """A parameter of a formula as fitted, in the unit it is shown in; `std` is NaN where it is not known."""
+
+    value: float
+    unit: str
+    std: float
+
+    def __str__(self) -> str:
+        """As it is read, e.g. ``37.3 ± 0.9 mm``."""
+        return with_uncertainty(self.value, self.std, self.unit)
+
+
+@dataclass(frozen=True)
+class FoundFormula:
+    """One formula of the set.
+
+    Attributes
+    ----------
+    fitted: in the model.
+    term: as its effect file has it.
+    tier: how strong the claim is, by its dimensions.
+    parameters: by name.
+    delta: what it costs above the best of the set.
+    check: what it predicts of each condition that it was not fitted to; None of a single record.
+    passive: ``takes energy out``, ``puts energy in``, ``takes and puts energy``, "" where that says nothing.
+    valid: (variable, lowest, highest, unit) that the data visit, SI.
+    p_value_after: that the model with it agrees with the data.
+    file: the effect file, where it was written.
+    """
+
+    fitted: Fitted = field(repr=False)
+    term: str
+    tier: Tier
+    parameters: Mapping[str, FormulaParameter]
+    delta: float
+    check: CrossValidation | None
+    passive: str
+    valid: tuple[tuple[str, float, float, str], ...]
+    p_value_after: float
+    file: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Of its effect."""
+        return self.fitted.formula.name
+
+    @property
+    def slot(self) -> str:
+        """Where it acts."""
+        return self.fitted.formula.slot.name
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Other formulas that do the same to these data."""
+        return self.fitted.formula.alike
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it predicts what it was not fitted to; without a second record nothing can be left out."""
+        return self.check is not None and self.check.passed
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        check = self.check
+        return {
+            "effect": self.name,
+            "slot": self.slot,
+            "formula": self.term,
+            "tier": self.tier.letter,
+            "tier_statement": self.tier.statement,
+            "parameters": {
+                name: {"value": one.value, "unit": one.unit, "std": _finite(one.std)}
+                for name, one in self.parameters.items()
+            },
+            "delta": self.delta,
+            "alike": list(self.alike),
+            "accepted": self.accepted,
+            "heldout_before": None if check is None else _finite(check.before),
+            "heldout_after": None if check is None else _finite(check.after),
+            "folds": 0 if check is None else check.folds,
+            "p_value_after": self.p_value_after,
+            "passive": self.passive,
+            "valid": [
+                {"over": name, "low": low, "high": high, "unit": unit} for name, low, high, unit in self.valid
+            ],
+            "file": None if self.file is None else self.file.as_posix(),
+        }
+
+    @property
+    def valid_text(self) -> str:
+        """``position from -0.14 m to 0.13 m``."""
+        return ", ".join(
+            f"{name} from {show(low, unit)} to {show(high, unit)}" for name, low, high, unit in self.valid
+        )
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What a search found.
+
+    Attributes
+    ----------
+    runs: the ids; `model` its name.
+    gate: whether it was worth looking.
+    searched: every place and variable; None behind a closed gate.
+    curves: the term over one variable, at the places that are wanted most.
+    formulas: the set: all that these data do not tell from the best.
+    tried: formulas that were looked at.
+    statement: in words; `notes` on the data and the search.
+    diagnosis: of the model as it is.
+    """
+
+    runs: tuple[str, ...]
+    model: str
+    gate: Gate
+    searched: Map | None
+    curves: tuple[Curve, ...]
+    formulas: tuple[FoundFormula, ...]
+    tried: int
+    statement: str
+    notes: tuple[str, ...]
+    diagnosis: Diagnosis = field(repr=False)
+
+    @property
+    def located(self) -> tuple[Located, ...]:
+        """Places and variables, the most wanted first."""
+        return () if self.searched is None else self.searched.located
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer."""
+        searched = self.searched
+        return {
+            "runs": list(self.runs),
+            "model": self.model,
+            "gate": self.gate.document(),
+            "located": [one.document() for one in self.located],
+            "untestable": [
+                {"slot": one.slot.name, "over": [driver.name for driver in one.over]}
+                for one in (() if searched is None else searched.hidden)
+            ],
+            "searched": {
+                "places": 0 if searched is None else searched.tests,
+                "independent": 0.0 if searched is None else searched.independent,
+                "formulas": self.tried,
+                "size_needed": None if searched is None else searched.needed,
+            },
+            "curves": [one.document() for one in self.curves],
+            "formulas": [one.document() for one in self.formulas],
+            "notes": list(self.notes),
+            "statement": self.statement,
+        }
+
+    def summary(self) -> str:
+        """What was found in a few lines."""
+        lines = [self.statement]
+        lines += [f"  Δ {one.delta:4.1f}  {one.name}: {one.term}" for one in self.formulas]
+        return "\n".join(lines)
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each formula of the set."""
+        import pandas as pd
+
+        nested = ("parameters", "valid", "alike")
+        rows = [one.document() for one in self.formulas]
+        return pd.DataFrame([{k: v for k, v in row.items() if k not in nested} for row in rows])
+
+    def __repr__(self) -> str:
+        """The answer on one line."""
+        said = f"{len(self.formulas)} formulas" if self.gate.open else f"closed, {self.gate.reason}"
+        return one_line(self, f"of {self.model}: {said}")
+
+    def _repr_html_(self) -> str:
+        """The summary and the set, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
+
+
+def parameter(si: float, std: float, unit: str, *, point: bool = False) -> FormulaParameter:
+    """A parameter in a unit; a `point` on the temperature scale in degC."""
+    shown = parse_unit("degC") if point else parse_unit(unit)
+    offset = shown.offset if point else 0.0
+    return FormulaParameter((si - offset) / shown.factor, "degC" if point else unit, std / shown.factor)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

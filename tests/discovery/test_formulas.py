@@ -1,0 +1,142 @@
+"""Formulas say in the effect file what they are scored as, and what is searched is paid for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rigctl.discovery.chance import draw_chance
+from rigctl.discovery.dimensions import tier_of
+from rigctl.discovery.effect_file import effect_of, scale_parameters
+from rigctl.discovery.formulas import Factor, Formula
+from rigctl.discovery.gate import replicate_test
+from rigctl.discovery.grammar import argument, factors, forms
+from rigctl.effects.declaration import qualified
+from rigctl.effects.drivers import Driver
+from rigctl.effects.writing import write_out
+from rigctl.engine.symbols import evaluate
+from rigctl.files.shipped import shipped
+from rigctl.model.load import load_model
+from rigctl.physics.families import find_family
+
+FAMILY = find_family("hydraulic_cylinder")
+FRICTION = FAMILY.slot("friction")
+VELOCITY = argument(Driver((("velocity", 1.0),), "m/s"), -0.21, 0.43, FAMILY)
+OIL = argument(Driver((("oil_temperature", 1.0),), "K"), 293.4, 352.8, FAMILY)
+ACROSS = argument(Driver((("pressure_a", 1.0), ("pressure_b", -1.0)), "Pa"), -2e6, 3.1e6, FAMILY)
+
+
+def every_factor() -> list[tuple[Factor, ...]]:
+    found: list[tuple[Factor, ...]] = []
+    for own in (VELOCITY, OIL, ACROSS):
+        low, high = (float(end) for end in own.of(np.array([own.low, own.high])))
+        inner = [Factor(own, form, form.starts[-1]) for form in forms(low, high)]
+        found += [(one,) for one in inner]
+        if own is OIL:
+            outer = [Factor(VELOCITY, form, form.starts[0]) for form in factors(-1.0, 2.0)]
+            found += [(one, other) for one in inner[:2] + inner[-1:] for other in outer]
+    return found
+
+
+@pytest.mark.parametrize("chosen", every_factor(), ids=lambda chosen: " ".join(f.form.name for f in chosen))
+def test_the_file_says_what_was_scored(chosen: tuple[Factor, ...]) -> None:
+    formula = Formula(FRICTION, chosen, gain=1.0, size=37.0, cost=0.0)
+    effect = effect_of(formula, FAMILY)
+    (expr, *_) = write_out(effect, FAMILY).terms["friction"]
+    scales = {qualified(effect.name, one.name): one.value for one in scale_parameters(formula, FAMILY)}
+    for share in (0.07, 0.33, 0.62, 0.95):
+        at = {own.driver.weights: own.low + share * (own.high - own.low) for own in (VELOCITY, OIL, ACROSS)}
+        values = {
+            "velocity": at[VELOCITY.driver.weights],
+            "oil_temperature": at[OIL.driver.weights],
+            "pressure_a": at[ACROSS.driver.weights] + 1e6,
+            "pressure_b": 1e6,
+        }
+        truth = 37.0 * math.prod(
+            float(one.of(np.array([at[one.argument.driver.weights]]))[0]) for one in chosen
+        )
+        written = evaluate(expr, {**values, **scales, qualified(effect.name, "size"): 37.0})
+        assert written == pytest.approx(truth, rel=2e-2, abs=0.1)
+
+
+def test_a_temperature_counts_from_a_round_one_and_is_read_in_degrees() -> None:
+    assert OIL.text == "(oil_temperature - 20 degC)"
+    assert OIL.reference_text == "(60 K)"
+    assert OIL.amount("center", 313.15) == "40 degC"
+    assert OIL.amount("width", 5.0) == "5 K"
+
+
+def test_a_pure_number_is_the_stronger_claim() -> None:
+    model = load_model(shipped("models", "hl32-textbook.yaml"))
+    linear = next(form for form in forms(-1.0, 2.0) if form.name == "linear")
+    drag = Formula(FRICTION, (Factor(VELOCITY, linear),), gain=1.0, size=55.0, cost=0.0)
+    found = tier_of(drag, model)
+    assert found.letter == "A"
+    assert "damping" in found.group
+    # the same of a drag per speed that no parameter is near
+    far = tier_of(replace(drag, size=5e12), model)
+    assert far.letter == "B"
+    assert "weaker" in far.statement
+
+
+def projected(residual: np.ndarray, columns: np.ndarray, records: int) -> SimpleNamespace:
+    """What `draw_chance` reads of a projected linearisation."""
+    own = [SimpleNamespace(residual=part) for part in np.split(residual, records)]
+    sizes = np.linalg.norm(columns, axis=0)
+    lin = SimpleNamespace(sizes=sizes, records=own)
+    usable = np.ones(columns.shape[1], dtype=bool)
+    return SimpleNamespace(
+        residual=residual, signatures=columns, usable=usable, linearisation=lin, noise_degrees=0
+    )
+
+
+def test_searching_the_same_thing_often_costs_nothing_and_other_things_do() -> None:
+    rng = np.random.default_rng(0)
+    columns, noise = rng.standard_normal((160, 24)), rng.standard_normal(160)
+    one = draw_chance(projected(noise, columns[:, :3], 4), [slice(0, 3)])
+    same = draw_chance(
+        projected(noise, np.tile(columns[:, :3], 8), 4), [slice(3 * k, 3 * k + 3) for k in range(8)]
+    )
+    others = draw_chance(projected(noise, columns, 4), [slice(3 * k, 3 * k + 3) for k in range(8)])
+    assert one.family_wise(0.02) == pytest.approx(0.02, rel=0.15)
+    assert same.family_wise(0.02) == pytest.approx(0.02, rel=0.15)
+    assert others.family_wise(0.02) == pytest.approx(1.0 - 0.98**8, rel=0.15)
+    assert others.family_wise(0.02) <= 8 * 0.02  # Bonferroni's bound
+    assert others.independent == pytest.approx(8.0, rel=0.2)
+
+
+def test_what_is_slower_than_the_noise_model_says_makes_a_search_less_sure() -> None:
+    rng = np.random.default_rng(1)
+    white = rng.standard_normal((30, 40))
+    slow = np.repeat(rng.standard_normal((30, 5)), 8, axis=1)
+    columns = np.tile(np.repeat(np.eye(5), 8, axis=0), (30, 1))
+    groups = [slice(k, k + 1) for k in range(5)]
+    sure = draw_chance(projected(white.ravel(), columns, 30), groups).family_wise(1e-3)
+    less = draw_chance(projected((white + slow).ravel(), columns, 30), groups).family_wise(1e-3)
+    assert sure < 0.02
+    assert less > 10.0 * sure
+
+
+def regions_of(values: np.ndarray, groups: tuple[int, ...]) -> SimpleNamespace:
+    records = [SimpleNamespace(regions=np.eye(row.size), residual=row) for row in values]
+    return SimpleNamespace(records=records, regions=SimpleNamespace(groups=groups))
+
+
+def test_records_of_one_condition_that_differ_are_told_from_a_model_that_is_wrong() -> None:
+    rng = np.random.default_rng(2)
+    noise = rng.standard_normal((8, 6))
+    wrong = np.repeat(10.0 * rng.standard_normal((4, 6)), 2, axis=0)  # the same in both records
+    groups = (0, 0, 1, 1, 2, 2, 3, 3)
+    alike = replicate_test(regions_of(noise + wrong, groups))  # type: ignore[arg-type]
+    differ = replicate_test(regions_of(10.0 * noise, groups))  # type: ignore[arg-type]
+    assert alike is not None
+    assert differ is not None
+    assert alike[0] > 0.01
+    assert alike[1] < 0.1
+    assert differ[0] < 1e-6
+    assert differ[1] > 0.4
+    assert replicate_test(regions_of(noise, tuple(range(8)))) is None  # type: ignore[arg-type]

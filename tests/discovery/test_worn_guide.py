@@ -1,0 +1,135 @@
+"""From a log to a held-out error within the noise with a law that is in no library, by what the tool says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from commands import answer, refusal, told
+from discovery.guided_mass import LEVELS, MASS, nothing, rubbing_spot, worn_spot, write_bench
+from rigctl.dataset import open_run
+from rigctl.discovery.discover import discover
+from rigctl.discovery.hand_over import write_files
+from rigctl.discovery.result import Discovery
+from rigctl.effects.user import load_effect
+from rigctl.model.load import load_model
+
+
+def imported(folder: Path, hidden: Any, **how: Any) -> Path:
+    log = write_bench(folder, hidden, **how)
+    with chdir(folder):
+        told("import", log.name, "--rig", "rig.yaml")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """A campaign on a guide with a worn spot, and what `discover` says of it."""
+    folder = imported(tmp_path_factory.mktemp("worn"), worn_spot)
+    with chdir(folder):
+        yield folder, answer("discover", "latest", "--model", "model.yaml", "-o", "effects")
+
+
+def test_the_place_and_the_variable_are_found(worn: tuple[Path, dict[str, Any]]) -> None:
+    _, found = worn
+    assert found["gate"]["open"]
+    first = found["located"][0]
+    assert first["slot"] == "velocity_rate"
+    assert "force_input" in first["alike"]  # a force at the drive does the same
+    assert "position" in first["over"]
+    assert first["p_value"] < 1e-3
+    assert 0.5 < first["share"] <= 1.0
+
+
+def test_the_true_form_is_in_the_set_with_its_scales(worn: tuple[Path, dict[str, Any]]) -> None:
+    _, found = worn
+    best = found["formulas"][0]
+    assert best["delta"] == 0.0
+    assert "bump_of_position" in best["effect"]
+    assert len(found["formulas"]) <= 3
+    values = best["parameters"]
+    for name, truth in (("size", -0.12 / 1.5), ("center", 0.04), ("width", 0.02)):
+        assert abs(values[name]["value"] - truth) < 4.0 * values[name]["std"], name
+        assert values[name]["std"] < 0.1 * abs(truth), name
+    assert best["accepted"]
+    assert best["heldout_after"] < 1.05 < best["heldout_before"]
+    assert best["tier"] == "B"  # no group of a stiffness, a damping and a mass has a length
+    assert best["passive"] == ""  # it depends on no speed
+
+
+def test_the_curve_is_drawn_where_the_data_were_and_holds_the_truth(
+    worn: tuple[Path, dict[str, Any]],
+) -> None:
+    _, found = worn
+    (curve,) = [one for one in found["curves"] if (one["slot"], one["over"]) == ("velocity_rate", "position")]
+    x = [point["x"] for point in curve["points"]]
+    assert -0.16 < min(x) < max(x) < 0.16  # what the records visit
+    deepest = min(curve["points"], key=lambda point: point["value"])
+    assert abs(deepest["x"] - 0.04) < 0.005
+    truth = [-worn_spot(point["x"], 0.0) / MASS for point in curve["points"]]
+    inside = [point["low"] < y < point["high"] for point, y in zip(curve["points"], truth, strict=True)]
+    assert sum(inside) >= 0.9 * len(inside)
+    assert deepest["high"] < 0.0  # sure that there is something
+
+
+def test_the_file_goes_into_the_model_and_predicts_what_was_held_out(
+    worn: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, found = worn
+    file = found["formulas"][0]["file"]
+    text = (folder / file).read_text(encoding="utf-8")
+    assert "valid:" in text
+    assert 'tier: "B"' in text
+    held = ["--hold-out", "record > 6"]
+    answer("model", "add", "model.yaml", file, "latest", "--fit-shapes", *held)
+    compared = answer("compare", "latest", "--model", "model.yaml", *held)
+    channel = compared["channels"]["position"]
+    assert compared["adequate"]
+    assert channel["heldout_rmse"] < 1.1 * channel["noise"]
+    assert not [note for note in compared["notes"] if "learned for" in note]  # it stays in its box
+
+
+def test_where_nothing_is_hidden_nothing_is_looked_for(tmp_path: Path) -> None:
+    with chdir(imported(tmp_path, nothing, levels=LEVELS[:5])):
+        found = answer("discover", "latest", "--model", "model.yaml")
+        assert not found["gate"]["open"]
+        assert found["gate"]["reason"] == "adequate"
+        assert found["formulas"] == found["located"] == found["curves"] == []
+
+
+def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(tmp_path: Path) -> None:
+    folder = imported(tmp_path, rubbing_spot, seed=1)
+    (run,) = (folder / "runs").iterdir()
+    found = discover([open_run(run)], load_model(folder / "model.yaml"))
+    assert {driver.name for driver in found.located[0].over} == {"position", "velocity"}
+    best = found.formulas[0]
+    assert "bump_of_position" in best.name
+    assert best.passive == "takes energy out"
+    assert "A term is missing at velocity_rate" in found.statement
+    _writes_beside_what_is_there(found, folder / "effects")
+
+
+def _writes_beside_what_is_there(found: Discovery, folder: Path) -> None:
+    first = write_files(found, folder).formulas[0].file
+    assert first is not None
+    before = first.read_bytes()
+    second = write_files(found, folder).formulas[0].file
+    assert second is not None
+    assert second != first
+    assert first.read_bytes() == before
+    one, other = load_effect(first), load_effect(second)
+    assert other.name == f"{one.name}_2"
+    assert one.provenance is not None
+    assert one.provenance.tier == "B"
+    assert {side.over for side in one.valid} == {"position", "velocity"}
+
+
+def test_wrong_words_are_refused_before_any_work(worn: tuple[Path, dict[str, Any]]) -> None:
+    said = refusal("discover", "latest", "--model", "model.yaml", "--slot", "velocity_rat")
+    assert "velocity_rate" in said
+    said = refusal("discover", "latest", "--model", "model.yaml", "-o", "log.csv")
+    assert "folder" in said
