@@ -144,6 +144,10 @@ def statements(text: str, name: str, arguments: str) -> str:
             lines.append(f"    t{number} = {args[0]}")
         elif operation in "+-*/":
             lines.append(f"    t{number} = t{args[0]} {operation} t{args[1]}")
+        elif operation == "larger":
+            lines.append(f"    t{number} = t{args[0]} if t{args[0]} > t{args[1]} else t{args[1]}")
+        elif operation == "beyond":
+            lines.append(f"    t{number} = 0.0 if t{args[0]} <= t{args[1]} else 1.0")
         elif operation == "negative":
             lines.append(f"    t{number} = -t{args[0]}")
         elif operation == "power":

@@ -8,26 +8,57 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from rigctl.engine.compile import compile_system
+from rigctl.engine.elimination import ARGUMENTS, elimination
+from rigctl.engine.excitation import Excitation
 from rigctl.engine.kernels import linear
+from rigctl.engine.simulate import simulate
+from rigctl.engine.system import SystemBuilder
 
 Floats = NDArray[np.float64]
 
 # the kernels as plain Python: what they compute does not depend on the compiler
-factorise, in_order = linear.factorise.py_func, linear.factorise_in_order.py_func
-solve, solve_columns = linear.solve.py_func, linear.solve_columns.py_func
+factorise, solve = linear.factorise.py_func, linear.solve.py_func
+exchange_rows, solve_columns = linear.exchange_rows.py_func, linear.solve_columns.py_func
+
+_WORKS = {
+    "negative": lambda a: -a,
+    "fabs": abs,
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+    "larger": lambda a, b: max(b, a),  # b where a is not a number
+    "beyond": lambda a, b: float(not a <= b),
+}
 
 
-def eliminate(matrix: Floats, unit: Floats) -> tuple[bool, Floats, NDArray[np.int64]]:
-    """Whether it went in order, the factors and the exchanges."""
-    n = len(matrix)
-    factors, exchanges = matrix.flatten(), np.zeros(n, dtype=np.int64)
+def carry_out(text: str, function: str, *arrays: Floats) -> None:
+    """The straight-line code of a function, line by line."""
+    known = dict(zip(ARGUMENTS[function], arrays, strict=True))
+    start = text.index(f"function {function} ")
+    numbers: list[np.float64] = []
     with np.errstate(all="ignore"):  # as in compiled code
-        went = in_order(n, factors, exchanges, unit, np.zeros(n))
-    if went:
-        return True, factors, exchanges
-    factors = matrix.flatten()
-    factorise(n, factors, exchanges)
-    return False, factors, exchanges
+        for line in text[start : text.index("\nend\n", start)].split("\n")[1:]:
+            first, operation, *rest = line.split()
+            if first == "store":
+                known[operation][int(rest[0])] = numbers[int(rest[1])]
+            elif operation == "load":
+                numbers.append(np.float64(known[rest[0]][int(rest[1])]))
+            elif operation == "constant":
+                numbers.append(np.float64(rest[0]))
+            else:
+                numbers.append(np.float64(_WORKS[operation](*(numbers[int(at)] for at in rest))))
+
+
+def in_order(matrix: Floats, unit: Floats, reach: float = 1.0) -> tuple[bool, str, Floats]:
+    """Whether ``I - reach·J``, which is `matrix`, goes in order; the code for it, and the factors."""
+    n = len(matrix)
+    jacobian = (np.eye(n) - matrix) / reach
+    text = elimination(n, zip(*(places.tolist() for places in np.nonzero(jacobian)), strict=True))
+    factors, refused = np.zeros(n * n), np.zeros(1)
+    carry_out(text, "factorise", jacobian.flatten(), unit, np.array([reach]), factors, refused)
+    return bool(refused[0] == 0.0), text, factors
 
 
 @settings(max_examples=60)
@@ -42,25 +73,70 @@ def test_solutions_are_exact_whichever_way(n: int, seed: int) -> None:
     wanted = random.normal(size=(n, 3))
     given_matrix = unit[:, None] * matrix / unit
     right = unit[:, None] * (matrix @ wanted)
-    _, factors, exchanges = eliminate(given_matrix, unit)
     columns, one = right.flatten(), right[:, 0].copy()
-    solve_columns(n, 3, factors, exchanges, columns)
-    solve(n, factors, exchanges, one)
+    went, text, factors = in_order(given_matrix, unit)
+    if went:
+        carry_out(text, "solve", factors, one)
+    else:
+        factors, exchanges = given_matrix.flatten(), np.zeros(n, dtype=np.int64)
+        factorise(n, factors, exchanges)
+        exchange_rows(n, 3, exchanges, columns)
+        solve(n, factors, exchanges, one)
+    solve_columns(n, 3, factors, columns)
     assert columns.reshape(n, 3) / unit[:, None] == pytest.approx(wanted, abs=1e-8)
     assert one / unit == pytest.approx(wanted[:, 0], abs=1e-8)
 
 
 def test_rows_are_exchanged_where_a_pivot_is_small_in_its_unit() -> None:
     matrix = np.array([[1e-9, 1.0], [1.0, 1.0]])
-    went, factors, exchanges = eliminate(matrix, np.ones(2))
-    assert not went
+    assert not in_order(matrix, np.ones(2))[0]
+    factors, exchanges = matrix.flatten(), np.zeros(2, dtype=np.int64)
+    factorise(2, factors, exchanges)
     right = np.array([1.0, 2.0])
     solve(2, factors, exchanges, right)
     assert right == pytest.approx(np.linalg.solve(matrix, [1.0, 2.0]), rel=1e-14)
     # the same numbers are no reason to exchange where the first unknown is a pressure, the second a position
-    assert eliminate(matrix, np.array([1e6, 1e-6]))[0]
+    assert in_order(matrix, np.array([1e6, 1e-6]))[0]
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
 def test_a_pivot_that_is_none_is_refused(bad: float) -> None:
-    assert not eliminate(np.array([[bad, 1.0], [1.0, 1.0]]), np.ones(2))[0]
+    assert not in_order(np.array([[bad, 1.0], [1.0, 1.0]]), np.ones(2))[0]
+
+
+def test_zeros_of_the_equations_are_not_written_out() -> None:
+    """A chain of lags takes a number of operations that grows with its length, not with the cube of it."""
+    lengths = {}
+    for n in (10, 40):
+        chain = [(i, j) for i in range(n) for j in (i - 1, i) if j >= 0]
+        lengths[n] = elimination(n, chain).count("\n")
+    assert lengths[40] < 4.5 * lengths[10]
+
+
+def test_records_are_exact_where_some_steps_exchange_rows_and_others_do_not() -> None:
+    """A stiff spring that is passed over by steps much longer than its period, beside a slow lag."""
+    stiffness = 1e6
+    builder = SystemBuilder()
+    x, v = builder.state("x", "m", scale=1e-3), builder.state("v", "m/s", scale=10.0)
+    slow, u = builder.state("slow", "m", scale=1e-3), builder.input("u", "m")
+    k = builder.parameter("k", "1/s^2", stiffness)
+    c = builder.parameter("c", "1/s", 100.0)
+    rate = builder.parameter("rate", "1/s", 2.0)
+    builder.equation("x", v)
+    builder.equation("v", k * (slow - x) - c * v)
+    builder.equation("slow", rate * (u - slow))
+    builder.output("x", "m", x)
+    compiled = compile_system(builder.build())
+    times = np.linspace(0.0, 2.0, 41)
+    start = np.zeros(3)
+    record = Excitation(times, np.array([0.0]), np.array([[1.0]]), start, np.array([stiffness, 100.0, 2.0]))
+    found = simulate(compiled, [record], columns=["rate"]).require()
+    # the spring follows the lag by far within the tolerance
+    assert found.output("x")[0][5:] == pytest.approx(1.0 - np.exp(-2.0 * times[5:]), abs=5e-3)
+    slope = found.sensitivity("x", "rate")[0][5:]
+    assert slope == pytest.approx(times[5:] * np.exp(-2.0 * times[5:]), abs=5e-3)
+    # ... and its matrix is refused at the steps that it takes later, not at those of the beginning
+    spring = np.array([[0.0, 1.0], [-stiffness, -100.0]])
+    units = np.array([1e-3, 10.0])  # as the states' scales
+    for reach, expected in ((1e-5, True), (0.02, False)):
+        assert in_order(np.eye(2) - reach * spring, units, reach)[0] is expected

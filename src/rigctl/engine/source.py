@@ -1,7 +1,7 @@
 """A system as straight-line code: each subexpression once, exact derivatives beside the values.
 
 The code is text, one operation a line, and is all that a compiled model is made from; its hash is the
-model's identity in the cache and between processes. Seven functions:
+model's identity in the cache and between processes. Nine functions:
 
 ``rhs``              f
 ``rhs_jacobian``     f and ∂f/∂y
@@ -10,6 +10,8 @@ model's identity in the cache and between processes. Seven functions:
 ``outputs_tangent``  g, ∂g/∂y and ∂g/∂q
 ``delays``           d
 ``delays_tangent``   d, ∂d/∂y and ∂d/∂q
+``factorise``        LU factors of ``I - h·gamma·∂f/∂y``, see `elimination`
+``solve``            a right-hand side replaced by the solution
 
 ∂/∂y is dense and written where it is not identically zero. ∂/∂q is sparse: one packed array, whose entries'
 rows and columns are in `Source`.
@@ -23,6 +25,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
+from rigctl.engine import elimination
 from rigctl.engine.symbols import Expr, derivative
 from rigctl.engine.system import System, after, before
 
@@ -35,6 +38,7 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "outputs_tangent": ("y", "u", "q", "value", "jacobian", "packed"),
     "delays": ("y", "before", "after", "q", "value"),
     "delays_tangent": ("y", "before", "after", "q", "value", "jacobian", "packed"),
+    **elimination.ARGUMENTS,
 }
 
 #: (row, parameter) of each entry of a packed ∂/∂q
@@ -47,7 +51,7 @@ class Source:
 
     Attributes
     ----------
-    text: the seven functions.
+    text: the functions.
     rhs_pattern, outputs_pattern, delays_pattern: (row, parameter) of each entry of the packed ∂/∂q.
     """
 
@@ -86,6 +90,11 @@ def source_of(system: System) -> Source:
             functions.append(_function("rhs_jacobian", values + jacobian, places))
         functions.append(_function(f"{kind}_tangent", values + jacobian + packed, places))
         patterns.append(pattern)
+        if kind == "rhs":
+            n = len(system.states)
+            entries = [divmod(place, n) for _, place, _ in jacobian]
+            solving = elimination.elimination(n, entries)
+    functions.append(solving)
     return Source("".join(functions), *patterns)
 
 

@@ -103,6 +103,12 @@ class _Emitter:
             return self.builder.fmul(first, self._inverse(int(args[1])))
         if operation == "negative":
             return self.builder.fneg(first)
+        if operation == "larger":  # of the two; the second one where the first is not a number
+            second = self.values[int(args[1])]
+            return self.builder.select(self.builder.fcmp_ordered(">", first, second), first, second)
+        if operation == "beyond":  # 1 where the first is larger or either is not a number, else 0
+            more = self.builder.fcmp_unordered(">", first, self.values[int(args[1])])
+            return self.builder.uitofp(more, ir.DoubleType())
         if operation == "power":
             return self._power(first, args[1])
         return self._call(operation, first)

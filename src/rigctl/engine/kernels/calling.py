@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 from rigctl.engine.guards import width
 
 #: where the address of each function stands in the array of addresses
-RHS, RHS_JACOBIAN, RHS_TANGENT, OUTPUTS, OUTPUTS_TANGENT, DELAYS, DELAYS_TANGENT = range(7)
+RHS, RHS_JACOBIAN, RHS_TANGENT, OUTPUTS, OUTPUTS_TANGENT, DELAYS, DELAYS_TANGENT, FACTORISE, SOLVE = range(9)
 
 #: how every kernel is compiled: division by zero gives inf, other Python threads go on meanwhile, and
 #: indices of arrays are checked when `engine.guards` are on
@@ -77,6 +77,7 @@ def _caller(count: int) -> Any:
     return intrinsic(generate)
 
 
+call_2 = _caller(2)
 call_4 = _caller(4)
 call_5 = _caller(5)
 call_6 = _caller(6)

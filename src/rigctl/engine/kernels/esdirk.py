@@ -18,8 +18,19 @@ import math
 import numpy as np
 from numba import njit
 
-from rigctl.engine.kernels.calling import OPTIONS, RHS, RHS_TANGENT, call_4, call_6, offset
-from rigctl.engine.kernels.linear import factorise, factorise_in_order, solve, solve_columns
+from rigctl.engine.kernels.calling import (
+    FACTORISE,
+    OPTIONS,
+    RHS,
+    RHS_TANGENT,
+    SOLVE,
+    call_2,
+    call_4,
+    call_5,
+    call_6,
+    offset,
+)
+from rigctl.engine.kernels.linear import exchange_rows, factorise, solve, solve_columns
 from rigctl.engine.kernels.splines import add_splines, evaluate_splines
 
 GAMMA = 0.43586652150845906
@@ -42,22 +53,32 @@ _FASTEST_RATE = 1e-2  # of convergence that one stage may promise the next
 
 
 @njit(**OPTIONS)
-def set_matrix(work, h_gamma):
-    """Factorise ``I - h·gamma·∂f/∂y``; overwrites `work.correction`."""
-    fill_matrix(work, h_gamma)
-    if not factorise_in_order(work.n, work.matrix, work.exchanges, work.unit, work.correction):
-        fill_matrix(work, h_gamma)
-        factorise(work.n, work.matrix, work.exchanges)
-
-
-@njit(**OPTIONS)
-def fill_matrix(work, h_gamma):
-    """``I - h·gamma·∂f/∂y``."""
+def set_matrix(addresses, work, h_gamma):
+    """Factorise ``I - h·gamma·∂f/∂y``: in order as the model's code has it, or with exchanges of rows."""
     n = work.n
+    if work.exchanged[0]:  # what the model's code takes for zero was filled in
+        for i in range(n * n):
+            work.matrix[i] = 0.0
+        work.exchanged[0] = 0
+    work.reach[0] = h_gamma
+    call_5(addresses[FACTORISE], work.jacobian, work.unit, work.reach, work.matrix, offset(work.reach, 1))
+    if work.reach[1] == 0.0:
+        return
+    work.exchanged[0] = 1
     for i in range(n * n):
         work.matrix[i] = -h_gamma * work.jacobian[i]
     for i in range(n):
         work.matrix[i * n + i] += 1.0
+    factorise(n, work.matrix, work.exchanges)
+
+
+@njit(**OPTIONS)
+def correct(addresses, work):
+    """Replace `work.correction` by the solution of the factorised system."""
+    if work.exchanged[0]:
+        solve(work.n, work.matrix, work.exchanges, work.correction)
+    else:
+        call_2(addresses[SOLVE], work.matrix, work.correction)
 
 
 @njit(**OPTIONS)
@@ -75,7 +96,7 @@ def solve_stage(addresses, u, q, z, h_gamma, rate, work):
         call_4(addresses[RHS], z, u, q, work.value)
         for i in range(n):
             work.correction[i] = work.base[i] + h_gamma * work.value[i] - z[i]
-        solve(n, work.matrix, work.exchanges, work.correction)
+        correct(addresses, work)
         total = 0.0
         for i in range(n):
             z[i] += work.correction[i]
@@ -115,7 +136,7 @@ def attempt(addresses, switches, ramped, q, h, work):
     n, y = work.n, work.y
     h_gamma = h * GAMMA
     inverse = 1.0 / h_gamma
-    set_matrix(work, h_gamma)
+    set_matrix(addresses, work, h_gamma)
     rate = 1.0
     for stage in range(1, 4):
         z, k = offset(work.z, stage * n), offset(work.k, stage * n)
@@ -140,7 +161,7 @@ def attempt(addresses, switches, ramped, q, h, work):
             k[i] = (z[i] - work.base[i]) * inverse
     for i in range(n):
         work.correction[i] = work.z[3 * n + i] - work.z[2 * n + i]
-    solve(n, work.matrix, work.exchanges, work.correction)
+    correct(addresses, work)
     total = 0.0
     for i in range(n):
         work.correction[i] *= work.weight[i]
@@ -149,6 +170,31 @@ def attempt(addresses, switches, ramped, q, h, work):
     if not math.isfinite(error):
         return NOT_FINITE, math.inf
     return CONVERGED, error
+
+
+@njit(**OPTIONS)
+def set_fixed(stage, block, h, work):
+    """What a stage's sensitivities are made of that is known before it: ``s + h·sum(a_ij·dk_j, j < i)``.
+
+    Into `work.fixed` and `work.moving`; a loop for each stage, as one goes through memory once.
+    """
+    first, second, third = work.dk, offset(work.dk, block), offset(work.dk, 2 * block)
+    one, two, three = h * A[stage, 0], h * A[stage, 1], h * A[stage, 2]
+    if stage == 1:
+        for i in range(block):
+            total = work.s[i] + one * first[i]
+            work.fixed[i] = total
+            work.moving[i] = total
+    elif stage == 2:
+        for i in range(block):
+            total = work.s[i] + one * first[i] + two * second[i]
+            work.fixed[i] = total
+            work.moving[i] = total
+    else:
+        for i in range(block):
+            total = work.s[i] + one * first[i] + two * second[i] + three * third[i]
+            work.fixed[i] = total
+            work.moving[i] = total
 
 
 @njit(**OPTIONS)
@@ -165,15 +211,8 @@ def tangent(addresses, switches, ramped, q, h, work):
         z, dk = offset(work.z, stage * n), offset(work.dk, stage * block)
         u = inputs_at(stage, h, switches, ramped)
         call_6(addresses[RHS_TANGENT], z, u, q, work.value, work.jacobian, work.packed)
-        set_matrix(work, h_gamma)
-        for i in range(block):
-            work.fixed[i] = work.s[i]
-        for j in range(stage):
-            weight, earlier = h * A[stage, j], offset(work.dk, j * block)
-            for i in range(block):
-                work.fixed[i] += weight * earlier[i]
-        for i in range(block):
-            work.moving[i] = work.fixed[i]
+        set_matrix(addresses, work, h_gamma)
+        set_fixed(stage, block, h, work)
         for entry in range(work.used):
             place, row, column = (
                 work.active[3 * entry],
@@ -194,7 +233,9 @@ def tangent(addresses, switches, ramped, q, h, work):
                 h_gamma,
                 work.moving,
             )
-        solve_columns(n, m, work.matrix, work.exchanges, work.moving)
+        if work.exchanged[0]:
+            exchange_rows(n, m, work.exchanges, work.moving)
+        solve_columns(n, m, work.matrix, work.moving)
         for i in range(block):
             dk[i] = (work.moving[i] - work.fixed[i]) * inverse
     for i in range(block):

@@ -1,7 +1,8 @@
 """Small dense linear systems, solved in place: LU with partial pivoting, matrices by rows.
 
-Written out because a library call costs more than the work at this size. The solvers exchange all rows
-before they eliminate, as the factorisation exchanged whole rows.
+Written out because a library call costs more than the work at this size. All rows of a right-hand side are
+exchanged before it is eliminated, as the factorisation exchanged whole rows. What needs no exchange is
+factorised and solved by code of the model's own: see `engine.elimination`.
 """
 
 from __future__ import annotations
@@ -9,8 +10,6 @@ from __future__ import annotations
 from numba import njit
 
 from rigctl.engine.kernels.calling import OPTIONS
-
-_LARGEST_MULTIPLIER = 100.0
 
 
 @njit(**OPTIONS)
@@ -41,47 +40,21 @@ def factorise(n, matrix, exchanges):
 
 
 @njit(**OPTIONS)
-def factorise_in_order(n, matrix, exchanges, unit, size):
-    """As `factorise`, without exchanging rows; False, with the matrix spoilt, where that would not be safe.
-
-    Looking for exchanges, and the zeros that they fill, take longer than the elimination. It is as exact
-    without as long as no multiplier is large, where each row is taken relative to its largest entry `size`
-    (n, found here) and each column in the `unit` (n) of its unknown. That is scaled partial pivoting, content
-    with a pivot that is not the best (N. J. Higham, Accuracy and Stability of Numerical Algorithms, 9).
-    """
-    for i in range(n):
-        largest = 0.0
-        for j in range(n):
-            entry = abs(matrix[i * n + j]) * unit[j]
-            if entry > largest:  # noqa: PLR1730 - max() of numba also orders nan and takes twice as long
-                largest = entry
-        size[i] = largest
+def exchange_rows(n, m, exchanges, b):
+    """Exchange the rows of `b` (n, m) as the factorisation exchanged its own."""
     for k in range(n):
-        exchanges[k] = k
-        inverse = 1.0 / matrix[k * n + k]
-        matrix[k * n + k] = inverse
-        for i in range(k + 1, n):
-            factor = matrix[i * n + k]
-            if factor != 0.0:
-                factor *= inverse
-                # written so that nan is refused
-                if not abs(factor) * size[k] <= _LARGEST_MULTIPLIER * size[i]:
-                    return False
-                matrix[i * n + k] = factor
-                for j in range(k + 1, n):
-                    matrix[i * n + j] -= factor * matrix[k * n + j]
-    return True
+        other = exchanges[k]
+        if other != k:
+            for c in range(m):
+                kept = b[k * m + c]
+                b[k * m + c] = b[other * m + c]
+                b[other * m + c] = kept
 
 
 @njit(**OPTIONS)
 def solve(n, matrix, exchanges, b):
     """Replace `b` (n) by the solution of the factorised system."""
-    for k in range(n):
-        other = exchanges[k]
-        if other != k:
-            kept = b[k]
-            b[k] = b[other]
-            b[other] = kept
+    exchange_rows(n, 1, exchanges, b)
     # by columns: the updates of one column do not wait for each other
     for k in range(n):
         known = b[k]
@@ -95,15 +68,8 @@ def solve(n, matrix, exchanges, b):
 
 
 @njit(**OPTIONS)
-def solve_columns(n, m, matrix, exchanges, b):
-    """Replace every column of `b` (n, m) by the solution of the factorised system."""
-    for k in range(n):
-        other = exchanges[k]
-        if other != k:
-            for c in range(m):
-                kept = b[k * m + c]
-                b[k * m + c] = b[other * m + c]
-                b[other * m + c] = kept
+def solve_columns(n, m, matrix, b):
+    """Replace every column of `b` (n, m), its rows exchanged, by the solution of the factorised system."""
     for i in range(1, n):
         for k in range(i):
             factor = matrix[i * n + k]

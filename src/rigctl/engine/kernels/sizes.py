@@ -34,6 +34,7 @@ def float_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
         ("weight", n),
         ("jacobian", n * n),
         ("matrix", n * n),
+        ("reach and refusal", 2),
         ("s", n * m),
         ("dk", 4 * n * m),
         ("fixed", n * m),
@@ -61,7 +62,12 @@ def float_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
 
 def integer_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
     """Name and length of each array of integers."""
-    return [("exchanges", int(sizes[N])), ("waiting", 1), ("waiting inputs", int(sizes[CAPACITY]))]
+    return [
+        ("exchanges", int(sizes[N])),
+        ("exchanged", 1),
+        ("waiting", 1),
+        ("waiting inputs", int(sizes[CAPACITY])),
+    ]
 
 
 def float_count(sizes: NDArray[np.int64]) -> int:

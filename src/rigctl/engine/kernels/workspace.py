@@ -31,13 +31,14 @@ from rigctl.engine.kernels.sizes import (
 
 #: y the state (n); k stage derivatives (4, n); z stage values (4, n); base, value, correction (n);
 #: unit the tolerance of each state here and weight its inverse (n);
-#: jacobian, matrix (n, n); exchanges (n);
+#: jacobian, matrix (n, n); reach (2) h·gamma and whether the elimination in order was refused; exchanges (n)
+#: of its rows and exchanged (1) whether there are any;
 #: s state sensitivities (n, m); dk their stage derivatives (4, n, m); fixed, moving (n, m);
 #: packed ∂f/∂q; active (used, 3): place in `packed`, row, column; splines as below
 Work = namedtuple(  # noqa: PYI024 - numba compiles this kind
     "Work",
-    "n m y k z base value correction unit weight jacobian matrix exchanges s dk fixed moving packed active "
-    "used splines",
+    "n m y k z base value correction unit weight jacobian matrix reach exchanges exchanged s dk fixed moving "
+    "packed active used splines",
 )
 
 #: weights (arguments, n + inputs); knots (arguments, functions + 4); basis (arguments, functions) the values;
@@ -82,7 +83,8 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     weight = offset(unit, n + guard)
     jacobian = offset(weight, n + guard)
     matrix = offset(jacobian, n * n + guard)
-    s = offset(matrix, n * n + guard)
+    reach = offset(matrix, n * n + guard)
+    s = offset(reach, 2 + guard)
     dk = offset(s, n * m + guard)
     fixed = offset(dk, 4 * n * m + guard)
     moving = offset(fixed, n * m + guard)
@@ -100,7 +102,8 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     later = offset(earlier, n + guard)
     slope = offset(later, n + guard)
     stage = offset(slope, inputs + guard)
-    waiting = offset(integers, n + guard)
+    exchanged = offset(integers, n + guard)
+    waiting = offset(exchanged, 1 + guard)
     switches = Switches(
         inputs, delays, u, commanded, following, waiting, time, held, offset(waiting, 1 + guard), shift,
         delayed, tau, delay_jacobian, delay_packed, delays_active, sizes[DELAYS_ACTIVE], capacity, earlier,
@@ -117,8 +120,8 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
         sizes[DELAYS_SPLINES],
     )  # fmt: skip
     work = Work(
-        n, m, y, k, z, base, value, correction, unit, weight, jacobian, matrix, integers, s, dk, fixed,
-        moving, packed, rhs_active, sizes[RHS_ACTIVE], splines,
+        n, m, y, k, z, base, value, correction, unit, weight, jacobian, matrix, reach, integers, exchanged,
+        s, dk, fixed, moving, packed, rhs_active, sizes[RHS_ACTIVE], splines,
     )  # fmt: skip
     seen = Seen(outputs, seen_value, seen_jacobian, seen_packed, outputs_active, sizes[OUTPUTS_ACTIVE])
     return work, switches, seen
