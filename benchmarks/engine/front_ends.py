@@ -85,7 +85,7 @@ def front_end(name: str, system: System) -> Callable[[], object]:
 
 
 def in_fresh_process(way: str, runs: int) -> float:
-    """Median seconds to compile a model's seven functions, as a process that has no cache does it."""
+    """Median seconds to compile a model's functions, as a process that has no cache does it."""
     program = f"from benchmarks.engine.front_ends import compile_{way}; print(compile_{way}())"
     found = [
         subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
