@@ -122,15 +122,15 @@ def test_the_noise_of_an_input_counts_where_it_is_seen(
     assert any("noise of the measured inputs moves flow" in note for note in found["notes"])
 
 
-def board(folder: Path, second: Floats, *, recorded: bool, seed: int = 3) -> None:
-    """Four records of the shipped board's own equations, solved by hand; heater 2 constant in each."""
+def board(folder: Path, second: Floats, *, recorded: bool, seed: int = 3, duration: float = 900.0) -> None:
+    """Records of the shipped board's own equations, solved by hand; heater 2 constant in each."""
     create_project(folder)
     generator = np.random.default_rng(seed)
-    times = np.arange(0.0, 900.0, 2.0)
+    times = np.arange(0.0, duration, 2.0)
     head = "time [s],record,heater_1 [%]," + "heater_2 [%]," * recorded
     lines = [head + "temperature_1 [degC],temperature_2 [degC]"]
     for number, power in enumerate(second, start=1):
-        steps = np.where(times >= 60.0, 20.0 * number, 0.0)
+        steps = np.where(times >= 60.0, 20.0 * (1 + (number - 1) % 4), 0.0)
         first, other = 23.0, 23.0
         for k, time in enumerate(times):
             read = np.array([first, other]) + generator.normal(0.0, 0.1, 2)
@@ -156,6 +156,21 @@ def test_what_was_not_recorded_is_unknown_and_not_off(
     off = answer(*asked, "--assume", "heater_2=0")
     assert not off["adequate"]
     assert any("assumed" in note and "heater_2 0 %" in note for note in off["notes"])
+
+
+def test_what_was_off_in_all_records_is_not_drawn_to_the_middle_of_what_it_could_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each short record hardly tells its heater from off; all of them together do."""
+    board(tmp_path, np.zeros(40), recorded=False, duration=70.0)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
+    found = answer("compare", "latest", "--model", "models/heater-board.yaml")
+    assert found["adequate"], found["statement"]
+    (heater,) = [one for one in found["record_level_summary"] if one["name"] == "heater_2"]
+    assert abs(heater["mean"]) < 2.0
+    rows = [one for one in found["record_level"] if one["name"] == "heater_2"]
+    assert 0.2 < float(np.std([one["value"] for one in rows])) / rows[0]["std"] < 2.0
 
 
 def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

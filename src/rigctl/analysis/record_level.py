@@ -222,15 +222,18 @@ def _quantity(
 
 
 def _estimate(fit: FitResult, one: LocalUnknown, record: int, index: int, std: float) -> Estimate:
-    prior = one.unknown.prior
-    return Estimate(
-        one.name.removeprefix("record."),
-        fit.problem.records[record].label,
-        float(fit.local[record][index]),
-        std,
-        math.nan if prior is None else prior.mean,
-        math.nan if prior is None else prior.std,
-    )
+    value, mean, spread = float(fit.local[record][index]), math.nan, math.nan
+    if one.unknown.prior is not None:
+        mean, spread = one.unknown.prior.mean, one.unknown.prior.std
+    for shared, common in zip(fit.problem.shared, fit.values, strict=True):
+        if shared.name == one.name and shared.prior is not None:  # what the record's deviates from
+            value, mean, spread = (
+                value + float(common),
+                shared.prior.mean,
+                math.hypot(spread, shared.prior.std),
+            )
+    label = fit.problem.records[record].label
+    return Estimate(one.name.removeprefix("record."), label, value, std, mean, spread)
 
 
 def _named(fit: FitResult, key: str, one: LocalUnknown) -> tuple[str, str, bool]:
@@ -267,7 +270,8 @@ class _Inverse:
     """The covariance of the records' own unknowns, the shared ones being free.
 
     Of records i and j it is ``δ_ij·A_i⁻¹ + B_i·S·B_jᵀ``: A_i the record's own normal matrix, B_i what a
-    change of the shared unknowns does to its own ones, S the shared ones' covariance.
+    change of the shared unknowns does to its own ones, S the shared ones' covariance. An unknown that is a
+    deviation from a shared one stands for their sum.
     """
 
     record_local: Mapping[int, Floats]
@@ -291,11 +295,13 @@ class _Inverse:
             shared = np.zeros((block.residual.size, 0)) if block.shared is None else block.shared[:, columns]
             local = np.zeros((block.residual.size, 0)) if block.local is None else block.local
             _, prior = prior_rows(unknowns, fit.local[record])
-            normal = np.asarray(np.linalg.pinv(local.T @ local + np.diag(prior**2), hermitian=True))
+            normal = _inverted(local.T @ local + np.diag(prior**2))
             cross = local.T @ shared
             matrix += shared.T @ shared - cross.T @ normal @ cross
-            record_local[record], passed[record] = normal, normal @ cross
-        return cls(record_local, passed, np.asarray(np.linalg.pinv(matrix, rcond=1e-12, hermitian=True)))
+            shares = [[float(one.name == other.name) for other in free] for one in unknowns]
+            record_local[record] = normal
+            passed[record] = normal @ cross - np.reshape(shares, (len(unknowns), len(free)))
+        return cls(record_local, passed, _inverted(matrix))
 
     def covariance(self, indices: Sequence[tuple[int, int]]) -> Floats:
         """(places, places) of the unknowns at these places of these records."""
@@ -315,6 +321,14 @@ class _Inverse:
         if record not in self.record_local:
             return math.nan
         return float(np.sqrt(max(0.0, self.covariance([(record, index)])[0, 0])))
+
+
+def _inverted(matrix: Floats) -> Floats:
+    """The inverse of a normal matrix whose unknowns have units of many sizes, along what the data tell."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0.0, size, 1.0)
+    sizes = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(matrix / sizes, rcond=1e-12, hermitian=True) / sizes)
 
 
 def _tests(

@@ -10,7 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.effects.record_level import RecordLevel, record_level
+from rigctl.effects.declaration import qualified
+from rigctl.effects.record_level import RECORD, RecordLevel, record_level
 from rigctl.engine.compile import CompiledSystem, Progress, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.least_squares import Block, Refused, Unknown
@@ -275,7 +276,11 @@ class Problem:
         plain = tuple(name for name in columns if not moves_switches(name))
         excitations = [self._excitation(place, shared, own, moving) for place, own in enumerate(local)]
         starts = self.initial_names if initial else ()
-        return simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
+        found = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
+        for record, slopes in zip(self.records, found.sensitivities, strict=True):
+            recorded = [found.columns.index(name) for name in self._recorded(record) if name in plain]
+            slopes[:, :, recorded] = 0.0
+        return found
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by so many columns are held at once."""
@@ -331,8 +336,10 @@ class Problem:
         record, system = self.records[place], self.compiled.system
         parameters, start = self.base.copy(), self.starts[place].copy()
         switching: dict[str, float] = {}
+        recorded = self._recorded(record)
         for unknown, value in zip(self.shared, shared, strict=True):
-            parameters[self._index[unknown.name]] = value
+            if unknown.name not in recorded:
+                parameters[self._index[unknown.name]] = value
         for one, value in zip(self.local[place], own, strict=True):
             if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
@@ -346,6 +353,12 @@ class Problem:
         return Excitation(
             record.times, times, record.inputs, start, parameters, record.label, shifts, record.ramps
         )
+
+    def _recorded(self, record: MeasuredRecord) -> list[str]:
+        """The unknowns of inputs that some records lack and this one has."""
+        shared = {unknown.name for unknown in self.shared}
+        inputs = [name for name in self.measurements.inputs if name not in record.unrecorded]
+        return [name for name in (qualified(RECORD, one) for one in inputs) if name in shared]
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -396,7 +409,7 @@ def make_problem(
         an effect's term does not fit.
     """
     level, settings = level_of_rows(record_level(model.family), measurements)
-    unrecorded = sorted({name for record in measurements.records for name in record.unrecorded})
+    unrecorded = list(measurements.unrecorded)
     level = level.with_inputs(unrecorded, model.family)
     effects = {name: {p: value.si for p, value in values.items()} for name, values in model.effects.items()}
     everything = superset(model.family, effects, model.own_effects) if library else effects
@@ -431,7 +444,7 @@ def make_problem(
             *shared_unknowns(model),
             *habit_unknowns(measurements),
             *settings,
-            *(unrecorded_unknowns(records[0]) if records and records[0].row else ()),
+            *unrecorded_unknowns(measurements),
         ),
         local=tuple(
             local_unknowns(level, record, measurements, found)

@@ -97,7 +97,7 @@ def local_unknowns(
             continue
         unknowns.append(LocalUnknown(quantity.name, _quantity(quantity, measurements)))
     if not record.row:  # those of rows are common to all of them
-        unknowns += [LocalUnknown(one.name, one) for one in unrecorded_unknowns(record)]
+        unknowns += [LocalUnknown(one.name, one) for one in _deviations(record)]
     unknowns += [LocalUnknown(one.name, one, "switch") for one in switch_unknowns(record)]
     for start in level.starts:
         if record.row and start.how == "rest":  # what a row says is counted from there
@@ -108,13 +108,40 @@ def local_unknowns(
     return tuple(unknowns)
 
 
-def unrecorded_unknowns(record: MeasuredRecord) -> list[Unknown]:
-    """The inputs that nobody recorded, each the same all through the record, as likely as any it could be."""
+def unrecorded_unknowns(measurements: Measurements) -> list[Unknown]:
+    """The inputs that nobody recorded: what each is in all records, as likely as anything it could be.
+
+    A record's own value is that and a deviation, ``u_i = m + d_i``. Independent values would each be drawn to
+    the middle of the range, which many records that all stand at its end contradict.
+    """
     found = []
-    for name, (low, high) in record.unrecorded.items():
-        prior = Prior(0.5 * (low + high), (high - low) / math.sqrt(12.0))
+    for name, (low, high) in measurements.unrecorded.items():
+        prior = Prior(0.5 * (low + high), _spread(low, high))
         found.append(Unknown(qualified(RECORD, name), prior.mean, low, high, scale=high - low, prior=prior))
     return found
+
+
+def _deviations(record: MeasuredRecord) -> list[Unknown]:
+    """By how much the inputs that nobody recorded differ in this record from what they are in all of them.
+
+    Noise may carry their sum beyond the range: were it held there, the noise of one sign alone would be left.
+    """
+    return [
+        Unknown(
+            qualified(RECORD, name),
+            0.0,
+            low - high,
+            high - low,
+            scale=high - low,
+            prior=Prior(0.0, _spread(low, high)),
+        )
+        for name, (low, high) in record.unrecorded.items()
+    ]
+
+
+def _spread(low: float, high: float) -> float:
+    """Standard deviation of a uniform distribution."""
+    return (high - low) / math.sqrt(12.0)
 
 
 def _quantity(quantity: Quantity, measurements: Measurements) -> Unknown:

@@ -146,6 +146,16 @@ class Measurements:
             name for name in names if len({record.condition.get(name) for record in self.records}) > 1
         )
 
+    @property
+    def unrecorded(self) -> dict[str, tuple[float, float]]:
+        """The inputs that nobody recorded in some record: lowest and highest value over these, SI."""
+        found: dict[str, tuple[float, float]] = {}
+        for record in self.records:
+            for name, (low, high) in record.unrecorded.items():
+                lowest, highest = found.get(name, (low, high))
+                found[name] = (min(low, lowest), max(high, highest))
+        return dict(sorted(found.items()))
+
     def only(self, indices: Iterable[int]) -> Measurements:
         """These records alone."""
         return replace(self, records=tuple(self.records[index] for index in indices))

@@ -65,6 +65,7 @@ class Draw:
     period: between two samples, s.
     amplitude: of what is hidden, in the unit of `Hidden`; 0 hides nothing.
     steady: the optional input does not change within a record.
+    alike: nor from record to record, and stands away from the middle of what it can be.
     drawn: how many values of the bench have been drawn: those that a model of it fits.
     """
 
@@ -74,6 +75,7 @@ class Draw:
     steady: bool
     nudge: Nudge = NOTHING
     drawn: int = 0
+    alike: bool = False
 
     def times(self, duration: float) -> Floats:
         """Instants of the samples of a record, from 0 s."""
@@ -103,6 +105,8 @@ class Draw:
     def optional(self, about: float, spread: float, period: float) -> Signal:
         """The same for the input that a user may not have recorded."""
         signal, more = self.feed(about, spread, period, steady=self.steady), self.nudge.optional
+        if self.alike:
+            return lambda t: about + spread + more
         return lambda t: signal(t) + more
 
 
@@ -184,7 +188,8 @@ class BenchCampaign:
     def drawn(self, nudge: Nudge = NOTHING) -> tuple[list[Trace], int]:
         """The records without noise of a bench that is nudged, and how many of its values were drawn."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(0,)))
-        draw = Draw(rng, self.period, self.amplitude, not self.recorded, nudge)
+        alike = not self.recorded and self.seed % 2 == 1  # a heater that is always off, a room always warm
+        draw = Draw(rng, self.period, self.amplitude, not self.recorded, nudge, alike=alike)
         return self.bench.simulate(draw), draw.drawn
 
     def traces(self) -> list[Trace]:
