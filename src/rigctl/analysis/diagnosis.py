@@ -16,6 +16,7 @@ from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
 from rigctl.analysis.identity import Levels, levels_of, same_cause
+from rigctl.analysis.law_answer import law_answers
 from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
@@ -144,8 +145,15 @@ def diagnose_comparison(
         remainder=left,
         doubt=doubt,
         levels=levels,
+        laws=law_answers(search, best) if named or _has_effects(before) else (),
         outside=departures(best.fit),
     )
+
+
+def _has_effects(before: ModelComparison) -> bool:
+    """Whether a model that needs no further effect has some, whose laws may be asked for."""
+    model = before.fit.problem.model
+    return before.adequate and any(model.effect(name).terms for name in model.effects)
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.identity import Levels
+from rigctl.analysis.law_answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.model.validity import Departure
@@ -170,6 +171,7 @@ class Diagnosis:
     excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
     next_steps: of a table, what to measure next.
     levels: of each of `effects`, how far the answer goes: its place, what drives it, its law.
+    laws: of each of `effects`, and of those that the model had, the law that the data ask for.
     outside: where the model with `effects` leaves the ranges over which their laws were learned.
     """
 
@@ -197,6 +199,7 @@ class Diagnosis:
     remainder: Remainder | None = None
     doubt: str = ""
     levels: tuple[Levels, ...] = ()
+    laws: tuple[LawAnswer, ...] = ()
     outside: tuple[Departure, ...] = ()
 
     @property
@@ -240,6 +243,7 @@ class Diagnosis:
             "effects": list(self.effects),
             "classes": [list(names) for names in self.classes],
             "levels": [one.document() for one in self.levels],
+            "laws": [one.document() for one in self.laws],
             "indistinguishable": [list(pair) for pair in self.indistinguishable],
             "ranking": [one.document() for one in self.ranking],
             "remainder": None if self.remainder is None else self.remainder.document(),

@@ -129,11 +129,15 @@ class Point:
         count = len(self.shapes.names)
         if not count:
             return 0.0
-        fixed = project(self._alone.rearranged(self._members, (), shaped=True))
+        fixed = project(self.shaped())
         columns = fixed.signatures * tolerance
         matrix = columns.T @ columns + np.eye(count)
         slope = columns.T @ fixed.residual
         return float(np.linalg.slogdet(matrix)[1]) - float(slope @ np.linalg.solve(matrix, slope))
+
+    def shaped(self) -> Linearisation:
+        """The trial's effects among the nuisances, the bends of the laws in the model, unscaled, in S."""
+        return self._alone.rearranged(self._members, (), shaped=True)
 
     def without(self, member: Candidate) -> Projected:
         """The linearisation in which one of the trial's effects is a candidate again, the first of them."""

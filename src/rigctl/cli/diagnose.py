@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,6 +53,16 @@ def diagnose(
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Verbose = False,
+    laws: Annotated[
+        Path | None,
+        typer.Option(
+            "--laws",
+            metavar="FOLDER",
+            help="Write the laws that the data ask for, where they are others than the library's, into this "
+            "folder, an effect file each; nothing is overwritten.",
+            show_default=False,
+        ),
+    ] = None,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -90,6 +101,11 @@ def diagnose(
             found = diagnose_comparison(
                 before, compared.runs, compared.held_out, compared.notes, most=most, on_progress=on_progress
             )
+    if laws is not None:
+        if apply:
+            done = replace(done, last=_with_files(done.last, laws))
+        else:
+            found = _with_files(found, laws)
     if output is not None:
         _write_page(open_runs(runs), output, compared, done if apply else found, path, force=force)
     if as_json:
@@ -102,6 +118,14 @@ def diagnose(
         _lead_on(found, runs, str(model), choice)
 
 
+def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:
+    """The diagnosis with the effect files of its laws, where it has any."""
+    from rigctl.analysis.law_file import write_law
+
+    written = tuple(write_law(one, folder, found.runs, found.model) for one in found.laws)
+    return replace(found, laws=written)
+
+
 def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
     """What to type next: add what is missing, look at where nothing helps, or make the page."""
     from rigctl.analysis.diagnosis_result import Verdict
@@ -109,6 +133,8 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
     from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
+    if _law_first(found, runs, model, choice, again):
+        return
     if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, model, choice)
         show_next(command, "makes the page of it, with what to measure next")
@@ -128,6 +154,28 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
         command = analysis("compare", runs, model, choice)
         why = "draws where it fails; 'rigctl effects check FILE' reads an effect of your own"
         show_next(f"{command} -o page.html", why)
+
+
+def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
+    """Where the data ask for another law of an effect: write it, or add what was written."""
+    from rigctl.cli.next_command import command, show_next
+
+    told = [one for one in found.laws if one.power is not None]
+    if not told:
+        return False
+    first = told[0]
+    if first.file is None:
+        show_next(f"{again} --laws effects", "writes the law that the data ask for as an effect of your own")
+        return True
+    present = first.effect in found.before.fit.problem.model.effects
+    add = command(["model", "add", model, f"{first.file}", *runs, "--fit-shapes"], choice)
+    remove = command(["model", "remove", model, first.effect])
+    instead = f" in place of {first.effect}" * present
+    show_next(
+        f"{remove} && {add}" if present else add,
+        f"adds it{instead} with its exponent fitted, and tells the error before and after",
+    )
+    return True
 
 
 def _write_page(

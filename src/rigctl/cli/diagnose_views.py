@@ -12,6 +12,7 @@ from rigctl.analysis.adequacy import chance
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.held_out import Unseen
 from rigctl.analysis.improve import Improvement, Step
+from rigctl.analysis.law_answer import LawAnswer
 from rigctl.analysis.text import parameters_text
 from rigctl.cli.compare_views import show_departures
 from rigctl.cli.model_views import show_errors
@@ -54,11 +55,24 @@ def show_diagnosis(found: Diagnosis) -> None:
             out.print(f"  the equation that most wants a term: [bold]{escape(found.slot)}[/]")
         if any(one.before for one in found.drift):
             out.print(_drift(found.drift))
+    _show_laws(found.laws)
     _show_untestable(found.untestable)
     if found.next_steps:
         out.print("  [bold]what to measure next[/]")
     for step in found.next_steps:
         out.print(f"  {escape(step)}", soft_wrap=True)
+
+
+def _show_laws(found: Sequence[LawAnswer]) -> None:
+    """What the data say of the laws of the effects, and where the file of a better one is."""
+    out = console()
+    if found:
+        out.print("  [bold]by which law[/]")
+    for one in found:
+        mark = "[yellow]![/] " if one.differs else "  "
+        out.print(f"  {mark}{escape(one.statement)}", soft_wrap=True)
+        if one.file is not None:
+            out.print(f"    written: {escape(str(one.file))}", soft_wrap=True)
 
 
 def _show_verdict(found: Diagnosis) -> None:

@@ -1,0 +1,353 @@
+"""The law of an effect that the data ask for: its term bent over what drives it, with its band.
+
+    T(x)·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K)   (`rigctl.analysis.shape_tolerance`)
+
+The amplitudes of the bends and everything that the fit found are one linear problem with a normal prior on
+the bends, whose posterior is a curve with a band. τ is the most likely of a few, the tolerance the least.
+Whether the data ask for another law at all is asked of the evidence, and how a power of x would have to
+differ of the direction ``T·ln|x|``: ``T·|x|^δ`` to first order. What it comes to by a fit, and whether a
+power is the law, is `rigctl.analysis.law_fit`'s to say.
+
+Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), chapter 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.law_term import LawTerm, law_term
+from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
+from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.nuisance_projection import project
+from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.search import Search
+from rigctl.analysis.shape_tolerance import Bend, courses, shape_columns
+from rigctl.effects.declaration import Effect
+from rigctl.effects.drivers import Driver
+from rigctl.model.fit.fit import FitResult
+
+Floats = NDArray[np.float64]
+
+#: standard deviations of a bend that are looked at
+_WIDTHS = tuple(SHAPE_TOLERANCE * 2.0**k for k in range(5))
+#: points of a curve
+_POINTS = 41
+#: standard normal quantile of a 95 % band
+_BAND = 1.96
+#: of a driver's largest size, within which its logarithm is rounded
+_CORNER = 0.01
+
+
+@dataclass(frozen=True)
+class AskedLaw:
+    """The law of one effect over one of its drivers; SI.
+
+    Attributes
+    ----------
+    effect, driver: of what, over what.
+    slot: of the term that is drawn.
+    x: (points) over the range that the data visit; `assumed` the term as it was fitted; `asked` the term that
+        the data ask for, between `low` and `high` in 95 of 100 cases.
+    differs: the data ask for another law than the assumed one.
+    width: τ, the standard deviation of a bend.
+    change, change_std: by how much an exponent of the driver would have to differ, to first order.
+    clear: that exponent is no chance, at the family-wise level.
+    explained: the fall of χ² that the bend makes.
+    noise: variance of the whitened residuals that all of this is judged by, no less than 1.
+    degrees: of freedom of that noise; 0 where it counts as known.
+    tried: laws that were asked about together.
+    visited: the lowest and the highest value of the driver.
+    others: of the effect's other drivers the same.
+    term: the term itself, to be drawn and written.
+    """
+
+    effect: Effect
+    driver: Driver
+    slot: str
+    x: Floats = field(repr=False)
+    assumed: Floats = field(repr=False)
+    asked: Floats = field(repr=False)
+    low: Floats = field(repr=False)
+    high: Floats = field(repr=False)
+    differs: bool
+    width: float
+    change: float
+    change_std: float
+    clear: bool
+    explained: float
+    noise: float
+    degrees: int
+    tried: int
+    visited: tuple[float, float]
+    others: tuple[tuple[Driver, float, float], ...]
+    term: LawTerm = field(repr=False)
+
+    @property
+    def assumed_exponent(self) -> float | None:
+        """n of ``T ∝ |x|^n`` where the assumed law is such a power; None where it is none."""
+        return _exponent(self.x, self.assumed)
+
+
+def asked_laws(search: Search, trial: RefittedSet) -> tuple[AskedLaw, ...]:
+    """The law that the data ask for of every effect in a trial's model, over each of its drivers.
+
+    Nothing where no term can be bent: of effects without drivers, or with drivers that do not vary.
+    """
+    point = search.at(trial)
+    if not point.shapes.bends:
+        return ()
+    agrees = point.view(SHAPE_TOLERANCE).adequacy.agrees
+    return _laws(trial.fit, point.shaped(), point.shapes.bends, 1.0 if agrees else None)
+
+
+def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[AskedLaw, ...]:
+    """As `asked_laws`, of `effects` in the model of any fit.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    shapes = shape_columns(fit, fit.problem, effects)
+    if not shapes.bends:
+        return ()
+    return _laws(fit, linearise(fit, fit.problem, (), (shapes.names, shapes.readings)), shapes.bends, None)
+
+
+def _laws(
+    fit: FitResult, shaped: Linearisation, bends: Sequence[Bend], noise: float | None
+) -> tuple[AskedLaw, ...]:
+    course = _Course(fit)
+    visited = {bend.driver: course.range(bend.driver) for bend in bends}
+    found = []
+    for bend in bends:
+        term = law_term(course.known, fit.problem.model.effect(bend.effect), bend.driver)
+        if term is None:
+            continue
+        others = tuple(
+            (driver, *visited[driver])
+            for driver in dict.fromkeys(one.driver for one in bends if one.effect == bend.effect)
+            if driver != bend.driver
+        )
+        law = _law(shaped, bend, term, len(bends), noise)
+        found.append(replace(law, visited=visited[bend.driver], others=others))
+    return tuple(found)
+
+
+class _Course:
+    """The fitted records as they run: the ranges of drivers, and what every variable is on the average."""
+
+    def __init__(self, fit: FitResult) -> None:
+        self._inner = fit.problem.only(fit.fitted)
+        self._found = self._inner.simulate(fit.values, [fit.local[k] for k in fit.fitted]).require()
+        self._fit = fit
+
+    def range(self, driver: Driver) -> tuple[float, float]:
+        """The lowest and the highest value of a driver, SI."""
+        values = self._values(driver)
+        return float(values.min()), float(values.max())
+
+    @cached_property
+    def known(self) -> dict[str, float]:
+        """Parameters as fitted, states and inputs as their median, SI."""
+        problem = self._fit.problem
+        system = problem.compiled.system
+        known = dict(problem.model.values)
+        known |= dict(zip(system.parameter_names, problem.base.tolist(), strict=True))
+        known |= {one.name: float(v) for one, v in zip(problem.shared, self._fit.values, strict=True)}
+        for name in (*system.state_names, *system.input_names):
+            known[name] = float(np.median(self._values(Driver(((name, 1.0),), "1"))))
+        return known
+
+    def _values(self, driver: Driver) -> Floats:
+        values = np.concatenate(courses(self._inner, self._found, driver))
+        return values[np.isfinite(values)]
+
+
+def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: float | None) -> AskedLaw:
+    """One effect over one driver, the other bends free within the tolerance beside it.
+
+    `noise` is the variance of whitened residuals; where it is None, what the widest bend leaves of them says.
+    """
+    own = np.zeros(len(shaped.shapes), dtype=bool)
+    own[bend.columns] = True
+    weights = np.where(own, 1.0, SHAPE_TOLERANCE)
+    rows = _rows(shaped, weights)
+    projected = project(_with_other_bends(shaped, own))
+    columns, residual = projected.signatures[:, own], projected.residual
+    if noise is None:
+        taken = _evidence(columns * _WIDTHS[-1], residual)[1]
+        noise = max(1.0, (float(residual @ residual) - taken) / max(projected.dof, 1))
+    columns, residual = columns / math.sqrt(noise), residual / math.sqrt(noise)
+    width, evidence, explained = min(
+        ((one, *_evidence(columns * one, residual)) for one in _WIDTHS), key=lambda found: found[1]
+    )
+    x = np.linspace(bend.knots[3], bend.knots[-4], _POINTS)
+    assumed = term.values(x)
+    asked, spread = _posterior(rows, bend, own, width, noise, term, x, assumed)
+    change, std = _power_change(columns, residual, bend, x)
+    price = 2.0 * math.log(count * len(_WIDTHS))
+    table = shaped.fit.problem.measurements.table
+    degrees = projected.noise_degrees or (max(projected.dof, 1) if table else 0)
+    clear = count * chance_of(change / std, degrees) < ALPHA
+    return AskedLaw(
+        effect=term.effect,
+        driver=bend.driver,
+        slot=term.slot,
+        x=x,
+        assumed=assumed,
+        asked=asked,
+        low=asked - _BAND * spread,
+        high=asked + _BAND * spread,
+        differs=evidence + price < -LEAST_DIFFERENCE and (clear or not degrees),
+        width=width,
+        change=change,
+        change_std=std,
+        clear=clear,
+        explained=explained,
+        noise=noise,
+        degrees=degrees,
+        tried=count,
+        visited=(float(x[0]), float(x[-1])),
+        others=(),
+        term=term,
+    )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Everything that was fitted beside the bends, as one linear problem."""
+
+    names: tuple[str, ...]
+    nuisance: Floats
+    shapes: Floats
+    residual: Floats
+
+
+def _rows(shaped: Linearisation, weights: Floats) -> _Rows:
+    weight, prior = shaped.prior
+    nuisance = np.vstack([*(one.nuisance for one in shaped.records), weight])
+    shapes = np.vstack(
+        [*(one.signatures for one in shaped.records), np.zeros((len(weight), len(shaped.shapes)))]
+    )
+    residual = np.concatenate([*(one.residual for one in shaped.records), prior])
+    return _Rows(shaped.nuisances, nuisance, shapes * weights, residual)
+
+
+def _with_other_bends(shaped: Linearisation, own: NDArray[np.bool_]) -> Linearisation:
+    """The bends of the other laws among the nuisances, within the tolerance."""
+    others = np.flatnonzero(~own)
+    weight, prior = shaped.prior
+    more = others.size
+    joint = np.pad(weight, (0, more))
+    joint[weight.shape[0] :, weight.shape[1] :] = np.eye(more)
+    records = tuple(
+        replace(one, nuisance=np.hstack([one.nuisance, one.signatures[:, others] * SHAPE_TOLERANCE]))
+        for one in shaped.records
+    )
+    names = tuple(shaped.shapes[k] for k in others)
+    return replace(
+        shaped,
+        records=records,
+        nuisances=(*shaped.nuisances, *names),
+        prior=(joint, np.pad(prior, (0, more))),
+    )
+
+
+def _evidence(columns: Floats, residual: Floats) -> tuple[float, float]:
+    """``−gᵀ(I + A)⁻¹g + ln|I + A|``, and the first part of it, the fall of χ²."""
+    matrix = columns.T @ columns + np.eye(columns.shape[1])
+    slope = columns.T @ residual
+    explained = float(slope @ np.linalg.solve(matrix, slope))
+    return float(np.linalg.slogdet(matrix)[1]) - explained, explained
+
+
+def _posterior(
+    rows: _Rows,
+    bend: Bend,
+    own: NDArray[np.bool_],
+    width: float,
+    noise: float,
+    term: LawTerm,
+    x: Floats,
+    assumed: Floats,
+) -> tuple[Floats, Floats]:
+    """(points) The term that the data ask for and its standard deviation: what the fitted sizes of the effect
+    and the bend do to it together, all else free as well."""
+    shapes = np.where(own, width, 1.0) * rows.shapes
+    joint = np.hstack([rows.nuisance, shapes]) / math.sqrt(noise)
+    scale = np.linalg.norm(joint, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    first = rows.nuisance.shape[1]
+    priors = np.zeros(scale.size)
+    priors[first:] = 1.0
+    matrix = (joint / scale).T @ (joint / scale) + np.diag(priors / scale**2)
+    covariance = np.linalg.pinv(matrix, hermitian=True)
+    mean = covariance @ ((joint / scale).T @ (rows.residual / math.sqrt(noise)))
+    acts = np.zeros((x.size, scale.size))
+    for place, name in enumerate(rows.names):
+        acts[:, place] = term.slope(name, x)
+    # what bends the term: the splines' amplitudes are L·a, a = width·(this unknown)
+    acts[:, first + np.flatnonzero(own)] = assumed[:, None] * (_basis(bend, x) @ bend.root) * width
+    acts = acts / scale
+    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", acts, covariance, acts), 0.0))
+    return assumed + acts @ mean, spread
+
+
+def _basis(bend: Bend, x: Floats) -> Floats:
+    """(points, functions) the splines."""
+    from scipy.interpolate import BSpline
+
+    inside = np.clip(x, bend.knots[3], bend.knots[-4])
+    count = bend.columns.stop - bend.columns.start
+    return np.column_stack([BSpline(bend.knots, unit, 3)(inside) for unit in np.eye(count)])
+
+
+def _power_change(columns: Floats, residual: Floats, bend: Bend, x: Floats) -> tuple[float, float]:
+    """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite where nothing shows it."""
+    largest = float(np.abs(x).max())
+    wanted = 0.5 * np.log(np.square(x / largest) + _CORNER**2)
+    coefficients = np.linalg.lstsq(_basis(bend, x), wanted, rcond=None)[0]
+    signature = columns @ np.linalg.solve(bend.root, coefficients)
+    square = float(signature @ signature)
+    if not square > 0.0:
+        return 0.0, math.inf
+    return float(signature @ residual) / square, 1.0 / math.sqrt(square)
+
+
+def chance_of(z: float, degrees: int) -> float:
+    """Two-sided, that chance differs by z standard deviations; Student's where the noise has few degrees."""
+    if not math.isfinite(z):
+        return 1.0
+    if not degrees:
+        return math.erfc(abs(z) / math.sqrt(2.0))
+    from scipy.special import stdtr
+
+    return 2.0 * float(stdtr(degrees, -abs(z)))
+
+
+#: of its largest size, above which an exponent of a driver is read off
+_FROM = 0.2
+#: exponents that differ by no more than this over that range are one
+_SAME = 0.05
+
+
+def _exponent(x: Floats, y: Floats) -> float | None:
+    found: list[float] = []
+    largest = float(np.abs(x).max())
+    for side in (1.0, -1.0):
+        inside = (side * x > _FROM * largest) & (np.abs(y) > 0.0)
+        if inside.sum() < 5:
+            continue
+        found += np.gradient(np.log(np.abs(y[inside])), np.log(side * x[inside])).tolist()
+    if not found or float(np.ptp(found)) > 2.0 * _SAME:
+        return None
+    exponent = float(np.median(found))
+    rounded = round(2.0 * exponent) / 2.0
+    return rounded if abs(exponent - rounded) < _SAME else exponent

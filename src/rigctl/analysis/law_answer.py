@@ -1,0 +1,232 @@
+"""What a diagnosis says of the laws of the effects that it names, or that its model has."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.asked_laws import AskedLaw, asked_laws, chance_of, laws_of
+from rigctl.analysis.law_fit import PowerLaw, fit_power, shown_unit
+from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.search import Search
+from rigctl.errors import RigctlError
+from rigctl.units import parse_unit, with_uncertainty
+
+Floats = NDArray[np.float64]
+
+#: standard deviations of a 95 % interval
+_BAND = 1.96
+#: an exponent that is known no better than this is hardly known
+_ROUGH = 0.4
+
+
+@dataclass(frozen=True)
+class LawAnswer:
+    """The law of one effect over one driver.
+
+    Attributes
+    ----------
+    law: that which is drawn; at the fitted power where there is one, else at the effect as it was fitted.
+    unit: that the driver is shown in; `value_unit` of the term.
+    assumed: (points) the term by the library's law.
+    differs: the data ask for another law.
+    exponent, exponent_std: of the driver, or of a further power where the assumed law is no power of it;
+        `assumed_exponent` is None then.
+    power: fitted, where the data ask for another law and one could be written.
+    follows: the data ask for nothing beyond that power.
+    statement: in words.
+    file: the effect file that it was written to; None where it was not.
+    """
+
+    effect: str
+    law: AskedLaw = field(repr=False)
+    unit: str
+    value_unit: str
+    assumed: Floats = field(repr=False)
+    differs: bool
+    exponent: float
+    exponent_std: float
+    assumed_exponent: float | None
+    power: PowerLaw | None
+    follows: bool
+    statement: str
+    file: Path | None = None
+
+    @property
+    def formula(self) -> str | None:
+        """The term that the data ask for, as an effect file has it; None where they ask for none."""
+        return None if self.power is None else "; ".join(self.power.terms.values())
+
+    @property
+    def x(self) -> Floats:
+        """(points) the driver, in its unit."""
+        return self._driver(self.law.x)
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form; the values of the term in SI of its slot."""
+        low, high = (self.exponent + side * _BAND * self.exponent_std for side in (-1.0, 1.0))
+        known = math.isfinite(self.exponent_std)
+        return {
+            "effect": self.effect,
+            "driver": self.law.driver.name,
+            "unit": self.unit,
+            "slot": self.law.slot,
+            "value_unit": self.value_unit,
+            "x": self.x.tolist(),
+            "assumed": self.assumed.tolist(),
+            "asked": self.law.asked.tolist(),
+            "low": self.law.low.tolist(),
+            "high": self.law.high.tolist(),
+            "differs": self.differs,
+            "exponent": {
+                "value": self.exponent if known else None,
+                "std": self.exponent_std if known else None,
+                "low": low if known else None,
+                "high": high if known else None,
+                "assumed": self.assumed_exponent,
+            },
+            "follows": self.follows,
+            "statement": self.statement,
+            "formula": self.formula,
+            "file": None if self.file is None else str(self.file),
+        }
+
+    def _driver(self, x: Floats) -> Floats:
+        unit = parse_unit(self.unit)
+        interval = len(self.law.driver.weights) > 1
+        return np.asarray(x / unit.factor if interval else (x - unit.offset) / unit.factor)
+
+
+def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
+    """The laws of all effects in the best set's model: those that are named, and those that were there.
+
+    One whose law the data do not tell from another costs no fit.
+    """
+    try:
+        found = asked_laws(search, best)
+    except RigctlError:  # the model has no value where its laws are bent: nothing to draw
+        return ()
+    by_effect: dict[str, list[AskedLaw]] = {}
+    for law in found:
+        by_effect.setdefault(law.effect.name, []).append(law)
+    return tuple(answer for laws in by_effect.values() for answer in _of_effect(search, best, laws))
+
+
+def _of_effect(search: Search, best: RefittedSet, laws: list[AskedLaw]) -> list[LawAnswer]:
+    """The answers of one effect: the driver that explains most is fitted with a power."""
+    asking = [law for law in laws if law.differs or law.clear]
+    if not asking:
+        return [_plain(law, best) for law in laws]
+    first = max(asking, key=lambda law: law.explained)
+    search.on_progress(f"Asking for the law of {first.effect.name} over {first.driver.name}")
+    power = fit_power(first, best)
+    if power is None:
+        return [_plain(law, best) for law in laws]
+    try:
+        after = {law.driver: law for law in laws_of(power.fit, [power.effect])}
+    except RigctlError:
+        return [_plain(law, best) for law in laws]
+    return [
+        _fitted(law, after[law.driver], power, best)
+        if law is first and law.driver in after
+        else _plain(_beside(law, after.get(law.driver)), best)
+        for law in laws
+    ]
+
+
+def _beside(law: AskedLaw, after: AskedLaw | None) -> AskedLaw:
+    """The law over another driver, as far as the power of the first one leaves something to ask for."""
+    if after is None:
+        return law
+    return replace(law, differs=law.differs and after.differs, clear=law.clear and after.clear)
+
+
+def _fitted(law: AskedLaw, after: AskedLaw, power: PowerLaw, best: RefittedSet) -> LawAnswer:
+    std = power.std * math.sqrt(after.noise)
+    assumed = law.assumed_exponent
+    z = (power.exponent - (assumed or 0.0)) / std if std > 0.0 else math.inf
+    told = law.tried * chance_of(z, after.degrees) < ALPHA and power.gain > 0.0
+    if not told:
+        return _plain(replace(law, clear=False), best)
+    drawn = replace(after, driver=law.driver)
+    return LawAnswer(
+        effect=law.effect.name,
+        law=drawn,
+        unit=shown_unit(law, best.fit),
+        value_unit=_value_unit(law),
+        assumed=law.term.values(after.x),
+        differs=True,
+        exponent=power.exponent,
+        exponent_std=std,
+        assumed_exponent=assumed,
+        power=power,
+        follows=not after.differs,
+        statement=_told(law, power.exponent, std, follows=not after.differs),
+    )
+
+
+def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
+    """The law as far as the linear problem tells it."""
+    assumed = law.assumed_exponent
+    return LawAnswer(
+        effect=law.effect.name,
+        law=law,
+        unit=shown_unit(law, best.fit),
+        value_unit=_value_unit(law),
+        assumed=law.assumed,
+        differs=law.differs,
+        exponent=(assumed or 0.0) + law.change,
+        exponent_std=law.change_std,
+        assumed_exponent=assumed,
+        power=None,
+        follows=False,
+        statement=_not_told(law),
+    )
+
+
+def _value_unit(law: AskedLaw) -> str:
+    return law.effect.model_family.slot(law.slot).unit
+
+
+def _over(law: AskedLaw) -> str:
+    name = law.driver.name
+    return name if name.isidentifier() else f"({name})"
+
+
+def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
+    name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
+    if law.assumed_exponent is None:
+        said = f"{name} changes with {over} as its assumed law times {over}^({n})"
+    else:
+        verb = "grows" if exponent > 0.0 else "falls"
+        said = f"{name} {verb} as {over}^({n}), not as {over}^{law.assumed_exponent:.3g}"
+    if follows:
+        return f"{said}: over what these data visit they ask for nothing beyond it"
+    return f"{said}, roughly: no power is all of it, see the curve"
+
+
+def _not_told(law: AskedLaw) -> str:
+    name, over, std = law.effect.name, _over(law), law.change_std
+    if law.differs:
+        return (
+            f"the data ask for another law of {name} over {over} than the assumed one, and no power of it is "
+            "told: see the curve"
+        )
+    if not std < _ROUGH:
+        return f"the data hardly tell the law of {name} over {over}"
+    if law.assumed_exponent is None:
+        return (
+            f"the data do not tell the law of {name} over {over} from the assumed one: a further power of it "
+            f"would be {with_uncertainty(law.change, std)}"
+        )
+    exponent = law.assumed_exponent + law.change
+    return (
+        f"the data do not tell the law of {name} from {over}^{law.assumed_exponent:.3g}: its exponent is "
+        f"{with_uncertainty(exponent, std)}"
+    )

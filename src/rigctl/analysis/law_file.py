@@ -1,0 +1,116 @@
+"""The law that the data ask for, as an effect file: a candidate like any other."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from rigctl.analysis.law_answer import LawAnswer
+from rigctl.analysis.law_fit import driver_text
+from rigctl.effects.declaration import Effect
+from rigctl.effects.drivers import Driver
+from rigctl.effects.user import parse_effect
+from rigctl.effects.user.file_text import effect_file_text
+from rigctl.effects.user.names import term_types
+from rigctl.effects.user.quantity import read_quantity
+from rigctl.effects.validity import Provenance, ValidRange
+from rigctl.files.write import write_text
+from rigctl.files.yaml import parse_document
+from rigctl.method_version import METHOD_VERSION
+from rigctl.model.model import Model
+from rigctl.physics.families import is_family_file
+from rigctl.physics.family import ModelFamily
+from rigctl.project import find_project
+from rigctl.units import parse_unit
+
+
+def write_law(
+    answer: LawAnswer, folder: Path, runs: Sequence[str], model: str, now: datetime | None = None
+) -> LawAnswer:
+    """Write the effect of a fitted law into `folder`, and say where; an answer without one is as it was.
+
+    Nothing is overwritten: a name that is taken there gets a number.
+
+    Raises
+    ------
+    RigctlError
+        the folder cannot be written to.
+    """
+    power = answer.power
+    if power is None:
+        return answer
+    path = _free(folder, power.effect.name)
+    family = power.fit.problem.model.family
+    effect = replace(
+        _fitted(power.effect, power.fit.model),
+        valid=tuple(_range(answer, driver, ends, family) for driver, ends in _ranges(answer)),
+        provenance=Provenance(
+            runs=tuple(runs),
+            model=model,
+            method=METHOD_VERSION,
+            date=f"{now or datetime.now(UTC):%Y-%m-%d}",
+            tier="law",
+            statement=answer.statement,
+        ),
+    )
+    named = _family(power.fit.problem.model, folder)
+    text = effect_file_text(effect, power.terms, named, path.stem)
+    folder.mkdir(parents=True, exist_ok=True)
+    parse_effect(text, path)  # what is offered is sound
+    write_text(path, text)
+    return replace(answer, file=path)
+
+
+def _free(folder: Path, name: str) -> Path:
+    path, number = folder / f"{name}.yaml", 2
+    while path.exists():
+        path, number = folder / f"{name}_{number}.yaml", number + 1
+    return path
+
+
+def _fitted(effect: Effect, model: Model) -> Effect:
+    """The effect whose parameters start where the fit found them."""
+    values = {name: value.si for name, value in model.effects[effect.name].items()}
+    return replace(
+        effect, parameters=tuple(replace(one, start=values[one.name]) for one in effect.parameters)
+    )
+
+
+def _ranges(answer: LawAnswer) -> list[tuple[Driver, tuple[float, float]]]:
+    law = answer.law
+    return [(law.driver, law.visited), *((driver, (low, high)) for driver, low, high in law.others)]
+
+
+def _range(answer: LawAnswer, driver: Driver, ends: tuple[float, float], family: ModelFamily) -> ValidRange:
+    slot = family.slot(answer.law.slot)
+    types = term_types(family, slot, ())
+    points = {name for name, one in types.items() if one.temperature == "point"}
+    found = read_quantity(driver_text(driver, points), types)
+    unit = answer.unit if driver == answer.law.driver else driver.unit
+    if parse_unit(unit).absolute_temperature and found.type.temperature != "point":
+        unit = "K"
+    return ValidRange(found.text, unit, *_widened(ends), found, found.difference)
+
+
+def _widened(ends: tuple[float, float]) -> tuple[float, float]:
+    """Rounded outwards in the fourth digit."""
+    low, high = ends
+    digit = 10.0 ** (np.floor(np.log10(max(abs(low), abs(high), 1e-300))) - 3)
+    return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
+
+
+def _family(model: Model, folder: Path) -> str:
+    """How an effect file in `folder` names the model's family: a user's by the way to its file."""
+    written = str(parse_document(model.text, model.path).data.get("model", "")) if model.text else ""
+    if not is_family_file(written) or model.path is None:
+        return model.family.name
+    path = find_project(model.path.parent).resolve(written, relative_to=model.path)
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return path.resolve().as_posix()

@@ -1,0 +1,232 @@
+"""A power of its driver as the law of an effect: fitted, judged, and written as an effect of one's own.
+
+The term T of an effect becomes ``T·(√(x² + c²)/x_0)^(n − n_0)``: its law over x is then a power with the
+exponent n where T is one with n_0, and T times a power where it is none. What the data ask for beyond such a
+power is asked again at that fit, where the problem is as linear as it can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rigctl.analysis.asked_laws import AskedLaw
+from rigctl.analysis.refit import RefittedSet
+from rigctl.effects.declaration import Effect, EffectParameter, Term, qualified
+from rigctl.effects.drivers import Driver
+from rigctl.effects.equations import terms_in_symbols
+from rigctl.effects.examine import examine
+from rigctl.effects.user.formula import read_term
+from rigctl.effects.user.formula_text import formula_text, number_text
+from rigctl.effects.user.names import taken_names, term_types
+from rigctl.engine.least_squares import started
+from rigctl.engine.symbols import variables_of
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.model import Model, Value
+from rigctl.physics.family import ModelFamily
+from rigctl.units import parse_unit
+
+#: an exponent may differ by so much from the assumed one
+_FURTHEST = 2.5
+#: and begins no further off than this
+_BEGIN = 0.6
+#: of a driver's largest size, within which a power of it is rounded
+_ROUNDED = 1e-3
+#: the fit ends when the next step would lower its cost by less than this share; a parameter may double
+_COST, _STEP = 1e-6, 1.0
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """An effect with a power of one of its drivers, fitted.
+
+    Attributes
+    ----------
+    effect: as a user's file would have it.
+    terms: the text of each of its terms.
+    exponent: n, or n − n_0 where the assumed law is no power.
+    std: of the exponent, in the noise that the fit leaves.
+    fit: of the model with this effect in place of the other.
+    gain: the fall of χ².
+    """
+
+    effect: Effect
+    terms: Mapping[str, str]
+    exponent: float
+    std: float
+    fit: FitResult = field(repr=False)
+    gain: float
+
+
+def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
+    """The power that a law comes to; None where its term cannot be written in a file, or not be fitted."""
+    made = power_effect(law, trial.fit.model)
+    if made is None:
+        return None
+    effect, terms = made
+    base = law.assumed_exponent or 0.0
+    begin = base + float(np.clip(law.change, -_BEGIN, _BEGIN))
+    try:
+        found = _fitted(trial.fit, law.effect, effect, begin)
+    except RigctlError:  # the model has no value there
+        return None
+    name = qualified(effect.name, _EXPONENT)
+    names = [unknown.name for unknown in found.problem.shared]
+    if found.solution is None or trial.fit.solution is None or name not in names or name in found.at_bound:
+        return None
+    return PowerLaw(
+        effect=effect,
+        terms=terms,
+        exponent=float(found.values[names.index(name)]),
+        std=found.std[name],
+        fit=found,
+        gain=2.0 * (trial.fit.solution.cost - found.solution.cost),
+    )
+
+
+_EXPONENT, _REFERENCE, _CORNER = "exponent", "reference", "corner"
+
+
+def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] | None:
+    """The effect with a power of the law's driver, and the text of its terms; None where none can be."""
+    old, family = law.effect, model.family
+    new = {_EXPONENT, _REFERENCE, _CORNER}
+    if old.states or new & ({p.name for p in old.parameters} | taken_names(family)):
+        return None
+    parameters = (*_old_parameters(old, model), *_new_parameters(law))
+    try:
+        terms = dict(_terms(law, family))
+        read: tuple[tuple[str, Term], ...] = tuple(
+            (slot, read_term(text, family, family.slot(slot), parameters)) for slot, text in terms.items()
+        )
+    except (RigctlError, TypeError):  # a rate of change, a look-up table: no formula of a file
+        return None
+    effect = Effect(
+        name=f"{old.name}_power",
+        family=old.family,
+        summary=f"{old.name} with a power of {law.driver.name}.",
+        equation="; ".join(f"{slot}: {text}" for slot, text in terms.items()),
+        source=old.source,
+        looks_like=old.looks_like,
+        terms=read,
+        parameters=parameters,
+        kind=old.kind,
+        instead_of=(old.name,),
+        needs=old.needs,
+        own_family=old.own_family,
+    )
+    return None if examine(effect, family) else (effect, terms)
+
+
+def _old_parameters(effect: Effect, model: Model) -> tuple[EffectParameter, ...]:
+    """The effect's own, which begin as they were fitted."""
+    found = []
+    for one in effect.parameters:
+        value = model.effects[effect.name][one.name].si
+        low, high = one.bounds_around(value)
+        start = value if value != one.null else one.start
+        found.append(
+            replace(one, start=start, low=low, high=high, grid=(), within="", shares=(), at_least=None)
+        )
+    return tuple(found)
+
+
+def _new_parameters(law: AskedLaw) -> tuple[EffectParameter, ...]:
+    largest = float(np.abs(law.x).max())
+    base, unit = law.assumed_exponent or 0.0, law.driver.unit
+    size = float(f"{largest:.3g}")
+
+    def shape(name: str, unit: str, start: float, low: float, high: float, meaning: str) -> EffectParameter:
+        return EffectParameter(name, unit, None, start, low, high, meaning, difference=True)
+
+    said = "of" if law.assumed_exponent is not None else "of a further power of"
+    return (
+        shape(_EXPONENT, "1", base, base - _FURTHEST, base + _FURTHEST, f"{said} {law.driver.name}"),
+        shape(_REFERENCE, unit, size, 0.01 * size, 100.0 * size, "where the power is 1"),
+        shape(
+            _CORNER, unit, _ROUNDED * size, 1e-3 * _ROUNDED * size, size, "within which the power is rounded"
+        ),
+    )
+
+
+def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
+    old = law.effect
+    names = {qualified(old.name, one.name): one.name for one in old.parameters}
+    found = {}
+    for slot, expr in terms_in_symbols(old, family).items():
+        declared = family.slot(slot)
+        types = term_types(family, declared, old.parameters)
+        points = {name for name, one in types.items() if one.temperature == "point"}
+        text = formula_text(
+            expr, names, points | {known for known, plain in names.items() if plain in points}
+        )
+        if law.driver.variables & {variable.name for variable in variables_of(expr)} or slot == law.slot:
+            power = _power_text(law, points)
+            multiplies = declared.combine == "product"
+            text = f"1 + (({text}) - 1)*{power}" if multiplies else f"({text})*{power}"
+        found[slot] = text
+    return found
+
+
+def _power_text(law: AskedLaw, points: set[str]) -> str:
+    base = law.assumed_exponent
+    written = driver_text(law.driver, points)
+    less = "" if not base else f" - {number_text(base)}" if base > 0.0 else f" + {number_text(-base)}"
+    exponent = f"({_EXPONENT}{less})" if less else _EXPONENT
+    return f"(absolute({written}, {_CORNER})/{_REFERENCE})^{exponent}"
+
+
+def driver_text(driver: Driver, points: set[str] | frozenset[str] = frozenset()) -> str:
+    """A driver as a formula of a file."""
+    single = len(driver.weights) == 1 and driver.weights[0][1] == 1.0
+    if single or all(name not in points for name, _ in driver.weights):
+        return driver.name if all(abs(w) == 1.0 for _, w in driver.weights) else _weighted(driver)
+    if sorted(weight for _, weight in driver.weights) == [-1.0, 1.0]:
+        return driver.name  # a difference of two points is an interval
+    return _weighted(driver, points)
+
+
+def _weighted(driver: Driver, points: set[str] | frozenset[str] = frozenset()) -> str:
+    parts = []
+    for name, weight in driver.weights:
+        said = f"({name} - 0 K)" if name in points else name
+        parts.append(f"{number_text(weight)}*{said}" if weight >= 0.0 else f"({number_text(weight)})*{said}")
+    return " + ".join(parts)
+
+
+def _fitted(before: FitResult, old: Effect, new: Effect, begin: float) -> FitResult:
+    """The model with the new effect in place of the old one, fitted from where that one was."""
+    model = before.model
+    known = {name: value.si for name, value in model.effects[old.name].items()}
+    free = {name for name, value in model.effects[old.name].items() if value.fit}
+    declared = new.parameter(_EXPONENT)
+    known[_EXPONENT] = min(max(begin, declared.low), declared.high)
+    changed = model.without_effect(old.name).with_effect(new, known)
+    settings: dict[str, Value] = {
+        name: replace(value, fit=name in free or name == _EXPONENT)
+        for name, value in changed.effects[new.name].items()
+    }
+    changed = replace(changed, effects={**changed.effects, new.name: settings})
+    problem = before.problem.rebuilt(changed)
+    values = {unknown.name: float(v) for unknown, v in zip(before.problem.shared, before.values, strict=True)}
+    starts = []
+    for unknown in problem.shared:
+        effect, _, parameter = unknown.name.partition(".")
+        source = qualified(old.name, parameter) if effect == new.name else unknown.name
+        value = values.get(source, unknown.start)
+        starts.append(min(max(value, unknown.lower), unknown.upper))
+    problem = problem.with_shared(started(problem.shared, np.array(starts)))
+    return fit(problem, before.held_out, local=before.local, cost=_COST, largest_step=_STEP)
+
+
+def shown_unit(law: AskedLaw, fitted: FitResult) -> str:
+    """The unit that the law's driver is shown in: that of a channel of its dimension, else SI."""
+    wanted = parse_unit(law.driver.unit).dimension
+    interval = len(law.driver.weights) > 1
+    for unit in fitted.problem.measurements.units:
+        if parse_unit(unit).dimension == wanted and not (parse_unit(unit).offset and interval):
+            return unit
+    return law.driver.unit
