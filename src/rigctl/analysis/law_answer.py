@@ -79,10 +79,10 @@ class LawAnswer:
             "slot": self.law.slot,
             "value_unit": self.value_unit,
             "x": self.x.tolist(),
-            "assumed": self.assumed.tolist(),
-            "asked": self.law.asked.tolist(),
-            "low": self.law.low.tolist(),
-            "high": self.law.high.tolist(),
+            "assumed": _listed(self.assumed),
+            "asked": _listed(self.law.asked),
+            "low": _listed(self.law.low),
+            "high": _listed(self.law.high),
             "differs": self.differs,
             "exponent": {
                 "value": self.exponent if known else None,
@@ -101,6 +101,11 @@ class LawAnswer:
         unit = parse_unit(self.unit)
         interval = len(self.law.driver.weights) > 1
         return np.asarray(x / unit.factor if interval else (x - unit.offset) / unit.factor)
+
+
+def _listed(values: Floats) -> list[float | None]:
+    """For programs: no value is null."""
+    return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
 def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
@@ -186,8 +191,14 @@ def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
         assumed_exponent=assumed,
         power=None,
         follows=False,
-        statement=_not_told(law),
+        statement=_not_told(law, fitted=_fitted_shape(law, best)),
     )
+
+
+def _fitted_shape(law: AskedLaw, best: RefittedSet) -> bool:
+    """Whether a fit changes the shape of the law already, its exponent, say."""
+    values = best.fit.problem.model.effects[law.effect.name]
+    return any(one.shape and values[one.name].fit for one in law.effect.parameters)
 
 
 def _value_unit(law: AskedLaw) -> str:
@@ -211,13 +222,15 @@ def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
     return f"{said}, roughly: no power is all of it, see the curve"
 
 
-def _not_told(law: AskedLaw) -> str:
+def _not_told(law: AskedLaw, *, fitted: bool) -> str:
     name, over, std = law.effect.name, _over(law), law.change_std
     if law.differs:
         return (
             f"the data ask for another law of {name} over {over} than the assumed one, and no power of it is "
             "told: see the curve"
         )
+    if fitted:
+        return f"the law of {name} over {over} is fitted, and the data ask for nothing beyond it"
     if not std < _ROUGH:
         return f"the data hardly tell the law of {name} over {over}"
     if law.assumed_exponent is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -14,18 +13,17 @@ from rigctl.analysis.law_answer import LawAnswer
 from rigctl.analysis.law_fit import driver_text
 from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
+from rigctl.effects.registry import library
 from rigctl.effects.user import parse_effect
 from rigctl.effects.user.file_text import effect_file_text
 from rigctl.effects.user.names import term_types
 from rigctl.effects.user.quantity import read_quantity
 from rigctl.effects.validity import Provenance, ValidRange
 from rigctl.files.write import write_text
-from rigctl.files.yaml import parse_document
 from rigctl.method_version import METHOD_VERSION
+from rigctl.model.family_reference import family_reference
 from rigctl.model.model import Model
-from rigctl.physics.families import is_family_file
 from rigctl.physics.family import ModelFamily
-from rigctl.project import find_project
 from rigctl.units import parse_unit
 
 
@@ -46,8 +44,10 @@ def write_law(
         return answer
     path = _free(folder, power.effect.name)
     family = power.fit.problem.model.family
+    known = library(family)
     effect = replace(
         _fitted(power.effect, power.fit.model),
+        instead_of=tuple(name for name in power.effect.instead_of if name in known),
         valid=tuple(_range(answer, driver, ends, family) for driver, ends in _ranges(answer)),
         provenance=Provenance(
             runs=tuple(runs),
@@ -58,7 +58,7 @@ def write_law(
             statement=answer.statement,
         ),
     )
-    named = _family(power.fit.problem.model, folder)
+    named = family_reference(power.fit.problem.model, folder)
     text = effect_file_text(effect, power.terms, named, path.stem)
     folder.mkdir(parents=True, exist_ok=True)
     parse_effect(text, path)  # what is offered is sound
@@ -102,15 +102,3 @@ def _widened(ends: tuple[float, float]) -> tuple[float, float]:
     low, high = ends
     digit = 10.0 ** (np.floor(np.log10(max(abs(low), abs(high), 1e-300))) - 3)
     return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
-
-
-def _family(model: Model, folder: Path) -> str:
-    """How an effect file in `folder` names the model's family: a user's by the way to its file."""
-    written = str(parse_document(model.text, model.path).data.get("model", "")) if model.text else ""
-    if not is_family_file(written) or model.path is None:
-        return model.family.name
-    path = find_project(model.path.parent).resolve(written, relative_to=model.path)
-    try:
-        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return path.resolve().as_posix()

@@ -21,6 +21,7 @@ from rigctl.effects.examine import examine
 from rigctl.effects.user.formula import read_term
 from rigctl.effects.user.formula_text import formula_text, number_text
 from rigctl.effects.user.names import taken_names, term_types
+from rigctl.effects.writing import write_out
 from rigctl.engine.least_squares import started
 from rigctl.engine.symbols import variables_of
 from rigctl.errors import RigctlError
@@ -87,16 +88,15 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
     )
 
 
-_EXPONENT, _REFERENCE, _CORNER = "exponent", "reference", "corner"
+_EXPONENT = "exponent"
 
 
 def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] | None:
     """The effect with a power of the law's driver, and the text of its terms; None where none can be."""
     old, family = law.effect, model.family
-    new = {_EXPONENT, _REFERENCE, _CORNER}
-    if old.states or new & ({p.name for p in old.parameters} | taken_names(family)):
+    if old.states or _EXPONENT in ({p.name for p in old.parameters} | taken_names(family)):
         return None
-    parameters = (*_old_parameters(old, model), *_new_parameters(law))
+    parameters = (*_old_parameters(old, model), _exponent(law))
     try:
         terms = dict(_terms(law, family))
         read: tuple[tuple[str, Term], ...] = tuple(
@@ -134,27 +134,23 @@ def _old_parameters(effect: Effect, model: Model) -> tuple[EffectParameter, ...]
     return tuple(found)
 
 
-def _new_parameters(law: AskedLaw) -> tuple[EffectParameter, ...]:
-    largest = float(np.abs(law.x).max())
-    base, unit = law.assumed_exponent or 0.0, law.driver.unit
-    size = float(f"{largest:.3g}")
-
-    def shape(name: str, unit: str, start: float, low: float, high: float, meaning: str) -> EffectParameter:
-        return EffectParameter(name, unit, None, start, low, high, meaning, difference=True)
-
+def _exponent(law: AskedLaw) -> EffectParameter:
+    base = law.assumed_exponent or 0.0
     said = "of" if law.assumed_exponent is not None else "of a further power of"
-    return (
-        shape(_EXPONENT, "1", base, base - _FURTHEST, base + _FURTHEST, f"{said} {law.driver.name}"),
-        shape(_REFERENCE, unit, size, 0.01 * size, 100.0 * size, "where the power is 1"),
-        shape(
-            _CORNER, unit, _ROUNDED * size, 1e-3 * _ROUNDED * size, size, "within which the power is rounded"
-        ),
+    return EffectParameter(
+        _EXPONENT, "1", None, base, base - _FURTHEST, base + _FURTHEST, f"{said} {law.driver.name}"
     )
 
 
 def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
     old = law.effect
     names = {qualified(old.name, one.name): one.name for one in old.parameters}
+    written = write_out(old, family, rates=False).terms
+    driven = {
+        slot
+        for slot, uses in written.items()
+        if law.driver.variables <= {variable.name for expr in uses for variable in variables_of(expr)}
+    }
     found = {}
     for slot, expr in terms_in_symbols(old, family).items():
         declared = family.slot(slot)
@@ -163,7 +159,7 @@ def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
         text = formula_text(
             expr, names, points | {known for known, plain in names.items() if plain in points}
         )
-        if law.driver.variables & {variable.name for variable in variables_of(expr)} or slot == law.slot:
+        if slot in driven:
             power = _power_text(law, points)
             multiplies = declared.combine == "product"
             text = f"1 + (({text}) - 1)*{power}" if multiplies else f"({text})*{power}"
@@ -172,11 +168,13 @@ def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
 
 
 def _power_text(law: AskedLaw, points: set[str]) -> str:
-    base = law.assumed_exponent
-    written = driver_text(law.driver, points)
+    """``(absolute(x, c)/(x_0))^(exponent - n_0)``, 1 where x is as large as it gets."""
+    base, dimension = law.assumed_exponent, parse_unit(law.driver.unit).dimension
+    largest = float(f"{np.abs(law.x).max():.3g}")
+    width, reference = (number_text(size, dimension) for size in (_ROUNDED * largest, largest))
     less = "" if not base else f" - {number_text(base)}" if base > 0.0 else f" + {number_text(-base)}"
     exponent = f"({_EXPONENT}{less})" if less else _EXPONENT
-    return f"(absolute({written}, {_CORNER})/{_REFERENCE})^{exponent}"
+    return f"(absolute({driver_text(law.driver, points)}, {width})/({reference}))^{exponent}"
 
 
 def driver_text(driver: Driver, points: set[str] | frozenset[str] = frozenset()) -> str:

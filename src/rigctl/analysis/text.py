@@ -41,8 +41,9 @@ def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
 
 def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
     """What is seen, what it is, and how large."""
-    seen = effect.looks_like.rstrip(".")
-    return f"{seen}: {_begun_low(effect.summary.rstrip('.'))} ({effect.name}, {parameters_text(parameters)})"
+    seen, summary = effect.looks_like.rstrip("."), effect.summary.rstrip(".")
+    said = f"{seen}: {_begun_low(summary)}" if seen else summary
+    return f"{said} ({effect.name}, {parameters_text(parameters)})"
 
 
 def verdict_text(

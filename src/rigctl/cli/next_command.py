@@ -48,7 +48,7 @@ def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
             words += [option, f'"{value}"']
     for text in chosen.assume:
         words += ["--assume", _quoted(text)]
-    return words
+    return " ".join(words)
 
 
 def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,10 +13,10 @@ from rigctl.discovery.grammar import DISTANCES, amount
 from rigctl.effects.declaration import Effect
 from rigctl.effects.user import parse_effect
 from rigctl.effects.user.names import taken_names
-from rigctl.files.yaml import parse_document
 from rigctl.method_version import METHOD_VERSION
+from rigctl.model.family_reference import family_reference
 from rigctl.model.model import Model
-from rigctl.physics.families import FAMILIES, is_family_file, using_families
+from rigctl.physics.families import FAMILIES, using_families
 from rigctl.physics.family import ModelFamily
 
 #: bounds of a size, times what was found; of a distance, times its start; of a place, ranges beyond the data
@@ -152,7 +151,7 @@ def file_text(
     valid: (variable, lowest, highest, unit) of each factor, SI.
     folder: where it will lie: a family of the user's is named from there.
     """
-    lines = [f"effect: {name}", f"family: {_family_text(model, folder)}"]
+    lines = [f"effect: {name}", f"family: {family_reference(model, folder)}"]
     lines += _body(formula, model.family)
     lines.append("valid:")
     for factor, (over, *ends, _) in zip(formula.factors, valid, strict=True):
@@ -169,16 +168,3 @@ def file_text(
     lines.append("provenance:")
     lines += [f"  {name}: {json.dumps(value, ensure_ascii=False)}" for name, value in provenance.items()]
     return "\n".join(lines) + "\n"
-
-
-def _family_text(model: Model, folder: Path) -> str:
-    """How a file in `folder` names the model's family: by its name, or by its file."""
-    family = model.family
-    if family.name in FAMILIES or model.path is None or not model.text:
-        return family.name
-    said = parse_document(model.text, model.path).data
-    written = said.get("model") if isinstance(said, Mapping) else None
-    if not isinstance(written, str) or not is_family_file(written):
-        return family.name
-    beside = model.path.parent / written
-    return Path(os.path.relpath(beside if beside.exists() else written, folder)).as_posix()

@@ -11,6 +11,7 @@ from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.text import parameters_text
 from rigctl.effects.record_level import RECORD
 from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
@@ -32,6 +33,7 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
     `added` says that what was found is in the model by now: then its versions tell of the error.
     """
     signature = None if diagnosis.before.rows else signature_plot(diagnosis)
+    curves = law_plots(diagnosis.laws)
     ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a table's few rows rank by chance
     body = render(
         "diagnosis.html",
@@ -46,12 +48,14 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
             steps=diagnosis.next_steps,
         ),
         classes=[names for names in diagnosis.classes if len(names) > 1],
+        laws=[(one.statement, one.differs) for one in diagnosis.laws],
+        curves=[(plot.caption, plot_slot(plot)) for plot in curves],
         signature=None if signature is None else plot_slot(signature),
         falls=[] if added else _falls(diagnosis),
         drift=[(one.parameter, one.before, one.after, symbol(one.unit)) for one in diagnosis.drift],
     )
     drawn = () if signature is None else (signature,)
-    return [Section("diagnosis", "What is missing", body, drawn)]
+    return [Section("diagnosis", "What is missing", body, (*drawn, *curves))]
 
 
 def _ranking(diagnosis: Diagnosis) -> Markup:

@@ -1,0 +1,27 @@
+"""How a file names the family of a model: a shipped one by its name, a user's own by the way to its file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from rigctl.files.yaml import parse_document
+from rigctl.model.model import Model
+from rigctl.physics.families import is_family_file
+from rigctl.project import find_project
+
+
+def family_reference(model: Model, folder: Path) -> str:
+    """What a file in `folder` writes for the family of `model`."""
+    if model.path is None or not model.text:
+        return model.family.name
+    said = parse_document(model.text, model.path).data
+    written = said.get("model") if isinstance(said, Mapping) else None
+    if not isinstance(written, str) or not is_family_file(written):
+        return model.family.name
+    path = find_project(model.path.parent).resolve(written, relative_to=model.path).resolve()
+    try:
+        return Path(os.path.relpath(path, folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return path.as_posix()

@@ -1,0 +1,173 @@
+"""An effect whose exponent is wrong: named, its law corrected, by following only what the tool says next.
+
+The bench is a flywheel that SciPy integrates; its air drags with the speed to the power 1.6, and the library
+that its user wrote knows the square.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from commands import answer, told
+
+FAMILY = """
+family: flywheel
+generic_effects: false
+states:
+  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (gain*drive - drag)/inertia}
+inputs:
+  drive: {value: 0 V}
+parameters:
+  gain: {value: 0.05 N*m/V, bounds: [0.001 N*m/V, 1 N*m/V]}
+constants:
+  inertia: 2e-3 kg*m^2
+slots:
+  drag: {unit: N*m, meaning: against the rotation}
+outputs:
+  speed: {unit: rad/s, formula: speed}
+"""
+
+RIG = """
+name: flywheel
+model: flywheel.yaml
+channels:
+  speed: {unit: rad/s, quantity: other, noise: 0.5 rad/s}
+actuators:
+  drive: {kind: level, unit: V, low: -12 V, high: 12 V}
+safe_state: {drive: 0 V}
+"""
+
+FAN = """
+effect: fan
+family: flywheel.yaml
+summary: The air drags with the square of the speed.
+slot: drag
+term: size*speed*absolute(speed, 0.1 rad/s)
+parameters:
+  size: {null_value: 0 N*m*s^2/rad^2, start: 1e-5 N*m*s^2/rad^2, bounds: [0 N*m*s^2/rad^2, 1 N*m*s^2/rad^2]}
+"""
+
+MODEL = """
+model: flywheel.yaml
+rig: rig.yaml
+own_effects: [fan.yaml]
+parameters:
+  gain: {value: 0.05 N*m/V, fit: true}
+"""
+
+#: N·m at 100 rad/s
+DRAG = 4e-3
+
+
+def drag(speed: float, exponent: float) -> float:
+    return DRAG * float(np.sign(speed)) * abs(speed / 100.0) ** exponent
+
+
+def bench(folder: Path, exponent: float, seed: int) -> None:
+    """Six records, spun up by five voltages and left to coast, as a log."""
+    for name, text in {"flywheel": FAMILY, "rig": RIG, "fan": FAN, "model": MODEL}.items():
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    rng, times = np.random.default_rng(seed), np.arange(0.0, 10.0, 0.1)
+    with (folder / "log.csv").open("w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time [s]", "record", "drive [V]", "speed [rad/s]"])
+        for record, (volts, start) in enumerate(
+            [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.9, 0.0), (1.2, 0.0), (0.0, 200.0)], start=1
+        ):
+
+            def rate(t: float, y: list[float], volts: float = volts) -> list[float]:
+                return [(0.05 * volts - drag(y[0], exponent)) / 2e-3]
+
+            found = solve_ivp(rate, (0.0, 10.0), [start], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.1)
+            noise = 0.5 * rng.standard_normal(times.size)
+            for time, speed in zip(times, found.y[0] + noise, strict=True):
+                rows.writerow([f"{time:.3f}", record, volts, f"{speed:.4f}"])
+
+
+def next_command(printed: str) -> list[str]:
+    """The words behind ``Next: rigctl``."""
+    said = re.findall(r"^Next: rigctl (.*)$", printed, re.MULTILINE)
+    assert said, printed
+    return shlex.split(said[-1])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folder: Path) -> None:
+    bench(folder, 1.6, seed=4)
+    run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
+    document = answer("diagnose", run, "--model", "model.yaml")
+    assert document["effects"] == ["fan"]
+    assert ": :" not in f": {document['statement']}"  # the file does not say what it looks like
+    assert not document["levels"][0]["law"]["sure"]
+    (law,) = document["laws"]
+    assert (law["effect"], law["driver"], law["unit"], law["slot"]) == ("fan", "speed", "rad/s", "drag")
+    exponent = law["exponent"]
+    assert exponent["assumed"] == 2.0
+    assert abs(exponent["value"] - 1.6) < 3.0 * exponent["std"]
+    assert exponent["high"] < 2.0
+    assert law["differs"]
+    assert law["follows"]
+    assert law["statement"].startswith("fan grows as speed^(1.")
+    assert law["statement"].count("not as speed^2") == 1
+    x, asked, low, high = (np.array(law[name]) for name in ("x", "asked", "low", "high"))
+    truth = np.array([drag(speed, 1.6) for speed in x])
+    inside = (low <= truth) & (truth <= high)
+    assert inside[np.abs(x) > 20.0].mean() > 0.8  # all of a band that holds in 95 of 100 cases is together
+    assert np.abs(asked - truth).max() < 0.25 * np.abs(np.array(law["assumed"]) - truth).max()
+    assert law["file"] is None
+
+    printed = told("diagnose", run, "--model", "model.yaml", "-o", "page.html")
+    assert law["statement"] in printed
+    page = Path("page.html").read_text("utf-8")
+    assert "By which law" in page
+    assert "fan over speed: the law assumed, and the one that the data ask for" in page
+
+    printed = told(*next_command(printed))  # diagnose … --laws effects
+    written = Path("effects/fan_power.yaml")
+    assert f"written: {written}" in printed
+    shown = " ".join(told("effects", "show", str(written), "--no-picture").split())
+    assert "a law of the library in another shape" in shown
+    assert f"from {run} beside model" in shown
+    assert "valid over: speed from" in shown
+
+    added = told(*next_command(printed), "--hold-out", "drive == 0.9 V")  # model add model.yaml effects/…
+    assert "held out" in added
+    told(*next_command(added))  # compare
+    after = answer("compare", run, "--model", "model.yaml", "--no-fit", "--hold-out", "drive == 0.9 V")
+    assert after["adequate"]
+    assert after["outside_validity"] == []
+    channel = after["channels"]["speed"]
+    assert channel["heldout_rmse"] < 1.1 * channel["noise"]
+    values = {one["name"]: one for one in answer("model", "show", "model.yaml")["parameters"]}
+    fitted = values["fan_power.exponent"]
+    assert fitted["value"] == pytest.approx(1.6, abs=3.0 * fitted["std"])
+
+    again = answer("diagnose", run, "--model", "model.yaml", "--laws", "effects")
+    assert again["verdict"] == "adequate"
+    assert [(one["differs"], one["file"]) for one in again["laws"]] == [(False, None)]
+    assert sorted(path.name for path in Path("effects").iterdir()) == ["fan_power.yaml"]
+
+
+def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
+    bench(folder, 2.0, seed=4)
+    run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
+    document = answer("diagnose", run, "--model", "model.yaml", "--laws", "effects")
+    assert document["effects"] == ["fan"]
+    (law,) = document["laws"]
+    assert not law["differs"]
+    assert law["formula"] is None
+    assert abs(law["exponent"]["value"] - 2.0) < 3.0 * law["exponent"]["std"]
+    assert law["statement"].startswith("the data do not tell the law of fan from speed^2")
+    assert not Path("effects").exists()
