@@ -17,6 +17,7 @@ from rigctl.discovery.hand_over import write_files
 from rigctl.discovery.result import Discovery
 from rigctl.effects.user import load_effect
 from rigctl.model.load import load_model
+from rigctl.report.analysis import discovery_sections
 
 
 def imported(folder: Path, hidden: Any, **how: Any) -> Path:
@@ -111,6 +112,7 @@ def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(tmp_path: 
     assert best.passive == "takes energy out"
     assert "A term is missing at velocity_rate" in found.statement
     _writes_beside_what_is_there(found, folder / "effects")
+    _shows_it_on_the_page(found)
 
 
 def _writes_beside_what_is_there(found: Discovery, folder: Path) -> None:
@@ -126,6 +128,16 @@ def _writes_beside_what_is_there(found: Discovery, folder: Path) -> None:
     assert one.provenance is not None
     assert one.provenance.tier == "B"
     assert {side.over for side in one.valid} == {"position", "velocity"}
+
+
+def _shows_it_on_the_page(found: Discovery) -> None:
+    (section,) = discovery_sections(found)
+    body = str(section.body)
+    assert "<svg" in body
+    assert body.count("<rect") >= 2 * len(found.diagnosis.before.fit.problem.model.family.slots)
+    assert found.formulas[0].term.replace("-", "") in body.replace("-", "")
+    assert [plot.id for plot in section.plots] == [f"curve-{k + 1}" for k in range(len(found.curves))]
+    assert "takes energy out" in body
 
 
 def test_wrong_words_are_refused_before_any_work(worn: tuple[Path, dict[str, Any]]) -> None:

@@ -13,6 +13,7 @@ from rigctl.cli.reuse import NoCache, Verbose
 
 if TYPE_CHECKING:
     from rigctl.cli.next_command import DataOptions
+    from rigctl.dataset import Run
     from rigctl.discovery.result import Discovery
 
 
@@ -46,6 +47,13 @@ def discover(
             show_default=False,
         ),
     ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let --page replace a file that is no page of ours.")
+    ] = False,
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
@@ -64,6 +72,7 @@ def discover(
 
       rigctl discover latest --model models/hl32-textbook.yaml --slot friction -o effects/
     """
+    from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_models, open_runs
     from rigctl.cli.discover_views import show_discovery
     from rigctl.cli.next_command import DataOptions
@@ -74,12 +83,14 @@ def discover(
     from rigctl.discovery.hand_over import require_folder, write_files
 
     require_folder(output)
+    require_page(page, force=force)
     (opened,) = open_models([model])
     require_slot(opened.family, slot)
     choice = DataOptions(only, hold_out, assume or ())
+    measured = open_runs(runs, opened, choice.assume)
     with telling("nothing was saved") as on_progress:
         found = discovered(
-            open_runs(runs, opened, choice.assume),
+            measured,
             opened,
             hold_out=hold_out,
             only=only,
@@ -88,11 +99,21 @@ def discover(
         )
     if output is not None:
         found = write_files(found, output)
+    if page is not None:
+        _write_page(measured, page, found, force=force)
     if as_json:
         print_json(found.document())
     else:
         show_discovery(found)
         _lead_on(found, runs, str(model), choice, saved=output is not None)
+
+
+def _write_page(runs: list[Run], page: Path, found: Discovery, *, force: bool) -> None:
+    """The search first, then the diagnosis that it began with."""
+    from rigctl.cli.analysis_page import write_page
+    from rigctl.report.analysis import diagnosis_sections, discovery_sections
+
+    write_page(runs, page, [*discovery_sections(found), *diagnosis_sections(found.diagnosis)], force=force)
 
 
 def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:

@@ -31,6 +31,7 @@ class TierName(StrEnum):
     FULL = "full"
     ANYONE = "anyone"
     SHAPE = "shape"
+    DISCOVERY = "discovery"
 
 
 def validate(
@@ -38,7 +39,7 @@ def validate(
         TierName,
         typer.Option(
             help="quick takes minutes, full hours; anyone: ten small benches; shape: laws that are not the "
-            "library's."
+            "library's; discovery: terms that are in no library, and formulas for them."
         ),
     ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder that keeps every result.")] = Path(
@@ -65,8 +66,9 @@ def validate(
     That bench shares no equation and no integrator with the models it judges, and hides its effects in other
     shapes than the library's. The tier anyone has ten small benches instead, each with family, rig and model
     as a user writes them, judged from a CSV file to the verdict; the tier shape has effects of up to 1000
-    sigmas with laws far from the library's, alone, in pairs, and taken out of the library. Every finished
-    trial is kept: after a kill, --resume goes on. The tables are also written into the folder, as Markdown.
+    sigmas with laws far from the library's, alone, in pairs, and taken out of the library; the tier discovery
+    plants terms that are in no library, and looks for their formulas. Every finished trial is kept: after a
+    kill, --resume goes on. The tables are also written into the folder, as Markdown.
 
     Example: rigctl validate --tier quick
     """
@@ -97,6 +99,14 @@ def _carried_out(
         trials = bench_trials()[:first]
         outcomes = _outcomes(trials, carry_out_trial, path, BenchTrial.read, workers, resume=resume)
         return bench_figures(outcomes), path
+    if tier is TierName.DISCOVERY:
+        from rigctl.validation.planted.rates import planted_figures
+        from rigctl.validation.planted.trial import PlantedTrial, planted_trials
+        from rigctl.validation.planted.work import carry_out_planted
+
+        planted = planted_trials()[:first]
+        found = _outcomes(planted, carry_out_planted, path, PlantedTrial.read, workers, resume=resume)
+        return planted_figures(found), path
     from rigctl.validation.rates import figures
     from rigctl.validation.scenario import Scenario
     from rigctl.validation.tiers import Tier, scenarios

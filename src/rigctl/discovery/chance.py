@@ -56,11 +56,13 @@ class Chance:
     tests: how many hypotheses were searched.
     least: (draws) the smallest p-value of each draw of white noise, in order.
     left: the same of what is left beside the best term with random signs; None where it was not drawn.
+    more: hypotheses that were searched besides and not drawn: they count in full, by Bonferroni's bound.
     """
 
     tests: int
     least: Floats
     left: Floats | None
+    more: int = 0
 
     def family_wise(self, p_value: float) -> float:
         """The p-value of one hypothesis, chosen from all for its p-value.
@@ -68,13 +70,15 @@ class Chance:
         The share of draws that are as small; where none is, no more than Bonferroni's bound says.
         """
         white = min(_share(self.least, p_value), self.tests * p_value)
-        return min(1.0, max(white, 0.0 if self.left is None else _share(self.left, p_value)))
+        drawn = max(white, 0.0 if self.left is None else _share(self.left, p_value))
+        return min(1.0, drawn + self.more * p_value)
 
     @property
     def independent(self) -> float:
         """As how many independent tests the search behaves, at a level of 1 %."""
         level = float(np.quantile(self.least, 0.01))
-        return float(np.log1p(-0.01) / np.log1p(-level)) if 0.0 < level < 1.0 else float(self.tests)
+        drawn = float(np.log1p(-0.01) / np.log1p(-level)) if 0.0 < level < 1.0 else float(self.tests)
+        return drawn + self.more
 
 
 def _share(drawn: Floats, p_value: float) -> float:

@@ -32,8 +32,8 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
 
-#: places over one variable, and over two, whose formulas are looked at
-_SINGLES, _PAIRS = 4, 3
+#: places over one variable whose formulas are looked at, and of the first places pairs of variables
+_SINGLES, _PAIRS = 4, (4, 2, 1)
 #: curves that are drawn
 _CURVES = 3
 #: of a range that the data visit, what is added at either end
@@ -122,9 +122,19 @@ def discover_beside(
 
 
 def _most_wanted(searched: Map) -> list[Located]:
-    single = [one for one in searched.located if len(one.over) == 1 and one.p_value < ALPHA]
-    double = [one for one in searched.located if len(one.over) == 2 and one.p_value < ALPHA]
-    return [*single[:_SINGLES], *double[:_PAIRS]]
+    """Of the places over one variable the first, and over two the first of several places: what a place wants
+    may be hidden in several pairs that change together.
+    """
+    seen = [one for one in searched.located if one.p_value < ALPHA]
+    single = [one for one in seen if len(one.over) == 1]
+    double = [one for one in seen if len(one.over) == 2]
+    places = list(dict.fromkeys(one.slot.name for one in double))[: len(_PAIRS)]
+    chosen = [
+        one
+        for name, most in zip(places, _PAIRS, strict=False)
+        for one in [pair for pair in double if pair.slot.name == name][:most]
+    ]
+    return [*single[:_SINGLES], *chosen]
 
 
 def _cost_of_none(before: ModelComparison) -> float:

@@ -33,6 +33,8 @@ _POINTS = 15
 _FIRST = 40
 #: two formulas as alike as this are one
 SAME = 0.99
+#: of those that are one the simplest stands for them, unless it costs more than this above the cheapest
+_SIMPLER = 6.0
 #: at most two scales in a formula
 _SCALES = 2
 #: of a range, how far a place is moved at first
@@ -64,7 +66,7 @@ class Formula:
     gain: of χ².
     size: in the slot's unit, SI; the term is size·Π factors.
     cost: what it costs less what it explains; less is better.
-    alike: names of formulas that do the same to these data.
+    alike, alike_keys: names and keys of formulas that do the same to these data.
     """
 
     slot: Slot
@@ -73,6 +75,7 @@ class Formula:
     size: float
     cost: float
     alike: tuple[str, ...] = ()
+    alike_keys: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
@@ -282,7 +285,7 @@ def _refined(formula: Formula, basis: _Basis) -> Formula:
 
 
 def _merged(opened: OpenSlots, found: Sequence[tuple[Formula, _Basis]]) -> Iterator[Formula]:
-    """One of all that do the same to the data: ``|cos| > 0.99``, the cheapest, which names the others."""
+    """One of all that do the same to the data: ``|cos| > 0.99``, the simplest, which names the others."""
     if not found:
         return
     readings: list[list[Floats]] = []
@@ -305,6 +308,13 @@ def _merged(opened: OpenSlots, found: Sequence[tuple[Formula, _Basis]]) -> Itera
     left = list(range(len(found)))
     while left:
         leader = left.pop(0)
-        same = [k for k in left if cosines[leader, k] > SAME]
+        same = [leader, *(k for k in left if cosines[leader, k] > SAME)]
         left = [k for k in left if k not in same]
-        yield replace(found[leader][0], alike=tuple(found[k][0].name for k in same))
+        near = [k for k in same if found[k][0].cost < found[leader][0].cost + _SIMPLER]
+        plain = min(near, key=lambda k: (found[k][0].parameters, found[k][0].complexity, found[k][0].cost))
+        others = [found[k][0] for k in same if k != plain]
+        yield replace(
+            found[plain][0],
+            alike=tuple(one.name for one in others),
+            alike_keys=tuple(one.key for one in others),
+        )

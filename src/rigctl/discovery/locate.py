@@ -30,10 +30,12 @@ Floats = NDArray[np.float64]
 
 #: splines over each variable
 FUNCTIONS = 8
-#: splines over each of two variables, and the places that are looked at so
-FEW, PLACES = 5, 3
+#: splines over each of two variables, the places that are looked at so, and those of them once more
+FEW, PLACES, AGAIN = 5, 8, 3
 #: samples of a record that say how alike what was searched is
-_SAMPLES = 150
+_SAMPLES = 100
+#: slots that are simulated at once
+_AT_ONCE = 4
 #: of the χ² at two slots, for every variable: as near they are one place
 _ALIKE = 1e-3
 #: chance with which a term is to be seen that would just do
@@ -130,15 +132,18 @@ def locate(
     """
     slots = [slot for slot in opened.slots if only is None or slot.name == only]
     tried: list[Located] = []
-    for place, slot in enumerate(slots):
-        on_progress(f"Looking at {slot.name}, place {place + 1} of {len(slots)}")
-        tried += _at_slot(opened, slot)
+    seen_at = _Thinned(opened)
+    for first in range(0, len(slots), _AT_ONCE):
+        chosen = slots[first : first + _AT_ONCE]
+        names = ", ".join(slot.name for slot in chosen)
+        on_progress(f"Looking at {names}: places {first + 1} to {first + len(chosen)} of {len(slots)}")
+        tried += _at_slots(opened, chosen, seen_at)
     singles = sorted(_one_place_each(tried), key=lambda one: one.cost(samples))
     seen = [one for one in singles if one.dof]
     on_progress("Looking at two variables together")
-    pairs = list(_pairs(opened, seen))
+    pairs = _pairs(opened, seen, samples)
     on_progress("Drawing what chance alone would show")
-    chance = _chance(opened, seen, pairs)
+    chance = replace(seen_at.chance(seen), more=len(pairs))
     found = [
         replace(one, p_value=chance.family_wise(one.chance_alone))
         for one in sorted([*seen, *pairs], key=lambda one: one.cost(samples))
@@ -146,21 +151,56 @@ def locate(
     return Map(
         located=tuple(found),
         hidden=tuple(one for one in singles if not one.dof),
-        tests=chance.tests,
+        tests=chance.tests + chance.more,
         independent=chance.independent,
         needed=_needed(chance),
     )
 
 
-def _at_slot(opened: OpenSlots, slot: Slot) -> Iterator[Located]:
+@dataclass
+class _Thinned:
+    """Of everything that was searched, the readings at some samples: they say how alike it is."""
+
+    opened: OpenSlots
+    readings: dict[tuple[str, tuple[Driver, ...]], list[NDArray[np.float32]]] = field(default_factory=dict)
+
+    def keep(self, slot: Slot, over: tuple[Driver, ...], readings: Sequence[Floats]) -> None:
+        """Remember a hypothesis by its columns of readings."""
+        at = self.opened.chosen(_SAMPLES)
+        kept = [one[rows].astype(np.float32) for one, rows in zip(readings, at, strict=True)]
+        self.readings[slot.name, over] = kept
+
+    def chance(self, searched: Sequence[Located]) -> Chance:
+        """What chance makes of all that was searched."""
+        groups: list[slice] = []
+        parts: list[list[NDArray[np.float32]]] = []
+        first = 0
+        for one in searched:
+            columns = self.readings[one.slot.name, one.over]
+            count = columns[0].shape[2]
+            groups.append(slice(first, first + count))
+            parts.append(columns)
+            first += count
+        every = [np.concatenate(rows, axis=2, dtype=float) for rows in zip(*parts, strict=True)]
+        return draw_chance(self.opened.thinned(_SAMPLES).project(every), groups)
+
+
+def _at_slots(opened: OpenSlots, slots: Sequence[Slot], seen_at: _Thinned) -> Iterator[Located]:
+    """Every variable at some slots, in one simulation."""
     asked = [
         (driver, SplineArgument(dict(driver.weights), knots))
         for driver in opened.drivers
         if (knots := opened.knots(driver, FUNCTIONS)) is not None
     ]
-    projected = opened.columns([(slot, argument) for _, argument in asked])
-    for place, (driver, _) in enumerate(asked):
-        yield _located(projected, slice(place * FUNCTIONS, (place + 1) * FUNCTIONS), slot, (driver,))
+    every = opened.readings(splines_at([(slot, argument) for slot in slots for _, argument in asked]))
+    width = len(asked) * FUNCTIONS
+    for k, slot in enumerate(slots):
+        readings = [one[:, :, k * width : (k + 1) * width] for one in every]
+        projected = opened.project(readings)
+        for place, (driver, _) in enumerate(asked):
+            chosen = slice(place * FUNCTIONS, (place + 1) * FUNCTIONS)
+            seen_at.keep(slot, (driver,), [one[:, :, chosen] for one in readings])
+            yield _located(projected, chosen, slot, (driver,))
 
 
 def _located(projected: Projected, chosen: slice, slot: Slot, over: tuple[Driver, ...]) -> Located:
@@ -194,58 +234,49 @@ def _same(own: dict[tuple[Driver, ...], Located], other: dict[tuple[Driver, ...]
     )
 
 
-def _pairs(opened: OpenSlots, singles: Sequence[Located]) -> Iterator[Located]:
+def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> list[Located]:
     """Terms ``w = Σ_kl b_kl·B_k(x)·B_l(y)`` at the places that are wanted most.
 
-    x is the variable that a place wants most, y any other.
+    x is the variable that a place wants most, y any other; then, where that is wanted most, the best y with
+    any other: x may have stood for another variable that changes with it.
     """
     best: dict[str, Located] = {}
     for one in singles:
         best.setdefault(one.slot.name, one)
+    found: dict[tuple[str, frozenset[Driver]], Located] = {}
+
+    def look(place: Located, driver: Driver) -> None:
+        for one in _with_every_other(opened, place, driver):
+            found.setdefault((one.slot.name, frozenset(one.over)), one)
+
     for one in list(best.values())[:PLACES]:
-        (driver,) = one.over
-        for other in opened.drivers:
-            arguments = _arguments(opened, (driver, other))
-            if other.variables & driver.variables or arguments is None:
-                continue
-            projected = opened.project(opened.readings(products_at(one.slot, *arguments)))
-            found = _located(projected, slice(0, FEW * FEW), one.slot, (driver, other))
-            if found.dof:
-                yield replace(found, alike=one.alike)
+        look(one, one.over[0])
+    first = sorted(found.values(), key=lambda one: one.cost(samples))
+    wanted: dict[str, Located] = {}
+    for one in first:
+        wanted.setdefault(one.slot.name, one)
+    for one in list(wanted.values())[:AGAIN]:
+        look(one, one.over[1])
+    return list(found.values())
 
 
-def _arguments(
-    opened: OpenSlots, over: tuple[Driver, Driver]
-) -> tuple[SplineArgument, SplineArgument] | None:
-    knots = [opened.knots(driver, FEW) for driver in over]
-    if knots[0] is None or knots[1] is None:
-        return None
-    return (
-        SplineArgument(dict(over[0].weights), knots[0]),
-        SplineArgument(dict(over[1].weights), knots[1]),
-    )
-
-
-def _chance(opened: OpenSlots, singles: Sequence[Located], pairs: Sequence[Located]) -> Chance:
-    """What chance makes of all of it, read off some of the samples."""
-    few = opened.thinned(_SAMPLES)
-    readings: list[list[Floats]] = []
-    asked = [
-        (one.slot, SplineArgument(dict(one.over[0].weights), knots))
-        for one in singles
-        if (knots := few.knots(one.over[0], FUNCTIONS)) is not None
-    ]
-    groups = [slice(k * FUNCTIONS, (k + 1) * FUNCTIONS) for k in range(len(asked))]
-    readings.append(few.readings(splines_at(asked)))
-    first = len(asked) * FUNCTIONS
-    for one in pairs:
-        arguments = _arguments(few, (one.over[0], one.over[1]))
-        if arguments is not None:
-            readings.append(few.readings(products_at(one.slot, *arguments)))
-            groups.append(slice(first, first + FEW * FEW))
-            first += FEW * FEW
-    every = [np.concatenate(parts, axis=2) for parts in zip(*readings, strict=True)]
-    return draw_chance(few.project(every), groups)
+def _with_every_other(opened: OpenSlots, place: Located, driver: Driver) -> Iterator[Located]:
+    """Terms of one variable and each other at a place, in one simulation."""
+    asked = {
+        other: SplineArgument(dict(other.weights), knots)
+        for other in (driver, *opened.drivers)
+        if (knots := opened.knots(other, FEW)) is not None
+    }
+    others = [other for other in asked if not other.variables & driver.variables]
+    if driver not in asked or not others:
+        return
+    every = opened.readings(products_at(place.slot, asked[driver], *(asked[other] for other in others)))
+    projected = opened.project(every)
+    for k, other in enumerate(others):
+        chosen = slice(k * FEW * FEW, (k + 1) * FEW * FEW)
+        found = _located(projected, chosen, place.slot, (driver, other))
+        if found.dof:
+            yield replace(found, alike=place.alike)
 
 
 def _needed(chance: Chance) -> float:

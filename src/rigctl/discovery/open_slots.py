@@ -25,6 +25,8 @@ from rigctl.model.fit.problem import Problem
 from rigctl.physics.family import InputVariable, Slot, StateVariable
 
 Floats = NDArray[np.float64]
+#: two variables as correlated as this are one
+_LINE = 0.99999
 #: told what is being done
 OnProgress = Callable[[str], None]
 
@@ -83,14 +85,20 @@ class OpenSlots:
             found = linearise(self.fit, self.fit.problem, (), (names, readings))
         return project(found.rearranged((), (), shaped=True))
 
+    def chosen(self, samples: int) -> list[NDArray[np.intp]]:
+        """About so many samples of each record: enough to say which columns are alike."""
+        return [
+            np.arange(0, one.times.size, -(-one.times.size // samples), dtype=np.intp)
+            for one in self.problem.records
+        ]
+
     def thinned(self, samples: int) -> OpenSlots:
-        """The same with about so many samples of each record: enough to say which columns are alike."""
-        fit = some_records(self.fit, samples=samples)
-        problem = self.problem.at_samples(
-            [np.arange(0, one.times.size, -(-one.times.size // samples)) for one in self.problem.records]
-        )
-        found = problem.simulate(np.empty(0), list(fit.local)).require()
-        return replace(self, fit=fit, problem=problem, found=found)
+        """The same with these samples alone, to project columns of readings that were worked out before."""
+        at = self.chosen(samples)
+        fit = self.fit
+        outputs = tuple(one[rows] for one, rows in zip(fit.outputs, at, strict=True))
+        few = replace(fit, problem=fit.problem.at_samples(at), outputs=outputs)
+        return replace(self, fit=few, problem=self.problem.at_samples(at))
 
 
 def splines_at(asked: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
@@ -103,11 +111,16 @@ def splines_at(asked: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
     return SplineColumns(tuple(argument for _, argument in asked), tuple(columns))
 
 
-def products_at(slot: Slot, first: SplineArgument, second: SplineArgument) -> SplineColumns:
-    """All products of a spline of one argument and one of another as terms at a slot, first by first."""
+def products_at(slot: Slot, first: SplineArgument, *others: SplineArgument) -> SplineColumns:
+    """All products of a spline of one argument and one of each other as terms at a slot, first by first."""
     count = first.knots.size - 4
-    columns = [SplineColumn({level(slot): 1.0}, (0, i), (1, j)) for i in range(count) for j in range(count)]
-    return SplineColumns((first, second), tuple(columns))
+    columns = [
+        SplineColumn({level(slot): 1.0}, (0, i), (1 + place, j))
+        for place in range(len(others))
+        for i in range(count)
+        for j in range(count)
+    ]
+    return SplineColumns((first, *others), tuple(columns))
 
 
 def open_slots(before: ModelComparison, progress: Progress | None = None) -> OpenSlots:
@@ -125,10 +138,21 @@ def open_slots(before: ModelComparison, progress: Progress | None = None) -> Ope
     compiled = compile_system(disturbed_system(inner, (), slots, 0), progress=progress)
     problem = with_system(inner, fit, compiled, 1.0)
     found = problem.simulate(np.empty(0), list(fit.local)).require()
-    tried = tuple(
-        driver for driver in _drivers(inner) if knots_of(courses(problem, found, driver)) is not None
-    )
-    return OpenSlots(fit, problem, slots, tried, found)
+    return OpenSlots(fit, problem, slots, tuple(_different(problem, found)), found)
+
+
+def _different(problem: Problem, found: Trajectories) -> Iterator[Driver]:
+    """The drivers that change in these data; of those that are straight lines of each other the first."""
+    known: list[Floats] = []
+    for driver in _drivers(problem):
+        values = courses(problem, found, driver)
+        if knots_of(values) is None:
+            continue
+        course = np.concatenate(values)
+        course = (course - course.mean()) / np.linalg.norm(course - course.mean())
+        if all(abs(float(course @ other)) < _LINE for other in known):
+            known.append(course)
+            yield driver
 
 
 def _drivers(problem: Problem) -> Iterator[Driver]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, Protocol, TypeAlias, TypeVar
@@ -55,6 +56,43 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class Searched:
+    """What a search for a formula found.
+
+    Attributes
+    ----------
+    gate: why it looked, or did not.
+    places: the first two, each with those at which a term does the same.
+    over: the variables that the first one is over.
+    formulas: the set, as ``slot: form of variable``.
+    in_set: it holds what is planted, or what does the same to the readings.
+    heldout_before, heldout_after: of the first formula, in units of the noise.
+    accepted: the first formula predicts what it was not fitted to.
+    sure: a place stands out of chance.
+    """
+
+    gate: str = ""
+    places: tuple[str, ...] = ()
+    over: tuple[str, ...] = ()
+    formulas: tuple[str, ...] = ()
+    in_set: bool = False
+    heldout_before: float = math.nan
+    heldout_after: float = math.nan
+    accepted: bool = False
+    sure: bool = False
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Searched:
+        """What `document` was made of, also after a way through JSON, which has no NaN."""
+        fields: dict[str, Any] = dict(document)
+        for name in ("places", "over", "formulas"):
+            fields[name] = tuple(fields[name])
+        for name in ("heldout_before", "heldout_after"):
+            fields[name] = math.nan if fields[name] is None else fields[name]
+        return cls(**fields)
+
+
+@dataclass(frozen=True)
 class TrialOutcome(Generic[AnyTrial]):
     """What came of one trial.
 
@@ -71,6 +109,7 @@ class TrialOutcome(Generic[AnyTrial]):
     beside: λ of each of several hidden effects beside the others: what those leave of it; empty where that is
         not known.
     intervals: of parameters whose truth is known.
+    searched: what a search for a formula found, where one was made.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
     failure: what went wrong; such a trial counts against the tool.
     seconds: of processor time that it took.
@@ -89,6 +128,7 @@ class TrialOutcome(Generic[AnyTrial]):
     separation: float | None = None
     beside: tuple[float, ...] = ()
     intervals: tuple[Interval, ...] = ()
+    searched: Searched | None = None
     untested: str = ""
     failure: str = ""
     seconds: float = 0.0
@@ -136,6 +176,8 @@ class TrialOutcome(Generic[AnyTrial]):
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])
         fields["claims"] = tuple(Claim(**claim) for claim in fields["claims"])
         fields["intervals"] = tuple(Interval(**interval) for interval in fields["intervals"])
+        searched = fields.get("searched")
+        fields["searched"] = None if searched is None else Searched.read(searched)
         return cls(**fields)
 
 

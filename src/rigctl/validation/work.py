@@ -30,10 +30,10 @@ from rigctl.noise import ChannelNoise, NoiseModel
 from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
 from rigctl.validation.amplitude import Amplitude, Amplitudes, Clean
-from rigctl.validation.bench.campaign import clean_outputs
+from rigctl.validation.bench.campaign import Campaign, clean_outputs
 from rigctl.validation.bench.record import RATE
 from rigctl.validation.bench.sensing import Noise
-from rigctl.validation.hidden_effect import hide
+from rigctl.validation.hidden_effect import HiddenEffect, hide
 from rigctl.validation.hidden_effects import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.likeness import Likeness, beside_each_other, likeness
@@ -98,7 +98,7 @@ def _claim(levels: Levels) -> Claim:
 def hidden_amplitudes(scenario: Scenario) -> list[Amplitude]:
     """The amplitude of each hidden effect of a scenario that has the size wanted."""
     return [
-        _reference(_plain_of(scenario)).find(scenario, wanted)
+        reference_of(plain_of(scenario)).find(scenario, wanted)
         if wanted.amplitude is None
         else Amplitude(wanted.sign * wanted.amplitude, wanted.size, reached=True)
         for wanted in scenario.hidden
@@ -122,23 +122,25 @@ class Reference:
 
     def find(self, scenario: Scenario, wanted: Wanted) -> Amplitude:
         """The amplitude that leaves the size wanted after a fit; begun where the linearisation says."""
-        hidden = find_hidden(wanted.effect)
-        near = self.by_slopes.find(
-            hidden, wanted.size, scenario.plain, shape=scenario.shape, sign=wanted.sign
-        )
+        return self.amplitude(find_hidden(wanted.effect), wanted.size, scenario, wanted.sign)
+
+    def amplitude(self, hidden: HiddenEffect, size: float, scenario: Scenario, sign: int = 1) -> Amplitude:
+        """The same of anything that the bench can hide."""
+        near = self.by_slopes.find(hidden, size, scenario.plain, shape=scenario.shape, sign=sign)
         if not near.reached:
             return near
         begun = replace(hidden, typical=abs(near.value))
-        return self.by_fit.find(begun, wanted.size, scenario.plain, shape=scenario.shape, sign=wanted.sign)
+        return self.by_fit.find(begun, size, scenario.plain, shape=scenario.shape, sign=sign)
 
 
-def _plain_of(scenario: Scenario) -> Scenario:
+def plain_of(scenario: Scenario) -> Scenario:
     """The scenario that hides nothing in the same noise: one for all that share it."""
     return replace(scenario, kind="nothing", hidden=(), shape="other", seed=0)
 
 
 @lru_cache(maxsize=32)
-def _reference(plain: Scenario) -> Reference:
+def reference_of(plain: Scenario) -> Reference:
+    """What sizes are measured with, in the noise of a scenario that hides nothing."""
     model, rig = bench_model(plain.chamber_pressures)
     measurements = measure(plain.plain, model, rig)
     noisy = fit_model(model, measurements, _noise(plain, measurements))
@@ -207,8 +209,13 @@ def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
 
 def diagnose_scenario(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
     """Diagnose a scenario's campaign, its effects hidden with these amplitudes (SI, signed)."""
+    return diagnose_campaign(scenario, scenario.campaign(amplitudes))
+
+
+def diagnose_campaign(scenario: Scenario, campaign: Campaign) -> Diagnosis:
+    """Diagnose a campaign as a scenario says: with its channels, its noise, and its library."""
     model, rig = bench_model(scenario.chamber_pressures)
-    measurements = measure(scenario.campaign(amplitudes), model, rig)
+    measurements = measure(campaign, model, rig)
     fitted = fit_model(model, measurements, _noise(scenario, measurements))
     compared = judge(fitted, model.name, excluded=scenario.left_out, locate=False)
     return diagnose_comparison(compared, measurements.runs)
@@ -216,7 +223,7 @@ def diagnose_scenario(scenario: Scenario, amplitudes: Sequence[float]) -> Diagno
 
 def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness]:
     """Of each hidden effect, by itself."""
-    seen = _reference(_plain_of(scenario)).seen
+    seen = reference_of(plain_of(scenario)).seen
     return [
         likeness(seen, _left(scenario, [each]), each[0].effect, each[1].size)
         for each in zip(scenario.hidden, amplitudes, strict=True)
@@ -238,7 +245,7 @@ def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> Fit
     steady = replace(scenario.plain, seed=0)
     chosen = [(find_hidden(wanted.effect), amplitude.value) for wanted, amplitude in hidden]
     return refitted(
-        _reference(_plain_of(scenario)).fitted, clean_outputs(hide(steady, chosen, scenario.shape))
+        reference_of(plain_of(scenario)).fitted, clean_outputs(hide(steady, chosen, scenario.shape))
     )
 
 

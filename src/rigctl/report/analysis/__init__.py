@@ -2,7 +2,14 @@
 
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
+from rigctl.report.analysis.discovery import discovery_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.improvement import improvement_sections
 
-__all__ = ["comparison_sections", "diagnosis_sections", "history_sections", "improvement_sections"]
+__all__ = [
+    "comparison_sections",
+    "diagnosis_sections",
+    "discovery_sections",
+    "history_sections",
+    "improvement_sections",
+]

@@ -128,6 +128,31 @@ def friction(v, z, p_a, p_b, b):
 
 
 @njit(cache=True)
+def unlisted_force(x, v, p_a, t, b):
+    """What no library has, against extension."""
+    sign, speed, bump = math.tanh(v / 2e-3), v / 0.1, math.exp(-(((x - 0.06) / 0.015) ** 2))
+    force = b.groove * bump + b.scuff * bump * sign + b.tight * bump * speed
+    force += b.cushion * max(x - 0.07, 0.0) / 0.05 * speed
+    force += b.cold_seal * math.exp(-(t - DRIFT_ORIGIN) / 25.0) * sign
+    force += b.half_drag * speed / math.sqrt(abs(speed) + 1e-4) + b.cube_drag * speed**3
+    force += b.bent_rod * x / 0.12 * sign + b.rubber * math.exp((x - 0.12) / 0.03)
+    force += b.grip * sign * math.exp(-((v / 0.03) ** 2))
+    return force + b.diaphragm * (p_a / 3e6) ** 2
+
+
+@njit(cache=True)
+def unlisted_flows(x, p_a, p_b, ps, t, b):
+    """What no library has: past the piston, from the cap side, from the rod side and from the pump."""
+    across = (p_a - p_b) / 3e6
+    past = b.score * math.exp(-(((x - 0.06) / 0.015) ** 2)) * across + b.lip_ab * across * abs(across)
+    from_a = b.nozzle_a * root(p_a) / math.sqrt(3e6) + b.lip_a * (p_a / 3e6) * abs(p_a / 3e6)
+    from_a += b.crack_a * max(p_a - 0.5e6, 0.0) / 3e6
+    from_b = b.nozzle_b * root(p_b) / math.sqrt(3e6)
+    from_p = b.lip_p * (ps / 3e6) * abs(ps / 3e6) + b.warm_slip * (ps / 3e6) * (t - DRIFT_ORIGIN) / 20.0
+    return past, from_a, from_b, from_p
+
+
+@njit(cache=True)
 def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, read from top to bottom
     """Write dy/dt into `f`."""
     command, setting, heat, ambient = inputs[0], inputs[1], inputs[2], inputs[3]
@@ -158,14 +183,26 @@ def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, rea
     )
     leak_at, leak_bt = leak(b.spool_leak, land, p_a, mu, rho), leak(b.spool_leak, land, p_b, mu, rho)
     into_a = q_pa - q_at - b.area_a * v - q_ab + leak_pa - leak_at - leak(b.cap_leak, seal, p_a, mu, rho)
-    into_b = q_pb - q_bt + b.area_b * v + q_ab + leak_pb - leak_bt - leak(b.rod_leak, seal, p_b, mu, rho)
+    past, from_a, from_b, from_p = unlisted_flows(x, p_a, p_b, ps, t, b)
+    into_a -= past + from_a
+    into_b = (
+        past
+        - from_b
+        + q_pb
+        - q_bt
+        + b.area_b * v
+        + q_ab
+        + leak_pb
+        - leak_bt
+        - leak(b.rod_leak, seal, p_b, mu, rho)
+    )
 
     wanted = setting * (1.0 + b.relief_drift * warmer)
     full = b.pump_flow
     resistance = b.relief_r + b.relief_extra_r / (1.0 + abs(ps - wanted) / b.relief_soft)
     relief = max(0.0, full + (ps - wanted) / resistance)
     slip = leak(b.pump_slip, b.slip_turbulent, ps, mu, rho)
-    out_of_p = q_pa + q_pb + leak_pa + leak_pb + relief + slip
+    out_of_p = q_pa + q_pb + leak_pa + leak_pb + relief + slip + from_p
 
     f[PA] = stiffness(p_a, b) / (b.dead_a + b.area_a * x) * into_a
     f[PB] = stiffness(p_b, b) / (b.dead_b + b.area_b * (b.stroke - x)) * into_b
@@ -175,6 +212,7 @@ def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, rea
     stops = end_stop(-x, -v, b) - end_stop(x - b.stroke, v, b)
     film = b.film * mu * v / (1.0 + b.film_thinning * abs(v))
     force = b.area_a * p_a - b.area_b * p_b - b.damping * v - film - rub + stops
+    force -= unlisted_force(x, v, p_a, t, b)
     force -= b.constant_load + b.spring * x * (1.0 + b.spring_progress * x)
     f[X] = v
     f[V] = force / (b.mass + b.load_mass)

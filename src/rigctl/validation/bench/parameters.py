@@ -99,6 +99,26 @@ class Bench(NamedTuple):
     thermocouple_time: float = 0.0  # s
     pressure_time: float = 0.0  # s
     pressure_time_viscous: float = 0.0  # share of it that goes with the viscosity, as in a damping nozzle
+    # what is in no library; bumps are 15 mm wide
+    groove: float = 0.0  # N, holds the piston about 60 mm
+    scuff: float = 0.0  # N, dry friction about 60 mm
+    tight: float = 0.0  # N at 0.1 m/s, drag about 60 mm
+    cushion: float = 0.0  # N at 0.1 m/s and 120 mm; begins at 70 mm
+    cold_seal: float = 0.0  # N, dry friction at 20 °C; a third of it at 45 °C
+    half_drag: float = 0.0  # N at 0.1 m/s, with √v
+    cube_drag: float = 0.0  # N at 0.1 m/s, with v³
+    bent_rod: float = 0.0  # N at 120 mm, dry friction in proportion to the way out
+    rubber: float = 0.0  # N at 120 mm; a third of it 30 mm before
+    grip: float = 0.0  # N, dry friction that is gone above 30 mm/s
+    diaphragm: float = 0.0  # N at 3 MPa, with the square of pA
+    score: float = 0.0  # m³/s at 3 MPa, past the piston about 60 mm, in proportion to the difference
+    nozzle_a: float = 0.0  # m³/s at 3 MPa, cap side to tank, with √p
+    nozzle_b: float = 0.0  # m³/s at 3 MPa, rod side to outside, with √p
+    crack_a: float = 0.0  # m³/s, cap side to tank, for each 3 MPa above 0.5 MPa
+    lip_a: float = 0.0  # m³/s at 3 MPa, cap side to tank, with p²
+    lip_ab: float = 0.0  # m³/s at 3 MPa, past the piston, with Δp²
+    lip_p: float = 0.0  # m³/s at 3 MPa, pump to tank, with p²
+    warm_slip: float = 0.0  # m³/s at 3 MPa and 40 °C, pump to tank, in proportion to p and to T − 20 °C
 
 
 class Sensors(NamedTuple):
@@ -114,6 +134,10 @@ class Sensors(NamedTuple):
     pressure_offset: float = 0.0  # Pa
     pressure_offset_warming: float = 0.0  # 1/K from 20 °C: the offset grows by 1 + this·ΔT
     thermocouple_offset: float = 0.0  # K
+    # what is in no library
+    dented_scale: float = 0.0  # m, about 60 mm
+    root_scale: float = 0.0  # m at 100 mm, with √x
+    soft_transducer: float = 0.0  # Pa at 3 MPa, with p²
 
 
 class Switching(NamedTuple):

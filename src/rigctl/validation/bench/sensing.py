@@ -56,7 +56,10 @@ def true_channels(trace: Trace, sensors: Sensors) -> dict[str, NDArray[np.float6
     moved = play(shown["position"], sensors.position_backlash)
     gain = 1.0 + sensors.position_gain * (1.0 + sensors.position_bow * moved) + sensors.position_drift * warm
     shown["position"] = gain * moved + sensors.position_offset
-    shown["supply_pressure"] = (1.0 + sensors.pressure_gain) * shown["supply_pressure"]
+    shown["position"] += sensors.dented_scale * np.exp(-(((moved - 0.06) / 0.015) ** 2))
+    shown["position"] += sensors.root_scale * np.sqrt(np.maximum(moved, 0.0) / 0.1)
+    soft = sensors.soft_transducer * (shown["supply_pressure"] / 3e6) ** 2
+    shown["supply_pressure"] = soft + (1.0 + sensors.pressure_gain) * shown["supply_pressure"]
     warmer = oil - equations.DRIFT_ORIGIN
     shown["supply_pressure"] += sensors.pressure_offset * (1.0 + sensors.pressure_offset_warming * warmer)
     shown["oil_temperature"] += sensors.thermocouple_offset

@@ -1,0 +1,116 @@
+"""The page's part on a search for a formula: where in the machine, the curve with its band, the formulas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from markupsafe import Markup
+
+from rigctl.discovery.curve import Curve
+from rigctl.discovery.result import Discovery, FoundFormula
+from rigctl.physics.family import ModelFamily, Slot
+from rigctl.report.plot import Look, Panel, Plot, Trace
+from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.signals import plain_name
+
+#: a signal's way through a bench, from left to right
+_KINDS = (("command", "commands"), ("process", "the machine"), ("sensor", "readings"))
+#: of the drawing, px
+_BOX, _GAP, _WIDTH, _HEAD = 20, 4, 250, 22
+#: places of the table
+_PLACES = 8
+#: formulas that are drawn over the curve
+_DRAWN = 4
+
+
+def discovery_sections(found: Discovery) -> list[Section]:
+    """The gate, the slots of the family, the curves, and the set of formulas."""
+    plots = [_curve_plot(k, curve, found.formulas) for k, curve in enumerate(found.curves)]
+    family = found.diagnosis.before.fit.problem.model.family
+    shares: dict[str, float] = {}
+    for one in found.located:
+        for name in (one.slot.name, *one.alike):
+            shares[name] = max(shares.get(name, 0.0), one.share)
+    body = render(
+        "discovery.html",
+        found=found,
+        heading="Discovery" if found.gate.open else "Nothing to discover",
+        slots=_slots(family, shares) if found.located else Markup(),
+        places=found.located[:_PLACES],
+        curves=[plot_slot(plot) for plot in plots],
+        formulas=[_row(one) for one in found.formulas],
+    )
+    return [Section("discovery", "A formula for what is missing", body, tuple(plots))]
+
+
+def _row(one: FoundFormula) -> dict[str, object]:
+    check = one.check
+    known = check is not None and math.isfinite(check.before)
+    return {
+        "name": one.name,
+        "delta": one.delta,
+        "tier": one.tier.letter,
+        "tier_text": one.tier.statement,
+        "before": check.before if known and check is not None else None,
+        "after": check.after if known and check is not None else None,
+        "accepted": one.accepted,
+        "term": one.term,
+        "parameters": ", ".join(f"{name} {value}" for name, value in one.parameters.items()),
+        "valid": one.valid_text,
+        "passive": one.passive,
+        "alike": ", ".join(one.alike),
+    }
+
+
+def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -> Plot:
+    unit = curve.slot.unit
+    traces = [
+        Trace("the term", curve.x, curve.value, Look.LINE, 0, unit),
+        Trace("95 % band", curve.x, curve.low, Look.LINE, 0, unit, faint=True),
+        Trace("95 % band, upper end", curve.x, curve.high, Look.LINE, 0, unit, faint=True, in_legend=False),
+    ]
+    for place, one in enumerate(formulas[:_DRAWN], start=1):
+        (factor, *others) = one.fitted.formula.factors
+        if others or one.slot != curve.slot.name or factor.argument.driver.name != curve.over:
+            continue
+        values = np.asarray(one.fitted.formula.size * factor.of(curve.x))
+        traces.append(Trace(plain_name(one.name), curve.x, values, Look.LINE, place, unit))
+    return Plot(
+        f"curve-{number + 1}",
+        f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}, over the range that the "
+        "data visit",
+        f"{plain_name(curve.over)} [{curve.unit}]",
+        (Panel(f"{plain_name(curve.slot.name)} [{unit}]", tuple(traces), 2.0),),
+    )
+
+
+def _slots(family: ModelFamily, shares: dict[str, float]) -> Markup:
+    """The places of the equations as boxes, filled by the share of the misfit that a term there explains."""
+    columns = [(heading, [slot for slot in family.slots if slot.kind == kind]) for kind, heading in _KINDS]
+    columns = [(heading, slots) for heading, slots in columns if slots]
+    boxes = [
+        {
+            "x": column * (_WIDTH + 3 * _GAP),
+            "y": _HEAD + row * (_BOX + _GAP),
+            "name": plain_name(slot.name),
+            "meaning": slot.meaning,
+            "share": _share(slot, shares),
+        }
+        for column, (_, slots) in enumerate(columns)
+        for row, slot in enumerate(slots)
+    ]
+    rows = max(len(slots) for _, slots in columns)
+    return render(
+        "slots.html",
+        boxes=boxes,
+        headings=[(column * (_WIDTH + 3 * _GAP), heading) for column, (heading, _) in enumerate(columns)],
+        box=_BOX,
+        width=_WIDTH,
+        whole=len(columns) * (_WIDTH + 3 * _GAP),
+        height=_HEAD + rows * (_BOX + _GAP),
+    )
+
+
+def _share(slot: Slot, shares: dict[str, float]) -> float:
+    return shares.get(slot.name, 0.0)

@@ -1,0 +1,82 @@
+"""Rates of the tier ``discovery``, with their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rigctl.validation.figures import Figures, Rate, rate_of
+from rigctl.validation.outcome import Searched
+from rigctl.validation.planted.terms import find_planted
+from rigctl.validation.planted.trial import SIZES
+from rigctl.validation.planted.work import PlantedOutcome
+
+#: a held-out error this many times the noise is within it
+_WITHIN = 1.1
+
+
+def planted_figures(outcomes: Sequence[PlantedOutcome]) -> Figures:
+    """Everything that is printed of the tier."""
+    return Figures(tuple(outcomes), planted_rates(outcomes), _confusion(outcomes))
+
+
+def planted_rates(outcomes: Sequence[PlantedOutcome]) -> tuple[Rate, ...]:
+    """All rates of the tier."""
+    made = [outcome for outcome in outcomes if outcome.counts]
+    nothing = [o for o in made if not o.scenario.term]
+    planted = [o for o in made if o.scenario.term]
+    looked = [o for o in planted if _of(o).gate == "outside_library"]
+    every = "planted, the gate open"
+    found = [
+        rate_of("nothing planted", "a formula is given", nothing, _gives, at_most=0.05),
+        rate_of("planted", "the gate opens", planted, lambda o: _of(o).gate == "outside_library"),
+        rate_of("planted", "the library has it, and names it", planted, lambda o: _of(o).gate == "library"),
+        rate_of(every, "the place is among the first two", looked, _placed, at_least=0.95),
+        rate_of(every, "the truth is in the set", looked, lambda o: _of(o).in_set, at_least=0.90),
+        rate_of(every, "held out within 10 % of the noise", looked, _within, at_least=0.90),
+        *(
+            rate_of(
+                f"planted, λ = {size:g}",
+                "the truth is in the set",
+                [o for o in looked if o.scenario.size == size],
+                lambda o: _of(o).in_set,
+            )
+            for size in SIZES
+        ),
+    ]
+    return tuple(rate for rate in found if rate.trials)
+
+
+def _of(outcome: PlantedOutcome) -> Searched:
+    return outcome.searched or Searched()
+
+
+def _gives(outcome: PlantedOutcome) -> bool:
+    return bool(_of(outcome).formulas)
+
+
+def _placed(outcome: PlantedOutcome) -> bool:
+    return bool(set(find_planted(outcome.scenario.term).slots) & set(_of(outcome).places))
+
+
+def _within(outcome: PlantedOutcome) -> bool:
+    return _of(outcome).heldout_after <= _WITHIN
+
+
+def _confusion(outcomes: Sequence[PlantedOutcome]) -> dict[str, dict[str, int]]:
+    """By what was planted, what was said of it."""
+    table: dict[str, dict[str, int]] = {}
+    for outcome in outcomes:
+        if outcome.counts:
+            row = table.setdefault(outcome.scenario.term or "nothing", {})
+            said = _said(outcome)
+            row[said] = row.get(said, 0) + 1
+    return table
+
+
+def _said(outcome: PlantedOutcome) -> str:
+    found = _of(outcome)
+    if outcome.failure:
+        return "failed"
+    if found.gate != "outside_library":
+        return f"{found.gate}: {' + '.join(outcome.effects)}" if outcome.effects else found.gate
+    return found.formulas[0] if found.formulas else "no formula"

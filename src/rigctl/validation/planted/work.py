@@ -1,0 +1,135 @@
+"""One trial from the separate bench to the formulas."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.discovery.discover import discover_beside
+from rigctl.discovery.formulas import SAME
+from rigctl.discovery.locate import Located
+from rigctl.discovery.result import Discovery, FoundFormula
+from rigctl.effects.declaration import qualified
+from rigctl.engine.kept import switched_off
+from rigctl.engine.one_thread import one_thread
+from rigctl.validation.amplitude import Amplitude
+from rigctl.validation.bench.campaign import clean_outputs
+from rigctl.validation.hidden_effect import hide
+from rigctl.validation.outcome import Searched, TrialOutcome
+from rigctl.validation.planted.terms import find_planted
+from rigctl.validation.planted.trial import PlantedTrial
+from rigctl.validation.work import diagnose_campaign, plain_of, reference_of
+
+Floats = NDArray[np.float64]
+PlantedOutcome: TypeAlias = TrialOutcome[PlantedTrial]
+
+#: places of which the right one is to be one
+_FIRST = 2
+
+
+@one_thread()
+@switched_off()
+def carry_out_planted(trial: PlantedTrial) -> PlantedOutcome:
+    """Plant a term, or none, diagnose the textbook model, look for a formula, and say what came of it.
+
+    Raises
+    ------
+    RigctlError
+        the tool cannot diagnose the campaign.
+    BenchFailure
+        the bench cannot be simulated with what is planted in it.
+    """
+    began = time.process_time()
+    scenario = trial.scenario
+    campaign, made = scenario.campaign(()), TrialOutcome(trial)
+    amplitude = None
+    if trial.term:
+        term = find_planted(trial.term)
+        amplitude = reference_of(plain_of(scenario)).amplitude(term.hidden, trial.size, scenario, trial.sign)
+        made = TrialOutcome(trial, sizes=(amplitude.size,), amplitudes=(amplitude.value,))
+        if not amplitude.reached:
+            return replace(made, untested="no amplitude has the size wanted")
+        campaign = hide(campaign, [(term.hidden, amplitude.value)], "other")
+    diagnosis = diagnose_campaign(scenario, campaign)
+    found = discover_beside(diagnosis)
+    return replace(
+        made,
+        verdict=diagnosis.verdict.value,
+        effects=diagnosis.effects,
+        classes=diagnosis.classes,
+        first=found.located[0].slot.name if found.located else None,
+        searched=_searched(trial, amplitude, found),
+        seconds=time.process_time() - began,
+    )
+
+
+def _searched(trial: PlantedTrial, amplitude: Amplitude | None, found: Discovery) -> Searched:
+    best = found.formulas[0] if found.formulas else None
+    check = None if best is None else best.check
+    return Searched(
+        gate=found.gate.reason,
+        places=tuple(_places(found.located)),
+        over=tuple(driver.name for driver in found.located[0].over) if found.located else (),
+        formulas=tuple(one.fitted.formula.key for one in found.formulas),
+        in_set=amplitude is not None and _in_set(trial, amplitude, found.formulas),
+        heldout_before=math.nan if check is None else check.before,
+        heldout_after=math.nan if check is None else check.after,
+        accepted=best is not None and best.accepted,
+        sure=found.searched is not None and found.searched.sure,
+    )
+
+
+def _places(located: Sequence[Located]) -> list[str]:
+    """The first places, each with those at which a term does the same."""
+    names: list[str] = []
+    slots: list[str] = []
+    for one in located:
+        if one.slot.name not in slots:
+            slots.append(one.slot.name)
+            if len(slots) <= _FIRST:
+                names += [one.slot.name, *one.alike]
+    return names
+
+
+def _in_set(trial: PlantedTrial, amplitude: Amplitude, formulas: Sequence[FoundFormula]) -> bool:
+    """Whether the set holds the form that was planted, or one that does the same to the readings."""
+    term = find_planted(trial.term)
+    keys = {f"{slot}: {form}" for slot in term.slots for form in term.forms}
+    if any({one.fitted.formula.key, *one.fitted.formula.alike_keys} & keys for one in formulas):
+        return True
+    scenario = trial.scenario
+    steady = replace(scenario.plain, seed=0)
+    seen = reference_of(plain_of(scenario)).seen
+    with_it = clean_outputs(hide(steady, [(term.hidden, amplitude.value)], "other"))
+    outputs = seen.problem.measurements.outputs
+    truth = [
+        np.column_stack([changed[name] - plain[name] for name in outputs])
+        for (_, changed), (_, plain) in zip(with_it, clean_outputs(steady), strict=True)
+    ]
+    return any(abs(_cosine(seen.of(truth), seen.of(_does(one)))) > SAME for one in formulas)
+
+
+def _does(one: FoundFormula) -> list[Floats]:
+    """(n, outputs) of each record: what the formula changes at its fit."""
+    fit = one.fitted.trial.fit
+    names = [unknown.name for unknown in fit.problem.shared]
+    without = np.array(fit.values)
+    without[names.index(qualified(one.name, "size"))] = 0.0
+    found = [
+        fit.problem.simulate(values, list(fit.local)).require().outputs for values in (fit.values, without)
+    ]
+    return [
+        np.take(a, fit.problem.channels, axis=1) - np.take(b, fit.problem.channels, axis=1)
+        for a, b in zip(*found, strict=True)
+    ]
+
+
+def _cosine(one: Floats, other: Floats) -> float:
+    length = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / length if length else 0.0
