@@ -14,6 +14,7 @@ NAMES = (
     "importing",
     "engine",
     "analysis",
+    "laws",
     "board",
     "protocols",
     "endings",

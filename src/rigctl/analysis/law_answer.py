@@ -24,6 +24,10 @@ Floats = NDArray[np.float64]
 _BAND = 1.96
 #: an exponent that is known no better than this is hardly known
 _ROUGH = 0.4
+#: what the rounding of laws near the zero of their driver makes of an exponent
+_ROUNDING = 5e-4
+#: and one that is known no better than this is not said
+_UNKNOWN = 10.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class LawAnswer:
     def document(self) -> dict[str, Any]:
         """Its machine-readable form; the values of the term in SI of its slot."""
         low, high = (self.exponent + side * _BAND * self.exponent_std for side in (-1.0, 1.0))
-        known = math.isfinite(self.exponent_std)
+        known = self.exponent_std < _UNKNOWN
         return {
             "effect": self.effect,
             "driver": self.law.driver.name,
@@ -153,7 +157,7 @@ def _beside(law: AskedLaw, after: AskedLaw | None) -> AskedLaw:
 
 
 def _fitted(law: AskedLaw, after: AskedLaw, power: PowerLaw, best: RefittedSet) -> LawAnswer:
-    std = power.std * math.sqrt(after.noise)
+    std = math.hypot(power.std * math.sqrt(after.noise), _ROUNDING)
     assumed = law.assumed_exponent
     z = (power.exponent - (assumed or 0.0)) / std if std > 0.0 else math.inf
     told = law.tried * chance_of(z, after.degrees) < ALPHA and power.gain > 0.0

@@ -1,0 +1,1 @@
+"""How right are the exponents that a diagnosis claims?"""
