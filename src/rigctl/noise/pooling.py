@@ -76,10 +76,10 @@ def pool(
         if agreed is None:
             break
         chosen = agreed
-        fit = fit_noise(chosen.windows, white=white)
-        if chosen.state in seen:
-            # looking for white noise on top costs ten times a fit, so it waits until the rest stands
-            fit = fit_noise(chosen.windows)
+        # looking for white noise on top costs ten times a fit, so it waits until the rest stands
+        settled = chosen.state in seen
+        fit = fit_noise(chosen.windows, white=None if settled else white)
+        if settled:
             if searched or fit.white == white:
                 break
             white, searched = fit.white, True

@@ -50,8 +50,8 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
 
     Source: Patterson & Thompson, Biometrika 58 (1971) 545; Harville, J. Am. Stat. Assoc. 72 (1977) 320.
     """
-    parts = [(group, _compressed(group.rows)) for group in groups if group.rows.size]
-    degrees = sum(group.total_degrees for group, _ in parts)
+    parts = [_Part.of(group) for group in groups if group.rows.size]
+    degrees = sum(part.degrees for part in parts)
 
     rounding = _ROUNDING * _sums(parts, 0.0, 0.0)[1]
     if rounding <= 0.0:
@@ -79,6 +79,30 @@ def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:
     return np.asarray((z - trend @ (trend.T @ z)).T)
 
 
+@dataclass(frozen=True)
+class _Part:
+    """A group of windows as the likelihood sees it.
+
+    Parameters
+    ----------
+    columns: (samples, orders + samples at most) the trend, and what the windows come to: see `_compressed`.
+    orders: how many of the columns are the trend.
+    windows, degrees: how many windows there are, and their degrees of freedom together.
+    """
+
+    positions: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    orders: int
+    windows: int
+    degrees: int
+
+    @classmethod
+    def of(cls, group: WindowGroup) -> _Part:
+        columns = np.hstack([group.trend, _compressed(group.rows)])
+        windows = int(group.rows.shape[0])
+        return cls(group.positions, columns, group.trend.shape[1], windows, group.total_degrees)
+
+
 def _compressed(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """(samples, samples at most) columns with the same sum of squares and products as the windows."""
     if rows.shape[0] <= rows.shape[1]:
@@ -86,17 +110,16 @@ def _compressed(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.linalg.qr(rows, mode="r")).T
 
 
-def _sums(
-    parts: Sequence[tuple[WindowGroup, NDArray[np.float64]]], rho: float, white: float
-) -> tuple[float, float]:
+def _sums(parts: Sequence[_Part], rho: float, white: float) -> tuple[float, float]:
     """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q over all windows."""
     determinant = quadratic = 0.0
-    for group, columns in parts:
-        change = innovations(group.positions, rho, white)
-        trend, z = change(group.trend), change(columns)
+    for part in parts:
+        change = innovations(part.positions, rho, white)
+        both = change(part.columns)
+        trend, z = both[:, : part.orders], both[:, part.orders :]
         normal = trend.T @ trend
         across = trend.T @ z
-        determinant += group.rows.shape[0] * (change.log_determinant + float(np.linalg.slogdet(normal)[1]))
+        determinant += part.windows * (change.log_determinant + float(np.linalg.slogdet(normal)[1]))
         quadratic += float(np.sum(z**2)) - float(np.sum(across * np.linalg.solve(normal, across)))
     return determinant, quadratic
 
