@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from rigctl.errors import RigctlError
 from rigctl.units import (
     _COMMON,
+    _ELECTRICAL,
     _NAMED,
     DIMENSIONLESS,
     SPELLINGS,
@@ -137,7 +138,7 @@ def test_what_is_no_unit(text: str) -> None:
         parse_unit(text)
 
 
-@pytest.mark.parametrize("name", [name for name in _COMMON if name])
+@pytest.mark.parametrize("name", [name for name in (*_COMMON, *_ELECTRICAL) if name])
 def test_units_known_by_heart_agree_with_pint(name: str) -> None:
     if name in ("1", "count"):
         return

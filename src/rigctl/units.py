@@ -238,6 +238,13 @@ _COMMON: Mapping[str, tuple[tuple[int, ...], float, float]] = {
     "m^3/s": ((3, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
     "l/min": ((3, 0, -1, 0, 0, 0, 0), 1e-3 / 60.0, 0.0),
 }
+# the same of units that dimensions are written in; nobody is offered them for a typing error
+_ELECTRICAL: Mapping[str, tuple[tuple[int, ...], float, float]] = {
+    "ohm": ((2, 1, -3, -2, 0, 0, 0), 1.0, 0.0),
+    "H": ((2, 1, -2, -2, 0, 0, 0), 1.0, 0.0),
+    "F": ((-2, -1, 4, 2, 0, 0, 0), 1.0, 0.0),
+    "C": ((0, 0, 1, 1, 0, 0, 0), 1.0, 0.0),
+}
 
 
 @lru_cache(maxsize=512)
@@ -314,7 +321,7 @@ def _read_power(tokens: list[str], text: str) -> tuple[float, Dimension, list[st
 
 @lru_cache(maxsize=512)
 def _name_to_unit(name: str) -> Unit:
-    common = _COMMON.get(name)
+    common = _COMMON.get(name) or _ELECTRICAL.get(name)
     if common:
         exponents, factor, offset = common
         return Unit(name, Dimension(tuple(Fraction(e) for e in exponents)), factor, offset)
