@@ -37,7 +37,7 @@ class RecordRows:
         self._held = {group: self._held.get(group) or self._read(group) for group in wanted}
         parts = [self._held[group].of(record) for group in wanted]
         if not parts:
-            return self._file.schema_arrow.empty_table().select(self._columns)
+            return pa.Table.from_batches([], schema=self._file.schema_arrow).select(self._columns)
         return pa.concat_tables(parts)
 
     @cached_property
