@@ -58,7 +58,9 @@ def scale_parameters(formula: Formula, family: ModelFamily) -> tuple[ScaleParame
     for factor in formula.factors:
         own = factor.argument
         for kind, x in zip(factor.form.scales, factor.scales, strict=True):
-            name = next(one for one in (kind, f"{kind}_2", f"{kind}_3", f"{kind}_4") if one not in taken)
+            name, number = kind, 2
+            while name in taken:
+                name, number = f"{kind}_{number}", number + 1
             taken.add(name)
             value = own.scale_si(kind, x)
             if kind in DISTANCES:

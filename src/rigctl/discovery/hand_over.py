@@ -59,8 +59,9 @@ def _write(one: FoundFormula, found: Discovery, model: Model, folder: Path, take
         tier=one.tier.letter,
         statement=one.tier.statement,
     )
-    names = [one.name, *(f"{one.name}_{k}" for k in range(2, 1000))]
-    name = next(name for name in names if name not in taken and not (folder / _file_name(name)).exists())
+    name, number = one.name, 2
+    while name in taken or (folder / _file_name(name)).exists():
+        name, number = f"{one.name}_{number}", number + 1
     path = folder / _file_name(name)
     write_text(path, file_text(one.fitted.formula, name, one.valid, model, folder, origin))
     return path
