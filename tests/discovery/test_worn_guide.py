@@ -7,6 +7,7 @@ from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from commands import answer, refusal, told
@@ -66,7 +67,8 @@ def test_the_curve_is_drawn_where_the_data_were_and_holds_the_truth(
     worn: tuple[Path, dict[str, Any]],
 ) -> None:
     _, found = worn
-    (curve,) = [one for one in found["curves"] if (one["slot"], one["over"]) == ("velocity_rate", "position")]
+    curve = found["curves"][0]
+    assert (curve["slot"], curve["over"], curve["times"]) == ("velocity_rate", "position", "")
     x = [point["x"] for point in curve["points"]]
     assert -0.16 < min(x) < max(x) < 0.16  # what the records visit
     deepest = min(curve["points"], key=lambda point: point["value"])
@@ -138,6 +140,9 @@ def _shows_it_on_the_page(found: Discovery) -> None:
     assert found.formulas[0].term.replace("-", "") in body.replace("-", "")
     assert [plot.id for plot in section.plots] == [f"curve-{k + 1}" for k in range(len(found.curves))]
     assert "takes energy out" in body
+    drag = found.curves[0]  # over the position, times the velocity
+    assert (drag.over, drag.times) == ("position", "velocity/(1 m/s)")
+    assert abs(float(drag.x[np.argmin(drag.value)]) - 0.04) < 0.005
 
 
 def test_wrong_words_are_refused_before_any_work(worn: tuple[Path, dict[str, Any]]) -> None:

@@ -68,7 +68,7 @@ def _show_curve(curve: Curve) -> None:
     low, high = float(curve.value.min()), float(curve.value.max())
     unit = curve.slot.unit
     out.print(
-        f"  [bold]the term at {escape(curve.slot.name)} over {escape(curve.over)}[/], "
+        f"  [bold]the term at {escape(curve.slot.name)} over {escape(curve.over)}[/]{_times(curve)}, "
         f"from {show(low, unit, difference=True)} to {show(high, unit, difference=True)}"
     )
     for line in draw_curve(curve.value.tolist(), width=_WIDTH, height=_LINES, low=low, high=high):
@@ -83,6 +83,10 @@ def _show_curve(curve: Curve) -> None:
             " to ".join(ends),
         )
     out.print(made)
+
+
+def _times(curve: Curve) -> str:
+    return f" (times {escape(curve.times)})" if curve.times else ""
 
 
 def _formulas(found: Sequence[FoundFormula]) -> Table:

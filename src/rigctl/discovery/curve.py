@@ -4,7 +4,8 @@
     r̃ = S̃·b + e,   e ~ N(0, I)
 
 τ and ℓ are what makes the data most probable. Where the fitted unknowns would do the same, or no sample
-lies, the band is as wide as the prior: nothing is claimed there.
+lies, the band is as wide as the prior: nothing is claimed there. Of a term of two variables it is the curve
+over the one, times what the best formula has of the other.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.shape_tolerance import prior_root
+from rigctl.discovery.effect_file import factor_text
+from rigctl.discovery.formulas import FINE_PRODUCT, Factor, Formula, following, points_over
 from rigctl.discovery.locate import Located
-from rigctl.discovery.open_slots import OpenSlots
+from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
+from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.splines import SplineArgument
 from rigctl.physics.family import Slot
@@ -37,11 +41,15 @@ _WIDTH = 1.96
 
 @dataclass(frozen=True)
 class Curve:
-    """A term over one variable, SI; `low` and `high` are the ends of its 95 % band."""
+    """A term over one variable, SI; `low` and `high` are the ends of its 95 % band.
+
+    `times` is the factor of another variable that it stands beside, "" where there is none.
+    """
 
     slot: Slot
     over: str
     unit: str
+    times: str
     x: Floats = field(repr=False)
     value: Floats = field(repr=False)
     low: Floats = field(repr=False)
@@ -53,6 +61,7 @@ class Curve:
         return {
             "slot": self.slot.name,
             "over": self.over,
+            "times": self.times,
             "unit": self.slot.unit,
             "over_unit": self.unit,
             "points": [dict(zip(("x", "value", "low", "high"), row, strict=True)) for row in points],
@@ -60,33 +69,69 @@ class Curve:
 
 
 @one_thread()
-def curve_of(opened: OpenSlots, located: Located) -> Curve | None:
-    """The curve at a slot over the one variable located there; None where it cannot be told."""
-    (driver,) = located.over
-    knots = opened.knots(driver, _FUNCTIONS)
-    if knots is None:
+def curve_of(opened: OpenSlots, slot: Slot, over: Driver, beside: Factor | None = None) -> Curve | None:
+    """The curve at a slot over a variable; None where it cannot be told.
+
+    Parameters
+    ----------
+    beside: a factor of another variable that the curve is multiplied by.
+    """
+    functions = _FUNCTIONS if beside is None else FINE_PRODUCT
+    knots = opened.knots(over, functions)
+    readings = None if knots is None else _readings(opened, slot, over, knots, beside)
+    if knots is None or readings is None:
         return None
-    projected = opened.columns([(located.slot, SplineArgument(dict(driver.weights), knots))])
+    projected = opened.project(readings)
     columns, residual = projected.signatures, projected.residual
     longest = float(np.linalg.norm(columns, axis=0).max(initial=0.0))
     if not longest > 0.0:
         return None
     square, along = columns.T @ columns, columns.T @ residual
-    roots = [float(size / longest) * prior_root(_FUNCTIONS, smooth) for smooth in _SMOOTH for size in _SIZES]
+    roots = [float(size / longest) * prior_root(functions, smooth) for smooth in _SMOOTH for size in _SIZES]
     root = max(roots, key=lambda one: _evidence(one.T @ square @ one, one.T @ along))
-    inverse = np.linalg.inv(root.T @ square @ root + np.eye(_FUNCTIONS))
+    inverse = np.linalg.inv(root.T @ square @ root + np.eye(functions))
     mean, covariance = root @ (inverse @ (root.T @ along)), root @ inverse @ root.T
     x, basis = _points(knots)
     value = basis @ mean
     spread = _WIDTH * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
-    return Curve(located.slot, driver.name, driver.unit, x, value, value - spread, value + spread)
+    times = "" if beside is None else factor_text(beside)
+    return Curve(slot, over.name, over.unit, times, x, value, value - spread, value + spread)
 
 
-def curves_of(opened: OpenSlots, located: Sequence[Located], most: int) -> tuple[Curve, ...]:
-    """The curves of the places that are wanted most, over one variable each."""
-    single = [one for one in located if len(one.over) == 1][:most]
-    found = [curve_of(opened, one) for one in single]
-    return tuple(one for one in found if one is not None)
+def _readings(
+    opened: OpenSlots, slot: Slot, over: Driver, knots: Floats, beside: Factor | None
+) -> list[Floats] | None:
+    """(n, channels, functions) of each record: what the splines over a variable do, times a factor."""
+    argument = SplineArgument(dict(over.weights), knots)
+    if beside is None:
+        return opened.readings(splines_at([(slot, argument)]))
+    driver = beside.argument.driver
+    others = opened.knots(driver, FINE_PRODUCT)
+    if others is None:
+        return None
+    grid = points_over(others)
+    weights = following(grid, others) @ beside.of(grid)
+    every = opened.readings(products_at(slot, argument, SplineArgument(dict(driver.weights), others)))
+    return [one.reshape(*one.shape[:2], FINE_PRODUCT, FINE_PRODUCT) @ weights for one in every]
+
+
+def curves_of(
+    opened: OpenSlots, formulas: Sequence[Formula], located: Sequence[Located], most: int
+) -> tuple[Curve, ...]:
+    """The curves of the set of formulas, then of the places that are wanted most, over one variable each."""
+    asked: list[tuple[Slot, Driver, Factor | None]] = []
+    for one in formulas:
+        first, *others = one.factors
+        asked.append((one.slot, first.argument.driver, others[0] if others else None))
+    asked += [(one.slot, one.over[0], None) for one in located if len(one.over) == 1]
+    found: dict[tuple[str, str, str], Curve] = {}
+    for slot, over, beside in asked:
+        key = (slot.name, over.name, "" if beside is None else beside.argument.driver.name)
+        if key not in found and len(found) < most:
+            curve = curve_of(opened, slot, over, beside)
+            if curve is not None:
+                found[key] = curve
+    return tuple(found.values())
 
 
 def _evidence(square: Floats, along: Floats) -> float:

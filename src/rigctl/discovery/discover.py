@@ -109,14 +109,14 @@ def discover_beside(
     result = replace(result, searched=searched, notes=(*found.notes, *_notes(before, searched)))
     if not searched.sure:
         return replace(result, statement=_too_weak(searched))
-    said("Drawing the curves")
-    curves = curves_of(opened, searched.located, _CURVES)
     said("Scoring formulas")
     scored = score_formulas(opened, _most_wanted(searched), samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said)
     paying = [one for one in fitted if one.cost < _cost_of_none(before)]
     chosen = within(paying)
     formulas = tuple(_found(one, chosen[0], opened) for one in chosen)
+    said("Drawing the curves")
+    curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)
     result = replace(result, curves=curves, formulas=formulas, tried=scored.tried)
     return replace(result, statement=_statement(result))
 

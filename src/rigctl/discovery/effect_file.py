@@ -75,6 +75,16 @@ def scale_parameters(formula: Formula, family: ModelFamily) -> tuple[ScaleParame
     return tuple(found)
 
 
+def factor_text(factor: Factor) -> str:
+    """One factor with its scales as numbers: ``tanh(velocity/(0.002 m/s))``."""
+    own = factor.argument
+    scales = [
+        f"({own.amount(kind, own.scale_si(kind, x))})"
+        for kind, x in zip(factor.form.scales, factor.scales, strict=True)
+    ]
+    return factor.form.text(own, scales)
+
+
 def term_of(formula: Formula, scales: Sequence[ScaleParameter]) -> str:
     """As an effect file has it."""
     text = "size"

@@ -198,11 +198,11 @@ def _basis(opened: OpenSlots, one: Located) -> _Basis | None:
         knots = opened.knots(driver, functions)
         if knots is None:
             return None
-        grid = _points(knots)
+        grid = points_over(knots)
         known.append(SplineArgument(dict(driver.weights), knots))
         arguments.append(argument(driver, float(grid[0]), float(grid[-1]), family))
         grids.append(grid)
-        follow.append(_following(grid, knots))
+        follow.append(following(grid, knots))
     splines = splines_at([(one.slot, known[0])]) if len(known) == 1 else products_at(one.slot, *known)
     projected = opened.project(opened.readings(splines))
     columns = np.where(projected.usable, projected.signatures, 0.0)
@@ -217,14 +217,14 @@ def _basis(opened: OpenSlots, one: Located) -> _Basis | None:
     )
 
 
-def _points(knots: Floats) -> Floats:
+def points_over(knots: Floats) -> Floats:
     """Points over a range, as many between any two knots."""
     inner = knots[3:-3]
     parts = [np.linspace(a, b, _POINTS, endpoint=False) for a, b in pairwise(inner.tolist())]
     return np.concatenate([*parts, [np.nextafter(inner[-1], inner[0])]])
 
 
-def _following(grid: Floats, knots: Floats) -> Floats:
+def following(grid: Floats, knots: Floats) -> Floats:
     """(functions, points) what makes a function's spline of its values at the points."""
     from scipy.interpolate import BSpline
 

@@ -72,14 +72,16 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
     ]
     for place, one in enumerate(formulas[:_DRAWN], start=1):
         (factor, *others) = one.fitted.formula.factors
-        if others or one.slot != curve.slot.name or factor.argument.driver.name != curve.over:
+        same = (one.slot, factor.argument.driver.name) == (curve.slot.name, curve.over)
+        if not same or bool(others) != bool(curve.times):
             continue
         values = np.asarray(one.fitted.formula.size * factor.of(curve.x))
         traces.append(Trace(plain_name(one.name), curve.x, values, Look.LINE, place, unit))
     return Plot(
         f"curve-{number + 1}",
-        f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}, over the range that the "
-        "data visit",
+        f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}"
+        + (f", times {curve.times}" if curve.times else "")
+        + ", over the range that the data visit",
         f"{plain_name(curve.over)} [{curve.unit}]",
         (Panel(f"{plain_name(curve.slot.name)} [{unit}]", tuple(traces), 2.0),),
     )
