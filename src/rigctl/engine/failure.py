@@ -53,10 +53,11 @@ def check_values(system: System, excitation: Excitation) -> Failure | None:
         ("initial state", system.state_names, excitation.initial),
         ("input", system.input_names, excitation.inputs),
     ):
-        wrong = np.argwhere(~np.isfinite(values))
-        if wrong.size:
-            name = names[wrong[0][-1]]
-            reason = f"the {kind} {name} is {values[tuple(wrong[0])]}"
+        finite = np.isfinite(values)
+        if not finite.all():
+            wrong = np.argwhere(~finite)[0]
+            name = names[wrong[-1]]
+            reason = f"the {kind} {name} is {values[tuple(wrong)]}"
             return Failure(Cause.VALUE, reason, float(excitation.switch_times[0]), name)
     return None
 

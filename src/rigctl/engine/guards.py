@@ -8,6 +8,7 @@ Arrays that the kernels index as such are checked by the compiler then. It costs
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Sequence
 
@@ -80,7 +81,7 @@ class Result:
     def __init__(self, name: str, shape: Sequence[int]) -> None:
         self._name = name
         guard = width()
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         whole = np.empty(size + 2 * guard)
         self._marks: tuple[Integers, ...] = ()
         if guard:

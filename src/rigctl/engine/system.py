@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, check_dimension, variables_of
 from rigctl.errors import RigctlError, unknown_name
@@ -102,22 +103,22 @@ class System:
         _check_equations(self)
         _check_delays(self)
 
-    @property
+    @cached_property
     def state_names(self) -> tuple[str, ...]:
         """The states' names, in order."""
         return tuple(state.name for state in self.states)
 
-    @property
+    @cached_property
     def input_names(self) -> tuple[str, ...]:
         """The inputs' names, in order."""
         return tuple(item.name for item in self.inputs)
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """The parameters' names, in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
-    @property
+    @cached_property
     def output_names(self) -> tuple[str, ...]:
         """The outputs' names, in order."""
         return tuple(output.name for output in self.outputs)

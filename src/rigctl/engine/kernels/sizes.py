@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,7 +74,14 @@ def integer_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
 
 def float_count(sizes: NDArray[np.int64]) -> int:
     """How many doubles the workspaces take."""
-    return sum(length + int(sizes[GUARD]) for _, length in float_regions(sizes))
+    return _float_count(sizes.tobytes())
+
+
+@lru_cache(maxsize=256)
+def _float_count(sizes: bytes) -> int:
+    """The same of an array's bytes: the records of a problem have few different sizes, and are many."""
+    array = np.frombuffer(sizes, dtype=np.int64)
+    return sum(length + int(array[GUARD]) for _, length in float_regions(array))
 
 
 def integer_count(sizes: NDArray[np.int64]) -> int:
