@@ -9,6 +9,8 @@ from __future__ import annotations
 import csv
 import re
 import shlex
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +72,14 @@ def drag(speed: float, exponent: float) -> float:
     return DRAG * float(np.sign(speed)) * abs(speed / 100.0) ** exponent
 
 
-def bench(folder: Path, exponent: float, seed: int) -> None:
+def stalling(speed: float) -> float:
+    """The square, until a part of the blades stalls."""
+    return (
+        DRAG * speed * abs(speed) / 1e4 * (1.0 - 0.15 * float(np.exp(-(((abs(speed) - 120.0) / 40.0) ** 2))))
+    )
+
+
+def bench(folder: Path, law: Callable[[float], float], seed: int) -> None:
     """Six records, spun up by five voltages and left to coast, as a log."""
     for name, text in {"flywheel": FAMILY, "rig": RIG, "fan": FAN, "model": MODEL}.items():
         (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
@@ -83,7 +92,7 @@ def bench(folder: Path, exponent: float, seed: int) -> None:
         ):
 
             def rate(t: float, y: list[float], volts: float = volts) -> list[float]:
-                return [(0.05 * volts - drag(y[0], exponent)) / 2e-3]
+                return [(0.05 * volts - law(y[0])) / 2e-3]
 
             found = solve_ivp(rate, (0.0, 10.0), [start], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.1)
             noise = 0.5 * rng.standard_normal(times.size)
@@ -105,7 +114,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folder: Path) -> None:
-    bench(folder, 1.6, seed=4)
+    bench(folder, partial(drag, exponent=1.6), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml")
     assert document["effects"] == ["fan"]
@@ -160,8 +169,26 @@ def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folde
     assert sorted(path.name for path in Path("effects").iterdir()) == ["fan_power.yaml"]
 
 
+def test_the_law_of_an_effect_that_was_added_before_is_corrected_too(folder: Path) -> None:
+    bench(folder, partial(drag, exponent=1.6), seed=4)
+    run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
+    told("diagnose", run, "--model", "model.yaml", "--apply")
+    printed = told("diagnose", run, "--model", "model.yaml", "--laws", "effects")
+    assert "fan grows as speed^(1." in printed
+    both = " ".join(next_command(printed))
+    remove, add = both.split(" && rigctl ")
+    told(*shlex.split(remove))
+    told(*shlex.split(add))
+    document = answer("compare", run, "--model", "model.yaml", "--no-fit")
+    assert document["adequate"]
+    (effect,) = answer("model", "show", "model.yaml")["effects"]
+    assert effect["effect"] == "fan_power"
+    assert effect["provenance"]["tier"] == "law"
+    assert effect["valid"][0]["over"] == "speed"
+
+
 def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
-    bench(folder, 2.0, seed=4)
+    bench(folder, partial(drag, exponent=2.0), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml", "--laws", "effects")
     assert document["effects"] == ["fan"]
@@ -171,3 +198,25 @@ def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
     assert abs(law["exponent"]["value"] - 2.0) < 3.0 * law["exponent"]["std"]
     assert law["statement"].startswith("the data do not tell the law of fan from speed^2")
     assert not Path("effects").exists()
+
+
+def test_a_law_that_is_no_power_is_handed_over_as_its_curve(folder: Path) -> None:
+    bench(folder, stalling, seed=4)
+    run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
+    document = answer("diagnose", run, "--model", "model.yaml")
+    assert document["effects"] == ["fan"]
+    (law,) = document["laws"]
+    assert law["differs"]
+    assert not law["follows"]
+    assert "see the curve" in law["statement"]
+    printed = told(*next_command(told("diagnose", run, "--model", "model.yaml")))  # --laws effects
+    assert "written: effects/fan_curve.yaml" in printed.replace("\\", "/")
+    added = next_command(printed)
+    assert "--fit-shapes" not in added
+    told(*added)
+    document = answer("compare", run, "--model", "model.yaml", "--no-fit")
+    assert document["adequate"]
+    assert document["curve_bands"][0]["channel"] == "speed"
+    values = {one["name"]: one for one in answer("model", "show", "model.yaml")["parameters"]}
+    factor = values["fan_curve.factor"]
+    assert factor["value"] == pytest.approx(1.0, abs=0.02)

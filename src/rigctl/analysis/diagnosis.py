@@ -16,7 +16,7 @@ from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
 from rigctl.analysis.identity import Levels, levels_of, same_cause
-from rigctl.analysis.law_answer import law_answers
+from rigctl.analysis.law_answer import LawAnswer, law_answers, laws_instead
 from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
@@ -145,15 +145,24 @@ def diagnose_comparison(
         remainder=left,
         doubt=doubt,
         levels=levels,
-        laws=law_answers(search, best) if named or _has_effects(before) else (),
+        laws=_laws(search, best, verdict),
         outside=departures(best.fit),
     )
 
 
-def _has_effects(before: ModelComparison) -> bool:
-    """Whether a model that needs no further effect has some, whose laws may be asked for."""
-    model = before.fit.problem.model
-    return before.adequate and any(model.effect(name).terms for name in model.effects)
+def _laws(search: Search, best: RefittedSet, verdict: Verdict) -> tuple[LawAnswer, ...]:
+    """The laws of what is named, and of the effects that the model has.
+
+    Where nothing is named and something is missing, it may be the law of an effect that is there: that is
+    said only where such a law takes nearly all of it away.
+    """
+    if verdict is not Verdict.OUTSIDE_LIBRARY:
+        model = best.fit.problem.model
+        return law_answers(search, best) if any(model.effect(one).terms for one in model.effects) else ()
+    model = search.none.fit.problem.model
+    if not any(model.effect(name).terms for name in model.effects):
+        return ()
+    return laws_instead(search)
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.errors import RigctlError
+from rigctl.model.model import Model
 from rigctl.units import parse_unit, with_uncertainty
 
 Floats = NDArray[np.float64]
@@ -24,6 +25,8 @@ Floats = NDArray[np.float64]
 _BAND = 1.96
 #: an exponent that is known no better than this is hardly known
 _ROUGH = 0.4
+#: the share of a misfit that a law must take away to be said where no effect is named
+_NEARLY = 0.8
 #: what the rounding of laws near the zero of their driver makes of an exponent
 _ROUNDING = 5e-4
 #: and one that is known no better than this is not said
@@ -42,6 +45,7 @@ class LawAnswer:
     differs: the data ask for another law.
     exponent, exponent_std: of the driver, or of a further power where the assumed law is no power of it;
         `assumed_exponent` is None then.
+    model: that it was found beside.
     power: fitted, where the data ask for another law and one could be written.
     follows: the data ask for nothing beyond that power.
     statement: in words.
@@ -57,6 +61,7 @@ class LawAnswer:
     exponent: float
     exponent_std: float
     assumed_exponent: float | None
+    model: Model = field(repr=False)
     power: PowerLaw | None
     follows: bool
     statement: str
@@ -66,6 +71,18 @@ class LawAnswer:
     def formula(self) -> str | None:
         """The term that the data ask for, as an effect file has it; None where they ask for none."""
         return None if self.power is None else "; ".join(self.power.terms.values())
+
+    @property
+    def offered(self) -> Literal["power", "curve", ""]:
+        """What an effect file can have of it: the fitted power where that is all of it, or the only way.
+
+        Else it is the curve itself, of an effect that is one term over one driver.
+        """
+        alone = self.differs and not self.law.others and len(self.law.effect.terms) == 1
+        drawn = np.isfinite([self.law.low, self.law.high]).all() and bool(np.any(self.law.asked))
+        if alone and drawn and not (self.power is not None and self.follows):
+            return "curve"
+        return "" if self.power is None else "power"
 
     @property
     def x(self) -> Floats:
@@ -127,6 +144,33 @@ def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
     return tuple(answer for laws in by_effect.values() for answer in _of_effect(search, best, laws))
 
 
+def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
+    """The laws that take nearly all of a misfit away that no further effect explains; none where none does.
+
+    Asked of the effects that the model has: a second effect would leave more than the tests see.
+    """
+    here = search.none
+    try:
+        found = asked_laws(search, here)
+    except RigctlError:
+        return ()
+    count = sum(here.fit.problem.whiteners[k].size for k in here.fit.fitted)
+    wanted = _NEARLY * max(here.chi2 - count, 0.0)
+    able = {law.effect.name for law in found if law.differs and law.explained * law.noise > wanted}
+    answers: list[LawAnswer] = []
+    for name in able:
+        laws = [law for law in found if law.effect.name == name]
+        answers += [one for one in _of_effect(search, here, laws) if _takes_all(one, here, count)]
+    return tuple(answers)
+
+
+def _takes_all(one: LawAnswer, here: RefittedSet, count: int) -> bool:
+    """Whether a fitted power is all of its law, and leaves next to nothing of the misfit."""
+    if one.power is None or not one.follows:
+        return False
+    return one.power.gain > _NEARLY * (here.chi2 - count)
+
+
 def _of_effect(search: Search, best: RefittedSet, laws: list[AskedLaw]) -> list[LawAnswer]:
     """The answers of one effect: the driver that explains most is fitted with a power."""
     asking = [law for law in laws if law.differs or law.clear]
@@ -174,6 +218,7 @@ def _fitted(law: AskedLaw, after: AskedLaw, power: PowerLaw, best: RefittedSet) 
         exponent=power.exponent,
         exponent_std=std,
         assumed_exponent=assumed,
+        model=best.fit.problem.model,
         power=power,
         follows=not after.differs,
         statement=_told(law, power.exponent, std, follows=not after.differs),
@@ -193,6 +238,7 @@ def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
         exponent=(assumed or 0.0) + law.change,
         exponent_std=law.change_std,
         assumed_exponent=assumed,
+        model=best.fit.problem.model,
         power=None,
         follows=False,
         statement=_not_told(law, fitted=_fitted_shape(law, best)),

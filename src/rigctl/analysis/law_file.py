@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -15,7 +16,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
 from rigctl.effects.registry import library
 from rigctl.effects.user import parse_effect
-from rigctl.effects.user.file_text import effect_file_text
+from rigctl.effects.user.file_text import effect_file_text, provenance_lines
 from rigctl.effects.user.names import term_types
 from rigctl.effects.user.quantity import read_quantity
 from rigctl.effects.validity import Provenance, ValidRange
@@ -39,31 +40,72 @@ def write_law(
     RigctlError
         the folder cannot be written to.
     """
-    power = answer.power
-    if power is None:
+    if not answer.offered:
         return answer
-    path = _free(folder, power.effect.name)
-    family = power.fit.problem.model.family
-    known = library(family)
-    effect = replace(
-        _fitted(power.effect, power.fit.model),
-        instead_of=tuple(name for name in power.effect.instead_of if name in known),
-        valid=tuple(_range(answer, driver, ends, family) for driver, ends in _ranges(answer)),
-        provenance=Provenance(
-            runs=tuple(runs),
-            model=model,
-            method=METHOD_VERSION,
-            date=f"{now or datetime.now(UTC):%Y-%m-%d}",
-            tier="law",
-            statement=answer.statement,
-        ),
+    path = _free(folder, f"{answer.effect}_{answer.offered}")
+    said = Provenance(
+        runs=tuple(runs),
+        model=model,
+        method=METHOD_VERSION,
+        date=f"{now or datetime.now(UTC):%Y-%m-%d}",
+        tier="law" if answer.offered == "power" else "curve",
+        statement=answer.statement,
     )
-    named = family_reference(power.fit.problem.model, folder)
-    text = effect_file_text(effect, power.terms, named, path.stem)
+    made = _power_text if answer.offered == "power" else _curve_text
+    text = made(answer, folder, path.stem, said)
     folder.mkdir(parents=True, exist_ok=True)
     parse_effect(text, path)  # what is offered is sound
     write_text(path, text)
     return replace(answer, file=path)
+
+
+def _power_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) -> str:
+    """The effect file of the fitted power."""
+    power = answer.power
+    assert power is not None  # noqa: S101 - it is offered
+    model = power.fit.problem.model
+    known = library(model.family)
+    effect = replace(
+        _fitted(power.effect, power.fit.model),
+        instead_of=tuple(one for one in power.effect.instead_of if one in known),
+        valid=tuple(_range(answer, driver, ends, model.family) for driver, ends in _ranges(answer)),
+        provenance=said,
+    )
+    return effect_file_text(effect, power.terms, family_reference(model, folder), name)
+
+
+#: of the points of a law, those that its curve goes through
+_EVERY = 2
+
+
+def _curve_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) -> str:
+    """The effect file of the curve itself, with its band."""
+    law, model = answer.law, answer.model
+    family = model.family
+    types = term_types(family, family.slot(law.slot), ())
+    points = {one for one, kind in types.items() if kind.temperature == "point"}
+    over = driver_text(law.driver, points)
+    nothing = law.term.nothing
+    x, y, low, high = (
+        [float(f"{value:.6g}") for value in (values + more)[::_EVERY].tolist()]
+        for values, more in ((answer.x, 0.0), (law.asked, nothing), (law.low, nothing), (law.high, nothing))
+    )
+    instead = [answer.effect] if answer.effect in library(family) else []
+    lines = [
+        f"effect: {name}",
+        f"family: {json.dumps(family_reference(model, folder))}",
+        f"summary: The law of {answer.effect} over {law.driver.name} as the data ask for it.",
+        f"slot: {law.slot}",
+        "curve:",
+        f"  of: {json.dumps(over)}",
+        f"  over: {json.dumps(answer.unit)}",
+        f"  unit: {json.dumps(answer.value_unit)}",
+        f"  points: {json.dumps([list(pair) for pair in zip(x, y, strict=True)])}",
+        f"  band: {json.dumps([list(pair) for pair in zip(low, high, strict=True)])}",
+        *([f"instead_of: [{', '.join(instead)}]"] if instead else []),
+        *provenance_lines(said),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _free(folder: Path, name: str) -> Path:

@@ -160,7 +160,7 @@ def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOption
     """Where the data ask for another law of an effect: write it, or add what was written."""
     from rigctl.cli.next_command import command, show_next
 
-    told = [one for one in found.laws if one.power is not None]
+    told = [one for one in found.laws if one.offered]
     if not told:
         return False
     first = told[0]
@@ -168,12 +168,14 @@ def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOption
         show_next(f"{again} --laws effects", "writes the law that the data ask for as an effect of your own")
         return True
     present = first.effect in found.before.fit.problem.model.effects
-    add = command(["model", "add", model, f"{first.file}", *runs, "--fit-shapes"], choice)
+    shapes = ["--fit-shapes"] if first.offered == "power" else []
+    add = command(["model", "add", model, first.file.as_posix(), *runs, *shapes], choice)
     remove = command(["model", "remove", model, first.effect])
     instead = f" in place of {first.effect}" * present
+    fitted = "exponent" if first.offered == "power" else "factor"
     show_next(
         f"{remove} && {add}" if present else add,
-        f"adds it{instead} with its exponent fitted, and tells the error before and after",
+        f"adds it{instead} with its {fitted} fitted, and tells the error before and after",
     )
     return True
 

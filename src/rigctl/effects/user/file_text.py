@@ -40,7 +40,7 @@ def effect_file_text(effect: Effect, terms: Mapping[str, str], family: str, name
         if getattr(effect, field):
             lines.append(f"{field}: [{', '.join(getattr(effect, field))}]")
     lines += _box(effect.valid)
-    lines += [] if effect.provenance is None else _provenance(effect.provenance)
+    lines += [] if effect.provenance is None else provenance_lines(effect.provenance)
     return "\n".join(lines) + "\n"
 
 
@@ -82,7 +82,8 @@ def _box(ranges: tuple[ValidRange, ...]) -> list[str]:
     return lines
 
 
-def _provenance(found: Provenance) -> list[str]:
+def provenance_lines(found: Provenance) -> list[str]:
+    """The lines that say what an effect was learned from."""
     document: dict[str, Any] = {key: value for key, value in found.document().items() if value}
     lines = ["provenance:"]
     for key, value in document.items():
