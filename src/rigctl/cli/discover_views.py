@@ -71,6 +71,8 @@ def _show_curve(curve: Curve) -> None:
         f"  [bold]the term at {escape(curve.slot.name)} over {escape(curve.over)}[/]{_times(curve)}, "
         f"from {show(low, unit, difference=True)} to {show(high, unit, difference=True)}"
     )
+    if curve.free:
+        out.print("  [dim]but for a part that the fit takes up, of any size for all that these data say[/]")
     for line in draw_curve(curve.value.tolist(), width=_WIDTH, height=_LINES, low=low, high=high):
         out.print(f"    [cyan]{line}[/]")
     out.print(f"    {show(float(curve.x[0]), curve.unit)} … {show(float(curve.x[-1]), curve.unit)}")

@@ -43,13 +43,15 @@ _WIDTH = 1.96
 class Curve:
     """A term over one variable, SI; `low` and `high` are the ends of its 95 % band.
 
-    `times` is the factor of another variable that it stands beside, "" where there is none.
+    `times` is the factor of another variable that it stands beside, "" where there is none. `free` says how
+    many directions are left out, a constant say, that the fit takes up: of any size, for all the data say.
     """
 
     slot: Slot
     over: str
     unit: str
     times: str
+    free: int
     x: Floats = field(repr=False)
     value: Floats = field(repr=False)
     low: Floats = field(repr=False)
@@ -62,6 +64,7 @@ class Curve:
             "slot": self.slot.name,
             "over": self.over,
             "times": self.times,
+            "free": self.free,
             "unit": self.slot.unit,
             "over_unit": self.unit,
             "points": [dict(zip(("x", "value", "low", "high"), row, strict=True)) for row in points],
@@ -92,10 +95,9 @@ def curve_of(opened: OpenSlots, slot: Slot, over: Driver, beside: Factor | None 
     inverse = np.linalg.inv(root.T @ square @ root + np.eye(functions))
     mean, covariance = root @ (inverse @ (root.T @ along)), root @ inverse @ root.T
     x, basis = _points(knots)
-    value = basis @ mean
-    spread = _WIDTH * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
+    value, spread, free = _known(basis @ mean, basis @ covariance @ basis.T)
     times = "" if beside is None else factor_text(beside)
-    return Curve(slot, over.name, over.unit, times, x, value, value - spread, value + spread)
+    return Curve(slot, over.name, over.unit, times, free, x, value, value - spread, value + spread)
 
 
 def _readings(
@@ -132,6 +134,23 @@ def curves_of(
             if curve is not None:
                 found[key] = curve
     return tuple(found.values())
+
+
+def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
+    """The curve and half its band without what is not known at all, and how many directions that are.
+
+    Those are eigenvectors of the covariance along which the curve is not told from none, and which are wider
+    than all that is known of it.
+    """
+    variances, directions = np.linalg.eigh(covariance)
+    spreads = np.sqrt(np.maximum(variances, 0.0))
+    amplitudes = directions.T @ mean
+    seen = np.abs(amplitudes) > _WIDTH * spreads
+    known = float(np.linalg.norm(amplitudes[seen]))
+    free = ~seen & (spreads > known) if seen.any() else np.zeros(seen.size, dtype=bool)
+    kept = directions[:, ~free]
+    spread = _WIDTH * np.sqrt(np.maximum(np.square(kept) @ variances[~free], 0.0))
+    return kept @ amplitudes[~free], spread, int(free.sum())
 
 
 def _evidence(square: Floats, along: Floats) -> float:

@@ -34,6 +34,8 @@ from rigctl.physics.family import ModelFamily
 
 #: places over one variable whose formulas are looked at, and of the first places pairs of variables
 _SINGLES, _PAIRS = 4, (4, 2, 1)
+#: other places that are named
+_RIVALS = 3
 #: curves that are drawn
 _CURVES = 3
 #: of a range that the data visit, what is added at either end
@@ -222,6 +224,10 @@ def _statement(found: Discovery) -> str:
     text = f"{where}: {same} of {found.tried}, first {first.term}"
     if first.alike:
         text += f" ({len(first.alike)} more do the same here)"
+    places = {one.slot for one in found.formulas}
+    others = [one.name for one in found.rivals if one.slot.name not in places]
+    if others:
+        text += f". The place is not sure: a term at {', or '.join(others[:_RIVALS])} explains as much"
     if not first.accepted:
         text += ". It does not predict the conditions left out, and is not to be relied on"
     if first.p_value_after < ALPHA:

@@ -28,6 +28,8 @@ from rigctl.model.fit.fit import FitResult
 
 #: formulas that are refitted, and of these those that are begun at several scales
 FIRST, SEVERAL = 12, 4
+#: besides, the best formulas of so many other places
+_PLACES = 3
 #: formulas that cost no more than this above the best are in the set
 DELTA = 6.0
 #: a formula that promises less than this share of what the best does is not refitted, and a refit that is
@@ -66,7 +68,7 @@ def refit_formulas(
     formulas: the cheapest first, as the linear problem sees them.
     samples: N_eff; `tried` how many formulas were looked at.
     """
-    chosen = [one for one in formulas[:FIRST] if one.gain > _PROMISING * formulas[0].gain]
+    chosen = _chosen(formulas)
     found: list[Fitted] = []
     began = monotonic()
     for place, formula in enumerate(chosen):
@@ -85,6 +87,18 @@ def refit_formulas(
             better += [] if other is None else [other]
         again.append(min(better, key=lambda each: each.cost))
     return tuple(sorted([*again, *found[SEVERAL:]], key=lambda one: one.cost))
+
+
+def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
+    """The cheapest, and the cheapest at each other place: a place is told from others by refits too."""
+    promising = [one for one in formulas if one.gain > _PROMISING * formulas[0].gain]
+    first = promising[:FIRST]
+    places = {one.slot.name for one in first}
+    for one in promising[FIRST:]:
+        if one.slot.name not in places and len(first) < FIRST + _PLACES:
+            places.add(one.slot.name)
+            first.append(one)
+    return first
 
 
 def _left_text(seconds: float) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.analysis.levels import LEAST_DIFFERENCE
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier
 from rigctl.discovery.gate import Gate
@@ -20,6 +21,10 @@ from rigctl.units import parse_unit, show, with_uncertainty
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+#: of χ², the share by which a linear model of a large effect may be in error
+_AS_MUCH = 0.02
 
 
 @dataclass(frozen=True)
@@ -151,6 +156,20 @@ class Discovery:
         """Places and variables, the most wanted first."""
         return () if self.searched is None else self.searched.located
 
+    @property
+    def rivals(self) -> tuple[Located, ...]:
+        """Other places, the best of each, at which a term explains as much but for what chance makes of it,
+        or the linear model."""
+        if not self.located:
+            return ()
+        best = self.located[0]
+        enough = best.statistic - max(LEAST_DIFFERENCE, _AS_MUCH * best.statistic)
+        found: dict[str, Located] = {}
+        for one in self.located:
+            if one.statistic >= enough and one.slot.name != best.slot.name:
+                found.setdefault(one.slot.name, one)
+        return tuple(found.values())
+
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
         searched = self.searched
@@ -159,6 +178,7 @@ class Discovery:
             "model": self.model,
             "gate": self.gate.document(),
             "located": [one.document() for one in self.located],
+            "rivals": [one.document() for one in self.rivals],
             "untestable": [
                 {"slot": one.slot.name, "over": [driver.name for driver in one.over]}
                 for one in (() if searched is None else searched.hidden)

@@ -81,7 +81,8 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
         f"curve-{number + 1}",
         f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}"
         + (f", times {curve.times}" if curve.times else "")
-        + ", over the range that the data visit",
+        + ", over the range that the data visit"
+        + (", but for a part of any size that the fit takes up" if curve.free else ""),
         f"{plain_name(curve.over)} [{curve.unit}]",
         (Panel(f"{plain_name(curve.slot.name)} [{unit}]", tuple(traces), 2.0),),
     )
