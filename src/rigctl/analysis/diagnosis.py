@@ -21,7 +21,7 @@ from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLI
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
 from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.remainder import Remainder, remainder
+from rigctl.analysis.remainder import Remainder, remainder, share_text
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import OnProgress, Search
@@ -129,6 +129,7 @@ def diagnose_comparison(
         slot=before.slots[0].slot if before.slots and not before.adequate else "",
         statement=remarks.statement
         or _shape_alone(search)
+        or _shape_mostly(search, best)
         or verdict_text(
             verdict, before, chosen, rivals, left, checks, seen, best.unusual, doubt, search.allowed
         ),
@@ -252,12 +253,34 @@ def _shape_alone(search: Search) -> str:
     """That no more is left than the laws of the model's effects may differ by; "" where it is not so."""
     if search.before.adequate or not _nothing_seen(search):
         return ""
-    model = search.before.fit.problem.model
-    names = [name for name in model.effects if model.effect(name).terms]
     return (
-        f"Nothing more is missing that these data show: what is left is within {SHAPE_TOLERANCE:.0%} of "
-        f"the law of {' and '.join(names)}, which the bench need not follow exactly"
+        f"Nothing more is missing that these data show: what is left is within {share_text(SHAPE_TOLERANCE)} "
+        f"of the law of {_laws_of(search)}, which the bench need not follow exactly"
     )
+
+
+def _shape_mostly(search: Search, best: RefittedSet) -> str:
+    """That a further effect explains hardly more than bent laws of the model's do; "" where it is not so."""
+    if best.candidates or not search.bends_model or _nothing_seen(search):
+        return ""
+    paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]
+    if not paying:
+        return ""
+    nearest = min(paying, key=search.mbic)
+    explained = search.none.chi2 - nearest.chi2
+    beyond = max(search.evidence(search.none) - search.evidence(nearest), 0.0) / explained
+    return (
+        "Something is missing, and these data do not tell what. Most of it is within "
+        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, which the bench need not follow "
+        f"exactly; not all of it is. The nearest in the library is {' and '.join(nearest.effects)}, but only "
+        f"{share_text(beyond)} of what that explains is beyond what bent laws do"
+    )
+
+
+def _laws_of(search: Search) -> str:
+    """The effects that the model has already, in words."""
+    model = search.before.fit.problem.model
+    return " and ".join(name for name in model.effects if model.effect(name).terms)
 
 
 def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:

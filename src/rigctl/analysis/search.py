@@ -27,6 +27,7 @@ from rigctl.analysis.candidates import Candidate, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.levels import (
     ALIKE,
+    BEYOND_LAWS,
     BEYOND_SHAPE,
     FAR,
     FAR_SHARE,
@@ -334,6 +335,11 @@ class Search:
             return self.before
         return self.at(self.none).view(self.tolerance)
 
+    @property
+    def bends_model(self) -> bool:
+        """Whether the model has effects already, whose laws may be bent."""
+        return self.start is not self.before
+
     @cached_property
     def library(self) -> int:
         """How many effects were looked at."""
@@ -370,7 +376,7 @@ class Search:
         """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
         best = self._swapped(self.best_single())
         found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
-        return self._usual_first(self._pair_instead(found))
+        return self._beyond_laws(self._usual_first(self._pair_instead(found)))
 
     def best_single(self) -> RefittedSet:
         """The single effect that explains the misfit best, or none."""
@@ -686,22 +692,35 @@ class Search:
                 return trial
         return best
 
-    def slight(self, best: RefittedSet, without: RefittedSet, reached: float) -> bool:
+    def _beyond_laws(self, best: RefittedSet) -> RefittedSet:
+        """No effect more, where the laws of those that the model has, bent, explain much of what it does."""
+        if len(best.candidates) == 1 and self.bends_model and self.slight(best, self.none):
+            return self.none
+        return best
+
+    def slight(self, best: RefittedSet, without: RefittedSet, reached: float = 0.0) -> bool:
         """Whether the effect that `without` lacks may be no more than the shape of the others.
 
         It explains little beside them, and either their laws, bent, explain much of the same, or it leaves
         something: the shape of another effect is followed by a second one only roughly, and the rest of it is
-        seen.
+        seen. How much the effects explain that the model has already is not known: beside them it is always
+        asked what their bent laws explain.
+
+        Parameters
+        ----------
+        reached: the fall of χ² by all effects of `best`.
         """
-        if without.chi2 - best.chi2 >= SLIGHT * reached:
-            return False
         explained = without.chi2 - best.chi2
+        little = explained < SLIGHT * reached
+        if not (little or self.bends_model):
+            return False
         if self.tolerance:
             beyond = self.evidence(without) - self.evidence(best)
-            if beyond < max(LEAST_DIFFERENCE, BEYOND_SHAPE * explained):
+            share = BEYOND_SHAPE if little else BEYOND_LAWS
+            if beyond < max(LEAST_DIFFERENCE, share * explained):
                 return True
             explained = beyond
-        return self.excess(best) + UNSEEN >= WHOLE * explained
+        return little and self.excess(best) + UNSEEN >= WHOLE * explained
 
     def _simplest(self, best: RefittedSet) -> RefittedSet:
         """Of sets that differ by less than shapes may, the one with the fewest parameters."""
