@@ -25,6 +25,7 @@ DECLARED = ROOT / "method_version.py"
 PACKAGES = (
     "analysis",
     "dataset/importing",
+    "discovery",
     "effects",
     "engine",
     "families",

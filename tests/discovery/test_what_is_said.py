@@ -1,0 +1,110 @@
+"""What a search says where it does not look, where it cannot tell, and where the place is not sure."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.discovery.discover import _notes, _too_weak
+from rigctl.discovery.gate import gate_of
+from rigctl.discovery.locate import Located, Map
+from rigctl.discovery.result import Discovery
+from rigctl.effects.drivers import Driver
+from rigctl.physics.families import find_family
+
+FAMILY = find_family("hydraulic_cylinder")
+VELOCITY = Driver((("velocity", 1.0),), "m/s")
+
+
+def located(slot: str, statistic: float, p_value: float = 1e-4, dof: int = 8) -> Located:
+    return Located(FAMILY.slot(slot), (VELOCITY,), statistic, dof, p_value, 0.5)
+
+
+def diagnosed(verdict: Verdict, **changed: Any) -> Any:
+    """What the gate reads of a diagnosis."""
+    adequacy = SimpleNamespace(below_noise=False)
+    lin = SimpleNamespace(records=(), regions=SimpleNamespace(groups=()))
+    before = SimpleNamespace(adequacy=adequacy, statement="it is so", linearisation=lin)
+    said: dict[str, Any] = {
+        "verdict": verdict,
+        "before": before,
+        "doubt": "",
+        "effects": (),
+        "classes": (),
+        "indistinguishable": (),
+        "levels": (),
+        "remainder": None,
+        "statement": "these data show nothing that it lacks",
+    }
+    return SimpleNamespace(**(said | changed))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changed", "reason", "words"),
+    [
+        (Verdict.ADEQUATE, {}, "adequate", "nothing to discover"),
+        (Verdict.OUTSIDE_LIBRARY, {"doubt": "the noise is a guess"}, "undecided", "the noise is a guess"),
+        (Verdict.MISSING_EFFECT, {"effects": ("barus",)}, "library", "--apply' adds it"),
+        (
+            Verdict.MISSING_EFFECT,
+            {"effects": ("barus",), "remainder": SimpleNamespace()},
+            "library",
+            "it is not all",
+        ),
+        (
+            Verdict.AMBIGUOUS,
+            {
+                "effects": ("barus",),
+                "classes": (("barus", "entrained_air"),),
+                "indistinguishable": (("barus", "entrained_air"),),
+            },
+            "library",
+            "entrained_air",
+        ),
+    ],
+)
+def test_a_closed_gate_says_why(verdict: Verdict, changed: dict[str, Any], reason: str, words: str) -> None:
+    gate = gate_of(diagnosed(verdict, **changed))
+    assert not gate.open
+    assert gate.reason == reason
+    assert words in gate.statement
+
+
+def test_it_opens_where_nothing_of_the_library_is_sure() -> None:
+    assert gate_of(diagnosed(Verdict.OUTSIDE_LIBRARY)).open
+    # the best of the library fails on what was left out: no class of effects is sure
+    assert gate_of(diagnosed(Verdict.AMBIGUOUS, effects=("barus",), classes=(("barus",),))).open
+
+
+def test_too_weak_says_what_would_do() -> None:
+    said = _too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
+    assert "210 places" in said
+    assert "friction over velocity" in said
+    assert "it would take 8.0" in said
+    assert "4 times as many records" in said
+    assert "at no place" in _too_weak(Map((), (), 0, 0.0, 8.0))
+
+
+def test_one_condition_and_what_only_a_constant_of_each_record_would_be_are_said() -> None:
+    lin = SimpleNamespace(regions=SimpleNamespace(groups=(0, 0, 0)))
+    before: Any = SimpleNamespace(linearisation=lin)
+    hidden = located("position_reading", 0.0, 1.0, 0)
+    one, untestable = _notes(before, Map((), (hidden,), 1, 1.0, 5.0))
+    assert "one condition" in one
+    assert "position_reading over velocity" in untestable
+    several: Any = SimpleNamespace(linearisation=SimpleNamespace(regions=SimpleNamespace(groups=(0, 1))))
+    assert list(_notes(several, Map((), (), 1, 1.0, 5.0))) == []
+
+
+def test_places_that_explain_as_much_are_rivals_and_others_are_not() -> None:
+    found = (
+        located("friction", 4000.0),
+        located("friction", 3990.0),
+        located("load", 3950.0, dof=25),
+        located("mass", 3800.0),
+    )
+    rivals = Discovery.rivals.fget(SimpleNamespace(located=found))  # type: ignore[attr-defined]
+    assert [one.slot.name for one in rivals] == ["load"]
