@@ -25,7 +25,7 @@ def show_discovery(found: Discovery) -> None:
     """The gate, the places, the curve, the formulas, and what is to be known of the data."""
     out = console()
     colour = "green" if found.gate.reason == "adequate" else "yellow"
-    title = "Discovery" if found.gate.open else "Nothing to discover"
+    title = "Discovery" if found.gate.open else "No formula"
     out.print(f"[bold {colour}]{title}[/]: {escape(found.statement)}.", soft_wrap=True)
     for note in found.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)

@@ -35,7 +35,7 @@ def discovery_sections(found: Discovery) -> list[Section]:
     body = render(
         "discovery.html",
         found=found,
-        heading="Discovery" if found.gate.open else "Nothing to discover",
+        heading="Discovery" if found.gate.open else "No formula",
         slots=_slots(family, shares) if found.located else Markup(),
         places=found.located[:_PLACES],
         curves=[plot_slot(plot) for plot in plots],
