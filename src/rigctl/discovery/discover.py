@@ -227,7 +227,8 @@ def _statement(found: Discovery) -> str:
     places = {one.slot for one in found.formulas}
     others = [one.name for one in found.rivals if one.slot.name not in places]
     if others:
-        text += f". The place is not sure: a term at {', or '.join(others[:_RIVALS])} explains as much"
+        more = f" (and at {len(others) - _RIVALS} more places)" if len(others) > _RIVALS else ""
+        text += f". The place is not sure: a term at {', or '.join(others[:_RIVALS])}{more} explains as much"
     if not first.accepted:
         text += ". It does not predict the conditions left out, and is not to be relied on"
     if first.p_value_after < ALPHA:
