@@ -41,17 +41,33 @@ def write_log(path: Path, bend: float, ripple: float) -> None:
     path.write_text("\n".join(rows), encoding="utf-8")
 
 
-def test_what_the_law_of_an_effect_may_do_is_not_named_as_another_effect(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A chain whose model leaks."""
     for name in USER_FILES:
         shutil.copyfile(find_bench("chain").file(name), tmp_path / name)
     with (tmp_path / "model.yaml").open("a", encoding="utf-8") as file:
         file.write(LEAK)
     monkeypatch.chdir(tmp_path)
-    write_log(tmp_path / "log.csv", bend=0.1, ripple=0.5)
+    return tmp_path
+
+
+def test_what_the_law_of_an_effect_may_do_is_not_named_as_another_effect(folder: Path) -> None:
+    write_log(folder / "log.csv", bend=0.1, ripple=0.5)
     told("import", "log.csv", "--rig", "rig.yaml")
     found = answer("diagnose", "latest", "--model", "model.yaml")
     assert (found["verdict"], found["effects"]) == ("outside_library", [])
     assert "within 10 % of the law of leak_on_heat_middle" in found["statement"]
     assert "is beyond what bent laws do" in found["statement"]
+
+
+def test_what_goes_with_the_time_has_no_formula(folder: Path) -> None:
+    """Pairs of temperatures follow it a little; none is handed over as the term that is missing."""
+    write_log(folder / "log.csv", bend=0.0, ripple=1.0)
+    told("import", "log.csv", "--rig", "rig.yaml")
+    found = answer("discover", "latest", "--model", "model.yaml", "-o", "effects")
+    assert "no formula is it" in found["statement"]
+    assert found["formulas"]
+    assert not any(one["accepted"] or one["file"] for one in found["formulas"])
+    assert found["formulas"][0]["share_left"] > 0.5
+    assert not (folder / "effects").exists()

@@ -119,9 +119,8 @@ def _show_formula(one: FoundFormula) -> None:
     out.print(f"    tier {one.tier.letter}: {escape(one.tier.statement)}", soft_wrap=True)
     if one.passive:
         out.print(f"    it {one.passive}", soft_wrap=True)
-    if not one.accepted:
-        why = "there is no second record" if one.check is None else "it does not predict conditions left out"
-        out.print(f"    [yellow]not accepted[/]: {why}")
+    if one.doubt:
+        out.print(f"    [yellow]not accepted[/]: {one.doubt}")
     out.print(f"    holds over {escape(one.valid_text)}; nobody knows beyond", soft_wrap=True)
     if one.alike:
         out.print(f"    the same here: {escape(', '.join(one.alike))}", soft_wrap=True)

@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from rigctl.analysis.adequacy import Adequacy
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import require_free_parameters
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.levels import ALPHA, STAND_IN
+from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.remainder import share_text
 from rigctl.analysis.search import Search
 from rigctl.dataset.run import Run
 from rigctl.discovery.curve import curves_of
@@ -114,9 +117,10 @@ def discover_beside(
     said("Scoring formulas")
     scored = score_formulas(opened, _most_wanted(searched), samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said)
-    paying = [one for one in fitted if one.cost < _cost_of_none(before)]
+    none = Search(before, before.whole).none
+    paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)
-    formulas = tuple(_found(one, chosen[0], opened) for one in chosen)
+    formulas = tuple(_found(one, chosen[0], opened, none) for one in chosen)
     said("Drawing the curves")
     curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)
     result = replace(result, curves=curves, formulas=formulas, tried=scored.tried)
@@ -139,11 +143,8 @@ def _most_wanted(searched: Map) -> list[Located]:
     return [*single[:_SINGLES], *chosen]
 
 
-def _cost_of_none(before: ModelComparison) -> float:
-    return Search(before, before.whole).none.chi2
-
-
-def _found(one: Fitted, best: Fitted, opened: OpenSlots) -> FoundFormula:
+def _found(one: Fitted, best: Fitted, opened: OpenSlots, before: RefittedSet) -> FoundFormula:
+    after = tests_after(one)
     formula, model = one.formula, opened.problem.model
     scales = scale_parameters(formula, model.family)
     records = len(one.trial.fit.fitted)
@@ -156,8 +157,15 @@ def _found(one: Fitted, best: Fitted, opened: OpenSlots) -> FoundFormula:
         check=left_out(one) if records > 1 else None,
         passive=passivity(formula, opened),
         valid=tuple(visited(opened, factor.argument.driver) for factor in formula.factors),
-        p_value_after=tests_after(one).p_value,
+        p_value_after=after.p_value,
+        left=_left(after, before.chi2 - one.trial.chi2),
     )
+
+
+def _left(after: Adequacy, explained: float) -> float:
+    """The share of the squared misfit that stays with a formula; 0 where the tests find nothing any more."""
+    excess = 0.0 if after.agrees else max(test.excess for test in after.tests.values())
+    return excess / max(excess + explained, 1e-300)
 
 
 def visited(opened: OpenSlots, driver: Driver) -> tuple[str, float, float, str]:
@@ -229,6 +237,13 @@ def _statement(found: Discovery) -> str:
     if others:
         more = f" (and at {len(others) - _RIVALS} more places)" if len(others) > _RIVALS else ""
         text += f". The place is not sure: a term at {', or '.join(others[:_RIVALS])}{more} explains as much"
+    if first.left > STAND_IN:
+        over = " and ".join(row[0] for row in first.valid)
+        return (
+            f"Something is missing, and no formula is it: the nearest of {found.tried} acts at {first.slot} "
+            f"over {over} and leaves {share_text(first.left)} of the misfit. What is missing may go with the "
+            "time or with what is not recorded, or act at several places"
+        )
     if not first.accepted:
         text += ". It does not predict the conditions left out, and is not to be relied on"
     if first.p_value_after < ALPHA:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.levels import LEAST_DIFFERENCE
+from rigctl.analysis.levels import LEAST_DIFFERENCE, STAND_IN
+from rigctl.analysis.remainder import share_text
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier
 from rigctl.discovery.gate import Gate
@@ -55,6 +56,7 @@ class FoundFormula:
     passive: ``takes energy out``, ``puts energy in``, ``takes and puts energy``, "" where that says nothing.
     valid: (variable, lowest, highest, unit) that the data visit, SI.
     p_value_after: that the model with it agrees with the data.
+    left: the share of the squared misfit that stays with it.
     file: the effect file, where it was written.
     """
 
@@ -67,6 +69,7 @@ class FoundFormula:
     passive: str
     valid: tuple[tuple[str, float, float, str], ...]
     p_value_after: float
+    left: float
     file: Path | None = None
 
     @property
@@ -86,8 +89,21 @@ class FoundFormula:
 
     @property
     def accepted(self) -> bool:
-        """Whether it predicts what it was not fitted to; without a second record nothing can be left out."""
-        return self.check is not None and self.check.passed
+        """Whether it predicts what it was not fitted to, and leaves no more of the misfit than the right one
+        may; without a second record nothing can be left out.
+        """
+        return not self.doubt
+
+    @property
+    def doubt(self) -> str:
+        """Why it is not accepted; "" where it is."""
+        if self.check is None:
+            return "there is no second record"
+        if not self.check.passed:
+            return "it does not predict conditions left out"
+        if self.left > STAND_IN:
+            return f"it leaves {share_text(self.left)} of the misfit, and only stands in for what is missing"
+        return ""
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -109,6 +125,7 @@ class FoundFormula:
             "heldout_after": None if check is None else _finite(check.after),
             "folds": 0 if check is None else check.folds,
             "p_value_after": self.p_value_after,
+            "share_left": self.left,
             "passive": self.passive,
             "valid": [
                 {"over": name, "low": low, "high": high, "unit": unit} for name, low, high, unit in self.valid
