@@ -87,7 +87,7 @@ def test_the_gains_of_all_pairs_are_those_of_dense_algebra() -> None:
     y = readings_of(design, {"beta": 7.0, "zeta": 9.0}, design.drawn_noise(rng))
     before = compared(design, y)
     found = {
-        tuple(sorted(before.linearisation.candidates[k].name for k in pair.places)): pair.gain
+        tuple(sorted(before.linearisation.candidates[k].name for k in pair.candidates)): pair.gain
         for pair in pair_gains(before.projected)
     }
     assert len(found) == 15

@@ -55,7 +55,7 @@ def test_shapes_of_one_pair_do_not_crowd_out_another() -> None:
         (np.empty((0, 0)), np.empty(0)),
     )
     found = pair_gains(project(lin))
-    names = [{candidates[place].name for place in pair.places} for pair in found]
+    names = [{candidates[place].name for place in pair.candidates} for pair in found]
     assert names == [
         {"wall_heat_capacity", "piston_leakage"},
         {"wall_heat_capacity", "constant_load"},

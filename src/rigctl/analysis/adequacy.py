@@ -115,7 +115,7 @@ def plane_test(projected: Projected) -> Test:
     With M the regressors in whitened rows, ``χ² = r̃ᵀM̃(M̃ᵀM̃)⁺M̃ᵀr̃``, M̃ = (I − P_J)M.
     """
     lin = projected.linearisation
-    columns = np.vstack([_outer(lin.records[k].regions, lin.regions.plane(k)) for k in projected.places])
+    columns = np.vstack([_outer(lin.records[k].regions, lin.regions.plane(k)) for k in projected.records])
     left = projected.project(columns)
     lengths = np.linalg.norm(left, axis=0)
     whole = np.linalg.norm(columns, axis=0)
@@ -143,7 +143,7 @@ def chi2_test(projected: Projected) -> Test:
     extra = 0.0
     problem = lin.fit.problem.only(lin.fit.fitted)
     for c, channel in enumerate(problem.noise.channels):
-        count = sum(int(problem.ok[k][:, c].sum()) for k in projected.places)
+        count = sum(int(problem.ok[k][:, c].sum()) for k in projected.records)
         if channel.degrees:  # count·F(count, degrees) has this variance beyond that of χ²(count)
             extra += 2.0 * count**2 / channel.degrees
     spread = math.sqrt(2.0 * dof + extra)

@@ -291,8 +291,8 @@ def _posterior(
     covariance = np.linalg.pinv(matrix, hermitian=True)
     mean = covariance @ ((joint / scale).T @ (rows.residual / math.sqrt(noise)))
     acts = np.zeros((x.size, scale.size))
-    for place, name in enumerate(rows.names):
-        acts[:, place] = term.slope(name, x)
+    for index, name in enumerate(rows.names):
+        acts[:, index] = term.slope(name, x)
     # what bends the term: the splines' amplitudes are L·a, a = width·(this unknown)
     acts[:, first + np.flatnonzero(own)] = assumed[:, None] * (_basis(bend, x) @ bend.root) * width
     acts = acts / scale

@@ -171,7 +171,7 @@ def _statement(
             f"{name} agrees with the measurements within their noise (p = {p:.2g}): "
             "these data show nothing that it lacks"
         )
-    cells = [place for place in where if place.by == "cell"]
+    cells = [index for index in where if index.by == "cell"]
     text = f"{name} does not agree with the measurements ({chance_text(p)})"
     if cells:
         worst = cells[0]

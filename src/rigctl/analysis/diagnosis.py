@@ -345,10 +345,10 @@ def _score_beside(search: Search, best: RefittedSet, name: str) -> Score:
     projected = search.at(best).without(member)
     columns = range(len(member.columns))
     gain = search.explained(best, member)
-    places = {one.name: k for k, one in enumerate(search.before.linearisation.candidates)}
+    indices = {one.name: k for k, one in enumerate(search.before.linearisation.candidates)}
     return Score(
         effect=name,
-        candidate=places[name],
+        candidate=indices[name],
         gain=gain,
         z=math.sqrt(gain),
         p_value=1.0,  # on the model as it is
@@ -492,9 +492,9 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
         own = [slopes.own[k][qualified(RECORD, name)] for name in inner.records[k].unrecorded]
         white = whitener(slopes.signatures[k])
         basis = np.linalg.qr(whitener(np.stack(own, axis=2)))[0] if own else np.empty((len(white), 0))
-        for place, columns in enumerate(np.split(white, ends, axis=1)):
-            whole[place] += float(np.square(columns).sum())
-            taken[place] += float(np.square(basis.T @ columns).sum())
+        for index, columns in enumerate(np.split(white, ends, axis=1)):
+            whole[index] += float(np.square(columns).sum())
+            taken[index] += float(np.square(basis.T @ columns).sum())
     names = " and ".join(inputs)
     needs = f"a record of {names}: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do nearly the same"
     return [

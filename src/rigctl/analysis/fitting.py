@@ -73,11 +73,11 @@ def read_runs(
     units = variable_units(measurements)
     choice = Choice(hold_out or "", only or "", assumed_when_opened(runs))
     if only:
-        places = chosen(measurements, only, units)
-        others = sorted(set(range(len(measurements.records))) - set(places))
+        indices = chosen(measurements, only, units)
+        others = sorted(set(range(len(measurements.records))) - set(indices))
         rest = (measurements.only(others), noise.only(others)) if others else None
         choice = replace(choice, rest=rest)
-        measurements, noise = measurements.only(places), noise.only(places)
+        measurements, noise = measurements.only(indices), noise.only(indices)
     return Data(measurements, noise, held_out(measurements, hold_out, units, only), choice)
 
 
@@ -153,7 +153,7 @@ def fit_problem(
 
 
 def _spikes_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
-    errors = [found.normalised_error(place) for place in range(len(found.problem.records))]
+    errors = [found.normalised_error(index) for index in range(len(found.problem.records))]
     return with_spikes_off_model(noise, found.problem.measurements, errors)
 
 

@@ -175,8 +175,8 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
         follows = abs(float(np.corrcoef(values[good], stretch.by_record[good])[0, 1]))
         if follows > best + _BETTER * bool(said):
             best = follows
-            places = np.flatnonzero(good)
-            low, high = (places[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
+            indices = np.flatnonzero(good)
+            low, high = (indices[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
             if abs(stretch.by_record[high] - stretch.by_record[low]) < _CHANGES * abs(stretch.peak):
                 continue
             ends = (

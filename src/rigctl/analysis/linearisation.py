@@ -174,9 +174,9 @@ class Linearisation:
     prior: tuple[Floats, Floats] = field(repr=False)
     shapes: tuple[str, ...] = ()
 
-    def columns_of(self, place: int) -> slice:
+    def columns_of(self, index: int) -> slice:
         """The columns of S that belong to a candidate."""
-        return slice(self.starts[place], self.starts[place] + len(self.candidates[place].columns))
+        return slice(self.starts[index], self.starts[index] + len(self.candidates[index].columns))
 
     def rearranged(
         self, fitted: Sequence[int], kept: Sequence[int], tolerance: float = 0.0, *, shaped: bool = False
@@ -187,9 +187,9 @@ class Linearisation:
         of which `tolerance` is the standard deviation; at 0 they are left out, or stay with `shaped`.
         """
         moved = [
-            (self.starts[place] + k, name)
-            for place in fitted
-            for k, name in enumerate(self.candidates[place].columns)
+            (self.starts[index] + k, name)
+            for index in fitted
+            for k, name in enumerate(self.candidates[index].columns)
             if name not in self.fit.at_bound
         ]
         bent = self.shapes if tolerance > 0.0 else ()
@@ -197,11 +197,11 @@ class Linearisation:
         joined = [*(column for column, _ in moved), *shapes]
         scale = np.array([*np.ones(len(moved)), *np.full(len(bent), tolerance)])
         columns = [
-            column for place in kept for column in range(*self.columns_of(place).indices(self.sizes.size))
+            column for index in kept for column in range(*self.columns_of(index).indices(self.sizes.size))
         ]
         if shaped:
             columns += range(self.sizes.size - len(self.shapes), self.sizes.size)
-        chosen = tuple(self.candidates[place] for place in kept)
+        chosen = tuple(self.candidates[index] for index in kept)
         starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
         weight, residual = self.prior
         priors = np.diag([*np.zeros(len(moved)), *np.ones(len(shapes))])
@@ -244,7 +244,7 @@ def linearise(
     """
     chosen = tuple(candidates(fit.problem.model) if tried is None else tried)
     free = free_unknowns(fit)
-    places = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
+    indices = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
     names = [unknown.name for unknown in free]
     regions = make_regions(inner)
@@ -256,7 +256,7 @@ def linearise(
         _Triangles,
         lambda: _triangles(inner, fit, names, chosen, regions, shapes[1]),
     )
-    residual, weight = prior_rows(free, fit.values[[places[unknown.name] for unknown in free]])
+    residual, weight = prior_rows(free, fit.values[[indices[unknown.name] for unknown in free]])
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
     return Linearisation(
         fit=fit,
@@ -293,11 +293,11 @@ def _triangles(
     for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size):
         some, own = inner.only(part), [local[k] for k in part]
         slopes = slopes_at(some, fit, names, chosen, own)
-        for place, k in enumerate(part):
+        for index, k in enumerate(part):
             if bends:
-                slopes.signatures[place] = np.concatenate([slopes.signatures[place], shapes[k]], axis=2)
+                slopes.signatures[index] = np.concatenate([slopes.signatures[index], shapes[k]], axis=2)
             columns = regions.of_record(k, inner.whiteners[k].rows)
-            triangle, more = _record(some, place, slopes, columns, own[place], fit.outputs[fit.fitted[k]])
+            triangle, more = _record(some, index, slopes, columns, own[index], fit.outputs[fit.fitted[k]])
             squares += more
             triangles.append(triangle)
     return _Triangles(tuple(triangles), squares)
@@ -350,13 +350,13 @@ def slopes_at(
 
 def base_at(problem: Problem, fit: FitResult) -> Floats:
     """The superset's parameters at the fitted point; what the fitted system does not have is at its null."""
-    places = {name: k for k, name in enumerate(problem.compiled.system.parameter_names)}
+    indices = {name: k for k, name in enumerate(problem.compiled.system.parameter_names)}
     base = problem.base.copy()
     for name, value in zip(fit.problem.compiled.system.parameter_names, fit.problem.base, strict=True):
-        if name in places:
-            base[places[name]] = value
+        if name in indices:
+            base[indices[name]] = value
     for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
-        base[places[unknown.name]] = value
+        base[indices[unknown.name]] = value
     return base
 
 
@@ -366,14 +366,14 @@ def _shaped(
     """Columns at other shapes; candidates whose shapes do not meet share a simulation."""
     names = problem.compiled.system.parameter_names
     rounds: list[dict[int, Candidate]] = []
-    for place, one in enumerate(chosen):
+    for index, one in enumerate(chosen):
         if not one.shapes:
             continue
         home = next((r for r in rounds if all(other.name != one.name for other in r.values())), None)
         if home is None:
             home = {}
             rounds.append(home)
-        home[place] = one
+        home[index] = one
     result: dict[int, list[Floats]] = {}
     for together in rounds:
         moved = base.copy()
@@ -382,9 +382,9 @@ def _shaped(
                 moved[names.index(name)] = value
         columns = [name for one in together.values() for name in one.columns]
         found = problem.with_shared((), moved).simulate(np.empty(0), local, columns).require()
-        for place, one in together.items():
+        for index, one in together.items():
             at = [columns.index(name) for name in one.columns]
-            result[place] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in found.sensitivities]
+            result[index] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in found.sensitivities]
     return result
 
 
@@ -401,7 +401,7 @@ def _sized(
     """
     names = problem.compiled.system.parameter_names
     result: dict[int, list[Floats]] = {}
-    for place, one in enumerate(chosen):
+    for index, one in enumerate(chosen):
         if not one.sizes:
             continue
         moved = base.copy()
@@ -410,13 +410,13 @@ def _sized(
         rest = [name for name in one.columns if name not in one.sizes]
         found = problem.with_shared((), moved).simulate(np.empty(0), local, rest).require()
         steps = {name: value - base[names.index(name)] for name, value in one.sizes.items()}
-        result[place] = []
+        result[index] = []
         for k, before in enumerate(here):
             columns = {name: found.sensitivities[k][:, :, i] for i, name in enumerate(rest)}
             for name, step in steps.items():
                 columns[name] = (found.outputs[k] - before) / step if step else np.zeros_like(before)
             seen = [np.take(columns[name], problem.channels, axis=1) for name in one.columns]
-            result[place].append(np.stack(seen, axis=2))
+            result[index].append(np.stack(seen, axis=2))
     return result
 
 

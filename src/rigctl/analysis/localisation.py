@@ -97,7 +97,7 @@ def cell_map(projected: Projected, seed: int = 0) -> CellMap:
     lin = projected.linearisation
     sums, couplings, squares = [], [], []
     row = 0
-    for k in projected.places:
+    for k in projected.records:
         regions = lin.records[k].regions
         rows = slice(row, row + regions.shape[0])
         row = rows.stop

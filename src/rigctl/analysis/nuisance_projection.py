@@ -50,7 +50,7 @@ class Projected:
     """
 
     linearisation: Linearisation = field(repr=False)
-    places: tuple[int, ...]
+    records: tuple[int, ...]
     residual: Floats
     signatures: Floats
     lengths: Floats
@@ -99,9 +99,9 @@ def _guessed_degrees(fit: FitResult) -> int:
     return min(counted.values())
 
 
-def project(linearisation: Linearisation, places: Sequence[int] | None = None) -> Projected:
-    """Project the shared unknowns off, over all fitted records or those at `places` among them."""
-    chosen = tuple(range(len(linearisation.records))) if places is None else tuple(places)
+def project(linearisation: Linearisation, indices: Sequence[int] | None = None) -> Projected:
+    """Project the shared unknowns off, over all fitted records or those at `indices` among them."""
+    chosen = tuple(range(len(linearisation.records))) if indices is None else tuple(indices)
     records = [linearisation.records[k] for k in chosen]
     weight, prior = linearisation.prior
     nuisance = np.vstack([*(one.nuisance for one in records), weight])
@@ -116,7 +116,7 @@ def project(linearisation: Linearisation, places: Sequence[int] | None = None) -
         moved = np.zeros_like(moved)
     return Projected(
         linearisation=linearisation,
-        places=chosen,
+        records=chosen,
         residual=residual - moved,
         signatures=left_over,
         lengths=norms,

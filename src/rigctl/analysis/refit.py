@@ -116,9 +116,9 @@ def _begun_there(fitted: FitResult, changed: dict[str, Unknown]) -> list[Unknown
 def _meeting(fitted: FitResult, lower: str, upper: str) -> float:
     assert fitted.solution is not None  # noqa: S101 - an effect's parameters are free in a trial
     names = [unknown.name for unknown in fitted.problem.shared]
-    places = [names.index(lower), names.index(upper)]
-    values = fitted.values[places]
-    covariance = fitted.solution.covariance[np.ix_(places, places)]
+    indices = [names.index(lower), names.index(upper)]
+    values = fitted.values[indices]
+    covariance = fitted.solution.covariance[np.ix_(indices, indices)]
     if not np.isfinite(covariance).all() or not np.all(np.diag(covariance) > 0.0):
         return float(values.mean())
     weights = np.linalg.pinv(covariance, hermitian=True).sum(axis=0)

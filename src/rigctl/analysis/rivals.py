@@ -111,21 +111,21 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
         explained = search.explained(best, member)
         for trial, cos, d in tried:
             # the refits also know sizes that physics does not allow, and tell it up to chance
-            told = max(d, _by_refit(trial, best) - REFIT_SCATTER)
+            distance = max(d, _by_refit(trial, best) - REFIT_SCATTER)
             share = (trial.chi2 - best.chi2) / max(explained, 1e-12)
             difference = search.mbic(trial) - search.mbic(best)
             if difference >= LEAST_DIFFERENCE and share < BENDS:
                 difference = min(difference, search.evidence(trial) - search.evidence(best))
             if search.left(best) > 0.0 and difference < STAND_IN * explained:
                 # neither is right, and the noise no longer tells the chance of a difference
-                told = min(told, consistent_gain(best.fit, trial.fit, len(tried)))
+                distance = min(distance, consistent_gain(best.fit, trial.fit, len(tried)))
             found += [
                 Rival(
                     member.name,
                     other,
                     trial,
                     cos,
-                    told,
+                    distance,
                     difference,
                     where_they_differ(search.none.fit, best.fit, trial.fit),
                     share=share,
@@ -201,11 +201,11 @@ def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
         return []
     cos = cosine(search.before.projected, lin.candidates.index(member), lin.candidates.index(other))
     difference = search.mbic(trial) - search.mbic(best)
-    told = _by_refit(trial, best)
+    distance = _by_refit(trial, best)
     differs = where_they_differ(search.none.fit, best.fit, trial.fit)
     share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
     unusual = trial.unusual.get(other.name, "")
-    rival = Rival(member.name, other.name, trial, cos, told, difference, differs, share, unusual)
+    rival = Rival(member.name, other.name, trial, cos, distance, difference, differs, share, unusual)
     return [rival] if rival.separable else []
 
 
@@ -289,8 +289,8 @@ def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Diff
     if not any(squares.values()):
         return None
     best = max(squares, key=lambda key: squares[key])
-    place = max(range(len(changes)), key=lambda place: changes[place].get(best, _NOTHING)[2])
-    k = one.fitted[place]
+    index = max(range(len(changes)), key=lambda index: changes[index].get(best, _NOTHING)[2])
+    k = one.fitted[index]
     measurements = problem.measurements
     unit = parse_unit(measurements.units[best[0]])
     return Differs(
@@ -321,8 +321,8 @@ def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Chang
     first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
     second = np.where(ok, other.outputs[k] - none.outputs[k], 0.0) / sigma
     found = {}
-    for place, phase in enumerate(record.phases):
-        inside = record.phase == place
+    for index, phase in enumerate(record.phases):
+        inside = record.phase == index
         for c in range(first.shape[1]):
             a, b = first[inside, c], second[inside, c]
             found[c, phase] = (float(a @ a), float(b @ b), float((a - b) @ (a - b)))

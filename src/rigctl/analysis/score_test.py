@@ -68,7 +68,7 @@ def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> S
     lin = projected.linearisation
     usable = projected.usable
     tests = _tests(projected)
-    testable = {lin.candidates[place].name for place, _ in tests}
+    testable = {lin.candidates[index].name for index, _ in tests}
     untestable = tuple(name for name in by_effect(lin.candidates) if name not in testable)
     if not tests:
         return Screening((), untestable, 1.0, 0.0)
@@ -78,20 +78,20 @@ def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> S
     z = signatures.T @ projected.residual
     least = null_of_best(projected, seed) if null is None else null
     found = []
-    for place, columns in tests:
-        signs = _signs(projected, place, columns)
+    for index, columns in tests:
+        signs = _signs(projected, index, columns)
         gain, sizes = cone(z[columns][None, :], cosines[np.ix_(columns, columns)], signs)
-        found.append((place, columns, float(gain[0]), float(tail(gain, signs)[0]), sizes[0]))
+        found.append((index, columns, float(gain[0]), float(tail(gain, signs)[0]), sizes[0]))
     scores = [
         _score(
             projected,
-            place,
+            index,
             columns,
             gain,
             _family(p, least, len(found), drawn=projected.noise_degrees > 0),
             sizes * unit[columns],
         )
-        for place, columns, gain, p, sizes in found
+        for index, columns, gain, p, sizes in found
     ]
     best = _best_of_each(scores)
     top = max(best, key=lambda score: (-score.p_value, score.gain))
@@ -109,8 +109,8 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
     cosines = signatures.T @ signatures
     draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
     least = np.ones(len(draws))
-    for place, columns in _tests(projected):
-        signs = _signs(projected, place, columns)
+    for index, columns in _tests(projected):
+        signs = _signs(projected, index, columns)
         square = cosines[np.ix_(columns, columns)]
         np.minimum(least, tail(cone(draws[:, columns], square, signs)[0], signs), out=least)
     least.sort()
@@ -121,10 +121,10 @@ def _tests(projected: Projected) -> list[tuple[int, NDArray[np.intp]]]:
     """Of each candidate that shows at all, its place and its usable columns."""
     lin, usable = projected.linearisation, projected.usable
     found = [
-        (place, np.flatnonzero(usable[lin.columns_of(place)]) + lin.starts[place])
-        for place in range(len(lin.candidates))
+        (index, np.flatnonzero(usable[lin.columns_of(index)]) + lin.starts[index])
+        for index in range(len(lin.candidates))
     ]
-    return [(place, columns) for place, columns in found if columns.size]
+    return [(index, columns) for index, columns in found if columns.size]
 
 
 def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floats]:
@@ -164,9 +164,9 @@ def tail(gain: Floats, signs: Sequence[int]) -> Floats:
     return np.where(gain > 0.0, chance, 1.0)
 
 
-def _signs(projected: Projected, place: int, columns: NDArray[np.intp]) -> list[int]:
+def _signs(projected: Projected, index: int, columns: NDArray[np.intp]) -> list[int]:
     lin = projected.linearisation
-    return [lin.candidates[place].signs[int(column) - lin.starts[place]] for column in columns]
+    return [lin.candidates[index].signs[int(column) - lin.starts[index]] for column in columns]
 
 
 def _draws(cosines: Floats, seed: int) -> Floats:
@@ -200,14 +200,14 @@ def _family(p: float, least: Floats, tests: int, *, drawn: bool = False) -> floa
 
 
 def _score(
-    projected: Projected, place: int, columns: NDArray[np.intp], gain: float, p: float, sizes: Floats
+    projected: Projected, index: int, columns: NDArray[np.intp], gain: float, p: float, sizes: Floats
 ) -> Score:
     lin = projected.linearisation
-    every = np.zeros(len(lin.candidates[place].columns))
-    every[columns - lin.starts[place]] = sizes
+    every = np.zeros(len(lin.candidates[index].columns))
+    every[columns - lin.starts[index]] = sizes
     return Score(
-        effect=lin.candidates[place].name,
-        candidate=place,
+        effect=lin.candidates[index].name,
+        candidate=index,
         gain=gain,
         z=float(np.sqrt(max(gain, 0.0))),
         p_value=p,

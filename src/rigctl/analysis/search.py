@@ -101,7 +101,7 @@ class Point:
         `tolerance`; at 0 they are what the library says."""
         if tolerance not in self._views:
             contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
-            kept = [place for place in self._others if self._name(place) not in contradicted]
+            kept = [index for index in self._others if self._name(index) not in contradicted]
             self._views[tolerance] = View(self._everything.rearranged(self._members, kept, tolerance))
         return self._views[tolerance]
 
@@ -142,23 +142,23 @@ class Point:
 
     def without(self, member: Candidate) -> Projected:
         """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
-        own = self._place(member)
-        rest = [place for place in self._members if place != own]
+        own = self._index(member)
+        rest = [index for index in self._members if index != own]
         return project(self._everything.rearranged(rest, [own, *self._others]))
 
     def held(self, member: Candidate) -> list[Floats]:
         """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
-        place = self._place(member)
-        start, at_bound = self._everything.starts[place], self.trial.fit.at_bound
+        index = self._index(member)
+        start, at_bound = self._everything.starts[index], self.trial.fit.at_bound
         moved = np.where([name in at_bound for name in member.columns], self.trial.sizes(member), 0.0)
         return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
 
-    def _place(self, member: Candidate) -> int:
+    def _index(self, member: Candidate) -> int:
         """Where one of the trial's own effects stands among the candidates."""
         return self.trial.effects.index(member.name)
 
-    def _name(self, place: int) -> str:
-        return self._everything.candidates[place].name
+    def _name(self, index: int) -> str:
+        return self._everything.candidates[index].name
 
     @property
     def _members(self) -> range:
@@ -223,7 +223,7 @@ _SAME = 0.9999
 class PairGain:
     """Two candidates and the fall of χ² that the linear problem expects of them together."""
 
-    places: tuple[int, int]
+    candidates: tuple[int, int]
     gain: float
     parameters: int
     sizes: dict[str, float]
@@ -238,18 +238,18 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
     cosines = signatures.T @ signatures
     z = signatures.T @ projected.residual
     columns = {
-        place: np.flatnonzero(usable[lin.columns_of(place)]) + lin.starts[place]
-        for place in range(len(lin.candidates))
+        index: np.flatnonzero(usable[lin.columns_of(index)]) + lin.starts[index]
+        for index in range(len(lin.candidates))
     }
     found = []
-    for one, other in combinations([place for place, own in columns.items() if own.size], 2):
+    for one, other in combinations([index for index, own in columns.items() if own.size], 2):
         if lin.candidates[one].name == lin.candidates[other].name or _contradict(projected, one, other):
             continue
         both = np.concatenate([columns[one], columns[other]])
         square = cosines[np.ix_(both, both)]
         if np.abs(square - np.eye(both.size)).max() > _SAME:
             continue
-        signs = [_sign(projected, place, int(c)) for place in (one, other) for c in columns[place]]
+        signs = [_sign(projected, index, int(c)) for index in (one, other) for c in columns[index]]
         gain, sizes = cone(z[both][None, :], square, signs)
         used = int(np.count_nonzero(sizes[0]))
         named = {
@@ -258,24 +258,24 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
         found.append(PairGain((one, other), float(gain[0]), used, named))
     best: dict[frozenset[str], PairGain] = {}
     for pair in sorted(found, key=lambda pair: -pair.gain):
-        best.setdefault(frozenset(lin.candidates[place].name for place in pair.places), pair)
+        best.setdefault(frozenset(lin.candidates[index].name for index in pair.candidates), pair)
     return tuple(best.values())
 
 
 def _contradict(projected: Projected, one: int, other: int) -> bool:
-    first, second = (projected.linearisation.candidates[place].effect for place in (one, other))
+    first, second = (projected.linearisation.candidates[index].effect for index in (one, other))
     return second.name in first.instead_of or first.name in second.instead_of
 
 
-def _sign(projected: Projected, place: int, column: int) -> int:
+def _sign(projected: Projected, index: int, column: int) -> int:
     lin = projected.linearisation
-    return lin.candidates[place].signs[column - lin.starts[place]]
+    return lin.candidates[index].signs[column - lin.starts[index]]
 
 
 def _name(projected: Projected, column: int) -> str:
     lin = projected.linearisation
-    place = max(k for k, start in enumerate(lin.starts) if start <= column)
-    return lin.candidates[place].columns[column - lin.starts[place]]
+    index = max(k for k, start in enumerate(lin.starts) if start <= column)
+    return lin.candidates[index].columns[column - lin.starts[index]]
 
 
 #: told what is being done
@@ -485,12 +485,12 @@ class Search:
         close: dict[str, tuple[float, Candidate, float]] = {}
         silent = set(self.before.screening.untestable)
         look = projected.linearisation
-        for place, candidate in enumerate(look.candidates):
-            if candidate.name == member.name or not projected.usable[look.columns_of(place)].any():
+        for index, candidate in enumerate(look.candidates):
+            if candidate.name == member.name or not projected.usable[look.columns_of(index)].any():
                 continue
             if candidate.name in silent:  # these data do not show it on the model as it is
                 continue
-            cos = cosine(projected, 0, place)
+            cos = cosine(projected, 0, index)
             d = separation(size, cos)
             held = close.get(candidate.name)
             if held is None or cos > held[0]:
@@ -584,7 +584,8 @@ class Search:
         lin = self.start.linearisation
         promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
-            (pair.gain, [lin.candidates[k] for k in pair.places]) for pair in pair_gains(self.start.projected)
+            (pair.gain, [lin.candidates[k] for k in pair.candidates])
+            for pair in pair_gains(self.start.projected)
         ]
         better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + WORTH]
         own = set(best.effects)
@@ -609,7 +610,7 @@ class Search:
         reached = max(self.none.chi2 - best.chi2, linear)
         tried = [best]
         for pair in pair_gains(self.start.projected):
-            chosen = [candidates[place] for place in pair.places]
+            chosen = [candidates[index] for index in pair.candidates]
             if pair.gain < reached + min(self.price(one) for one in chosen) or len(tried) > _PAIRS:
                 break
             if best.effects[0] in {one.name for one in chosen}:

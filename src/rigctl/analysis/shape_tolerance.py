@@ -178,9 +178,9 @@ def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats 
     inner: list[float] = []
     shares = np.arange(1, functions - 3) / (functions - 3)
     apart = min(_APART, 0.2 / functions) * (high - low)
-    for place, value in enumerate(np.quantile(values, shares).tolist()):
+    for index, value in enumerate(np.quantile(values, shares).tolist()):
         before = inner[-1] if inner else low
-        left = (functions - 4 - place) * apart
+        left = (functions - 4 - index) * apart
         inner.append(min(max(value, before + apart), high - left))
     return knots_over(low, high, functions, inner)
 

@@ -71,7 +71,7 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
         a derivative is not a finite number.
     """
     shared = free_unknowns(fit)
-    places = {unknown.name: place for place, unknown in enumerate(fit.problem.shared)}
+    indices = {unknown.name: index for index, unknown in enumerate(fit.problem.shared)}
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, [unknown.name for unknown in shared], (), local)
     whole, dof = [], 0
@@ -90,7 +90,7 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
             matrix[-1, -1] += prior @ prior
         whole.append(matrix - taken.T @ taken)
         dof += whitener.size + int((weight > 0.0).sum()) - record_local.shape[1]
-    prior, weight = prior_rows(shared, fit.values[[places[unknown.name] for unknown in shared]])
+    prior, weight = prior_rows(shared, fit.values[[indices[unknown.name] for unknown in shared]])
     return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, dof)
 
 
@@ -206,20 +206,20 @@ def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotE
 
 def some_records(fit: FitResult, *, samples: int = _MOST_SAMPLES) -> FitResult:
     """The fitted records; of many of them some, of long ones some samples, drawn once and for all."""
-    places = np.array(fit.fitted)
-    if places.size > _MOST_RECORDS:
+    indices = np.array(fit.fitted)
+    if indices.size > _MOST_RECORDS:
         draw = np.random.Generator(np.random.PCG64(0))
-        places = np.sort(draw.choice(places, _MOST_RECORDS, replace=False))
+        indices = np.sort(draw.choice(indices, _MOST_RECORDS, replace=False))
     chosen = [
         np.arange(0, size, -(-size // samples), dtype=np.intp)
-        for size in (fit.problem.records[place].times.size for place in places)
+        for size in (fit.problem.records[index].times.size for index in indices)
     ]
     return replace(
         fit,
-        problem=fit.problem.only(places.tolist()).at_samples(chosen),
-        fitted=tuple(range(places.size)),
-        local=tuple(fit.local[place] for place in places),
-        outputs=tuple(fit.outputs[place][at] for place, at in zip(places, chosen, strict=True)),
+        problem=fit.problem.only(indices.tolist()).at_samples(chosen),
+        fitted=tuple(range(indices.size)),
+        local=tuple(fit.local[index] for index in indices),
+        outputs=tuple(fit.outputs[index][at] for index, at in zip(indices, chosen, strict=True)),
     )
 
 
@@ -264,10 +264,10 @@ def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Comp
 
     None when no reading shows it.
     """
-    places = np.concatenate([np.arange(part.columns.start, part.columns.stop) for part in parts])
-    square = normals.square[:, places[:, None], places[None, :]]
+    indices = np.concatenate([np.arange(part.columns.start, part.columns.stop) for part in parts])
+    square = normals.square[:, indices[:, None], indices[None, :]]
     total = square.sum(axis=0)
-    root = np.zeros((places.size, places.size))
+    root = np.zeros((indices.size, indices.size))
     first = 0
     for part in parts:
         last = first + part.columns.stop - part.columns.start
@@ -282,8 +282,8 @@ def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Comp
     return (
         Component(
             root.T @ square @ root,
-            root.T @ normals.cross[:, places],
-            normals.gradient[:, places] @ root,
+            root.T @ normals.cross[:, indices],
+            normals.gradient[:, indices] @ root,
         ),
         root,
     )
@@ -354,8 +354,8 @@ def _when(found: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
         courses = [_course(found, columns.courses[k], slot, k) for k in range(len(problem.records))]
         mean = float(np.mean(np.concatenate(courses) ** 2)) or 1.0
         for record, course in zip(problem.records, courses, strict=True):
-            for place, name in enumerate(record.phases):
-                inside = course[record.phase == place]
+            for index, name in enumerate(record.phases):
+                inside = course[record.phase == index]
                 if inside.size:
                     squares.setdefault(name, []).append(float(np.mean(inside**2)) / mean)
     return max(squares, key=lambda name: float(np.mean(squares[name])))

@@ -212,8 +212,8 @@ def _active(pattern: Pattern, columns: Integers) -> Integers:
     """(place, row, column) of the entries of a packed ∂/∂q that the columns ask for."""
     column_of = {int(parameter): column for column, parameter in enumerate(columns)}
     entries = [
-        (place, row, column_of[parameter])
-        for place, (row, parameter) in enumerate(pattern)
+        (index, row, column_of[parameter])
+        for index, (row, parameter) in enumerate(pattern)
         if parameter in column_of
     ]
     return np.array(entries, dtype=np.int64).reshape(-1, 3)

@@ -68,7 +68,7 @@ class Source:
 
 def source_of(system: System) -> Source:
     """The straight-line code of `system`."""
-    places = {
+    indices = {
         **_places("y", system.state_names),
         **_places("u", system.input_names),
         **_places("q", system.parameter_names),
@@ -85,14 +85,14 @@ def source_of(system: System) -> Source:
         values = [("value", row, expr) for row, expr in enumerate(exprs)]
         jacobian = _jacobian(system, exprs)
         pattern, packed = _packed(system, exprs)
-        functions.append(_function(kind, values, places))
+        functions.append(_function(kind, values, indices))
         if kind == "rhs":
-            functions.append(_function("rhs_jacobian", values + jacobian, places))
-        functions.append(_function(f"{kind}_tangent", values + jacobian + packed, places))
+            functions.append(_function("rhs_jacobian", values + jacobian, indices))
+        functions.append(_function(f"{kind}_tangent", values + jacobian + packed, indices))
         patterns.append(pattern)
         if kind == "rhs":
             n = len(system.states)
-            entries = [divmod(place, n) for _, place, _ in jacobian]
+            entries = [divmod(index, n) for _, index, _ in jacobian]
             solving = elimination.elimination(n, entries)
     functions.append(solving)
     return Source("".join(functions), *patterns)
@@ -131,20 +131,20 @@ def _packed(system: System, exprs: Sequence[Expr]) -> tuple[Pattern, list[Store]
     return tuple(pattern), stores
 
 
-def _function(name: str, stores: Sequence[Store], places: Mapping[str, tuple[str, int]]) -> str:
+def _function(name: str, stores: Sequence[Store], indices: Mapping[str, tuple[str, int]]) -> str:
     lines = [f"function {name} {' '.join(ARGUMENTS[name])}"]
     numbers: dict[int, int] = {}
     if stores:
         for number, node in enumerate(stores[0][2].graph.reachable([expr for _, _, expr in stores])):
             numbers[node.index] = number
-            lines.append(f"{number} {_operation(node, numbers, places)}")
+            lines.append(f"{number} {_operation(node, numbers, indices)}")
     lines += [f"store {array} {index} {numbers[expr.index]}" for array, index, expr in stores]
     return "\n".join([*lines, "end\n"])
 
 
-def _operation(node: Expr, numbers: Mapping[int, int], places: Mapping[str, tuple[str, int]]) -> str:
+def _operation(node: Expr, numbers: Mapping[int, int], indices: Mapping[str, tuple[str, int]]) -> str:
     if node.op == "variable":
-        array, index = places[node.name]
+        array, index = indices[node.name]
         return f"load {array} {index}"
     if node.op == "constant":
         return f"constant {float(node.value)!r}"

@@ -76,7 +76,7 @@ class SplineColumns:
         elif any(not np.all(np.diff(one.knots) > 0.0) for one in self.arguments):
             problem = "the knots do not rise"
         else:
-            asked = [place for one in self.columns for place in (one.first, one.second) if place is not None]
+            asked = [index for one in self.columns for index in (one.first, one.second) if index is not None]
             if any(not (0 <= a < len(self.arguments) and 0 <= k < self.functions) for a, k in asked):
                 problem = "a column asks for a function that there is not"
         if problem:
@@ -91,11 +91,11 @@ class SplineColumns:
         """(arguments, states + inputs), as the kernels take them."""
         names = [*system.state_names, *system.input_names]
         found = np.zeros((len(self.arguments), len(names)))
-        for place, argument in enumerate(self.arguments):
+        for index, argument in enumerate(self.arguments):
             for name, weight in argument.weights.items():
                 if name not in names:
                     raise unknown_name("state or input of a spline", name, names)
-                found[place, names.index(name)] = weight
+                found[index, names.index(name)] = weight
         return found
 
     def knots(self) -> Floats:
@@ -106,9 +106,9 @@ class SplineColumns:
 
     def active(self, pattern: Pattern, system: System, first: int) -> tuple[Integers, Floats]:
         """(entries, 5) and (entries): what of a packed ∂/∂q the columns from `first` on use, and factors."""
-        places: dict[int, list[tuple[int, int]]] = {}
-        for place, (row, parameter) in enumerate(pattern):
-            places.setdefault(parameter, []).append((place, row))
+        indices: dict[int, list[tuple[int, int]]] = {}
+        for index, (row, parameter) in enumerate(pattern):
+            indices.setdefault(parameter, []).append((index, row))
         known = system.parameter_names
         entries: list[tuple[int, ...]] = []
         scales: list[float] = []
@@ -118,8 +118,8 @@ class SplineColumns:
             for name, scale in one.parameters.items():
                 if name not in known:
                     raise unknown_name("parameter that carries a term", name, known)
-                for place, row in places.get(known.index(name), ()):
-                    entries.append((place, row, first + column, function, second))
+                for index, row in indices.get(known.index(name), ()):
+                    entries.append((index, row, first + column, function, second))
                     scales.append(scale)
         return np.array(entries, dtype=np.int64).reshape(-1, 5), np.array(scales, dtype=np.float64)
 

@@ -156,10 +156,10 @@ class Stepper:
                 "a bench cannot go back in time", value=f"{to_time:g} s", expected=f"{self.time:g} s or later"
             )
         while self._scheduled and self._scheduled[0][0] <= to_time:
-            moment, _, place, value = self._scheduled.pop(0)
+            moment, _, index, value = self._scheduled.pop(0)
             if moment > self._carried[_TIME]:
                 self._advance(moment)
-            self._commanded[place] = value
+            self._commanded[index] = value
         self._advance(to_time)
 
     def _advance(self, target: float) -> None:

@@ -89,8 +89,8 @@ class Trajectories:
         RigctlError
             there is no such output.
         """
-        place = _place("output", name, self.output_names)
-        return tuple(outputs[:, place] for outputs in self.outputs)
+        index = _place("output", name, self.output_names)
+        return tuple(outputs[:, index] for outputs in self.outputs)
 
     def sensitivity(self, output: str, column: str) -> tuple[Floats, ...]:
         """``∂(output)/∂(column)`` of every record, (samples) each.
@@ -100,8 +100,8 @@ class Trajectories:
         RigctlError
             there is no such output, or the column was not asked for.
         """
-        place, c = _place("output", output, self.output_names), _place("column", column, self.columns)
-        return tuple(sensitivities[:, place, c] for sensitivities in self.sensitivities)
+        index, c = _place("output", output, self.output_names), _place("column", column, self.columns)
+        return tuple(sensitivities[:, index, c] for sensitivities in self.sensitivities)
 
     def summary(self) -> str:
         """One paragraph: how much was simulated, the work, and every failure."""

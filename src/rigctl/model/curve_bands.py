@@ -109,7 +109,7 @@ def _of_effect(fit: FitResult, effect: str) -> list[CurveBand]:
         zip(problem.measurements.outputs, problem.measurements.units, strict=True)
     ):
         widths = tuple(one[:, c] for one in half)
-        k = max(range(len(widths)), key=lambda place: float(widths[place].max(initial=0.0)))
+        k = max(range(len(widths)), key=lambda index: float(widths[index].max(initial=0.0)))
         record, row = problem.records[k], int(np.argmax(widths[k]))
         if widths[k][row] > 0.0:
             noise = float(np.nanmedian(problem.sigma[k][:, c]))

@@ -90,7 +90,7 @@ def departures(fit: FitResult) -> tuple[Departure, ...]:
     found = problem.simulate(fit.values, fit.local)
     if not found.ok:
         return ()
-    every = [_known(fit, place, states) for place, states in enumerate(found.states)]
+    every = [_known(fit, index, states) for index, states in enumerate(found.states)]
     worst = [
         _worst(fit, effect, side, [quantity(side, problem.model.family, effects, one, rig) for one in every])
         for effect in effects
@@ -143,15 +143,15 @@ def quantity(
         return np.asarray(side.formula(scope), dtype=float)
 
 
-def _known(fit: FitResult, place: int, states: Floats) -> dict[str, Scalar]:
+def _known(fit: FitResult, index: int, states: Floats) -> dict[str, Scalar]:
     """Every variable of the equations along a record, as it was fitted."""
-    problem, record = fit.problem, fit.problem.records[place]
+    problem, record = fit.problem, fit.problem.records[index]
     system = problem.compiled.system
     known: dict[str, Any] = {parameter.name: parameter.value for parameter in problem.model.family.parameters}
     known |= problem.model.values
     known |= dict(zip(system.parameter_names, problem.base.tolist(), strict=True))
     known |= {one.name: float(value) for one, value in zip(problem.shared, fit.values, strict=True)}
-    for one, value in zip(problem.local[place], fit.local[place], strict=True):
+    for one, value in zip(problem.local[index], fit.local[index], strict=True):
         if one.kind == "parameter":
             known[one.name] = known.get(one.name, 0.0) + float(value)
     known |= {name: states[:, k] for k, name in enumerate(system.state_names)}
@@ -174,7 +174,7 @@ def _worst(fit: FitResult, effect: Effect, side: ValidRange, courses: Sequence[F
     where = [k for k, one in enumerate(outside) if one.any()]
     if not where:
         return None
-    k = max(where, key=lambda place: float(beyond[place].max()))
+    k = max(where, key=lambda index: float(beyond[index].max()))
     at = int(np.argmax(beyond[k]))
     return Departure(
         effect=effect.name,

@@ -159,11 +159,11 @@ def _windows(
     left: Sequence[LeftOver], channel: int, order: int, known: Sequence[Floats] | None
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """(windows, order + 1) errors, levels and known σ of each stretch of readings inside a phase."""
-    for place, one in enumerate(left):
+    for index, one in enumerate(left):
         if one.phase.size <= order:
             continue
         columns = one.errors[:, channel], one.levels[:, channel]
-        sigma = np.ones(one.phase.size) if known is None else known[place]
+        sigma = np.ones(one.phase.size) if known is None else known[index]
         rows = [np.lib.stride_tricks.sliding_window_view(x, order + 1) for x in (*columns, sigma)]
         good = np.isfinite(rows[0]).all(axis=1) & (one.phase[order:] == one.phase[:-order])
         yield rows[0][good], rows[1][good], rows[2][good]

@@ -102,14 +102,14 @@ def find_spikes_in_records(
     """
     masks = _guarded_as_needed(records, local, off_model)
     counts: dict[tuple[int, int, int], int] = {}
-    places = [_places(record, mask) for record, mask in zip(records, masks, strict=True)]
-    for place in places:
-        for key, _ in place:
+    indices = [_places(record, mask) for record, mask in zip(records, masks, strict=True)]
+    for index in indices:
+        for key, _ in index:
             counts[key] = counts.get(key, 0) + 1
     if len(records) < 4:
         return masks
-    for mask, place in zip(masks, places, strict=True):
-        for key, (sample, channel) in place:
+    for mask, index in zip(masks, indices, strict=True):
+        for key, (sample, channel) in index:
             if counts[key] > len(records) / 2 and 0 < sample < mask.shape[0] - 1:
                 mask[sample, channel] = False
     return masks

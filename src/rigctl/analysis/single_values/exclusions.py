@@ -126,8 +126,8 @@ def _changes(
             continue
         others = [value for name, value in condition.items() if name != trend.variable]
         shown = row.condition.split(", ")
-        place = list(condition).index(trend.variable)
-        label = ", ".join(text for k, text in enumerate(shown) if k != place) if others else ""
+        index = list(condition).index(trend.variable)
+        label = ", ".join(text for k, text in enumerate(shown) if k != index) if others else ""
         groups.setdefault(label, []).append((at, row))
     found = {}
     for label, members in groups.items():

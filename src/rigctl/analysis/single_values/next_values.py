@@ -73,10 +73,10 @@ def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResul
     channels = _channels(before.fit.problem)
     changes = {name: _changes(fit, trend, channels) for name, fit in members.items()}
     found = []
-    for place, output in enumerate(channels):
-        noise = _noise(before, output, [change[:, :, place] for change in changes.values()])
+    for index, output in enumerate(channels):
+        noise = _noise(before, output, [change[:, :, index] for change in changes.values()])
         apart = {
-            (one, other): float(np.abs(changes[one][:, :, place] - changes[other][:, :, place]).max())
+            (one, other): float(np.abs(changes[one][:, :, index] - changes[other][:, :, index]).max())
             for one in members
             for other in members
         }
@@ -118,9 +118,9 @@ def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
         for output, state in zip(found.outputs, found.states, strict=True)
     ]
     pairs: dict[tuple[float, ...], dict[float, int]] = {}
-    for place, record in enumerate(records):
+    for index, record in enumerate(records):
         others = tuple(value for name, value in sorted(record.condition.items()) if name != trend.variable)
-        pairs.setdefault(others, {})[record.condition.get(trend.variable, math.nan)] = place
+        pairs.setdefault(others, {})[record.condition.get(trend.variable, math.nan)] = index
     return np.array(
         [outputs[pair[max(pair)]] - outputs[pair[min(pair)]] for pair in pairs.values() if len(pair) > 1]
     )
@@ -230,13 +230,13 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
     found = []
     for side in (1.0, -1.0):  # beyond the upper end, and below the lower one
         chosen = [k for k, point in enumerate(points) if side * (point[name] - middle) > 0.0]
-        place = max(chosen, key=lambda k: abs(apart[k]), default=None)
-        if place is not None and abs(apart[place]) > _SEEN:
-            change = 100.0 * (with_it[place] / without[place] - 1.0)
+        index = max(chosen, key=lambda k: abs(apart[k]), default=None)
+        if index is not None and abs(apart[index]) > _SEEN:
+            change = 100.0 * (with_it[index] / without[index] - 1.0)
             found.append(
                 f"read {problem.measurements.titles.get(output, output)} at "
-                f"{short_condition(points[place], units)} too: {score.effect} changes it there by "
-                f"{change:+.0f} %, {abs(apart[place]):.0f} sigma of a reading"
+                f"{short_condition(points[index], units)} too: {score.effect} changes it there by "
+                f"{change:+.0f} %, {abs(apart[index]):.0f} sigma of a reading"
             )
     return found
 

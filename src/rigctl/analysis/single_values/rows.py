@@ -85,22 +85,22 @@ def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
     found = []
     for column, (output, unit_name) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
         unit, title = parse_unit(unit_name), measurements.titles.get(output, output)
-        for place, record in enumerate(fit.problem.records):
-            at = np.flatnonzero(fit.problem.ok[place][:, column])
+        for index, record in enumerate(fit.problem.records):
+            at = np.flatnonzero(fit.problem.ok[index][:, column])
             if not at.size:
                 continue
             moment = int(at[-1])
-            before = None if unfitted is None else float(unfitted[place][moment, column])
+            before = None if unfitted is None else float(unfitted[index][moment, column])
             found.append(
                 TableRow(
-                    place=place,
-                    fitted=place in fit.fitted,
+                    place=index,
+                    fitted=index in fit.fitted,
                     condition=short_condition(record.condition, units) or f"record {record.index}",
                     quantity=title,
                     unit=unit_name,
                     measured=unit.from_si(float(record.values[moment, column])),
-                    predicted=unit.from_si(float(fit.expected_outputs[place][moment, column])),
-                    noise=float(fit.problem.sigma[place][moment, column]) / unit.factor,
+                    predicted=unit.from_si(float(fit.expected_outputs[index][moment, column])),
+                    noise=float(fit.problem.sigma[index][moment, column]) / unit.factor,
                     unfitted=None if before is None else unit.from_si(before),
                     beside={
                         name: unit.from_si(value)

@@ -62,12 +62,12 @@ def restart(addresses, u, q, inputs, work, relative, absolute, sensitive, counte
                     total += work.jacobian[i * n + j] * work.s[j * m + c]
                 work.dk[i * m + c] = total
         for entry in range(work.used):
-            place, row, column = (
+            index, row, column = (
                 work.active[3 * entry],
                 work.active[3 * entry + 1],
                 work.active[3 * entry + 2],
             )
-            work.dk[row * m + column] += work.packed[place]
+            work.dk[row * m + column] += work.packed[index]
         splines = work.splines
         if splines.rhs_used:
             evaluate_splines(splines, n, inputs, work.y, u)

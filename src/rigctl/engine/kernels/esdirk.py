@@ -214,12 +214,12 @@ def tangent(addresses, switches, ramped, q, h, work):
         set_matrix(addresses, work, h_gamma)
         set_fixed(stage, block, h, work)
         for entry in range(work.used):
-            place, row, column = (
+            index, row, column = (
                 work.active[3 * entry],
                 work.active[3 * entry + 1],
                 work.active[3 * entry + 2],
             )
-            work.moving[row * m + column] += h_gamma * work.packed[place]
+            work.moving[row * m + column] += h_gamma * work.packed[index]
         splines = work.splines
         if splines.rhs_used:
             evaluate_splines(splines, n, switches.inputs, z, u)

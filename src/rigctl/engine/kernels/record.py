@@ -36,8 +36,8 @@ def differentiate_outputs(addresses, u, q, inputs, work, seen, result):
                 for c in range(m):
                     result[row * m + c] += slope * work.s[i * m + c]
     for entry in range(seen.used):
-        place, row, column = seen.active[3 * entry], seen.active[3 * entry + 1], seen.active[3 * entry + 2]
-        result[row * m + column] += seen.packed[place]
+        index, row, column = seen.active[3 * entry], seen.active[3 * entry + 1], seen.active[3 * entry + 2]
+        result[row * m + column] += seen.packed[index]
     splines = work.splines
     if splines.outputs_used:
         evaluate_splines(splines, n, inputs, work.y, u)
@@ -63,9 +63,9 @@ def settle(addresses, t, commands, count, times, values, shifts, q, work, switch
     """
     stale = False
     while True:
-        switch_time, place = next_switch(switches)
+        switch_time, index = next_switch(switches)
         if switch_time <= t:
-            stale = act(addresses, place, q, work, switches, sensitive) or stale
+            stale = act(addresses, index, q, work, switches, sensitive) or stale
         elif commands < count and times[commands] <= t:
             commanded = offset(values, commands * switches.inputs)
             moved = offset(shifts, commands * switches.shifts)

@@ -91,8 +91,8 @@ def integer_count(sizes: NDArray[np.int64]) -> int:
 
 def stepping_places(sizes: NDArray[np.int64]) -> tuple[int, int, int]:
     """Where the state, the acting inputs and the commanded ones lie in the buffer of doubles."""
-    places, end = {}, 0
+    indices, end = {}, 0
     for name, length in float_regions(sizes):
-        places[name] = end
+        indices[name] = end
         end += length + int(sizes[GUARD])
-    return places["y"], places["acting"], places["commanded"]
+    return indices["y"], indices["acting"], indices["commanded"]

@@ -37,18 +37,18 @@ def evaluate_splines(splines, n, inputs, y, u):
             span += 1
         for k in range(functions):
             splines.basis[a * functions + k] = 0.0
-        place = a * functions + span
-        splines.basis[place] = 1.0
+        index = a * functions + span
+        splines.basis[index] = 1.0
         for degree in range(1, DEGREE + 1):
             # B of this degree from those of the one before, from the left one on
             saved = 0.0
             for r in range(degree):
                 right = splines.knots[first + span + 1 + r]
                 left = splines.knots[first + span + 1 + r - degree]
-                earlier = splines.basis[place - degree + 1 + r] / (right - left)
-                splines.basis[place - degree + 1 + r - 1] = saved + (right - x) * earlier
+                earlier = splines.basis[index - degree + 1 + r] / (right - left)
+                splines.basis[index - degree + 1 + r - 1] = saved + (right - x) * earlier
                 saved = (x - left) * earlier
-            splines.basis[place] = saved
+            splines.basis[index] = saved
 
 
 @njit(**OPTIONS)

@@ -35,10 +35,10 @@ def step_to(
     )
     stale = stale or changed
     while outcome == DONE:
-        switch_time, place = next_switch(switches)
+        switch_time, index = next_switch(switches)
         while switch_time <= t:
-            stale = act(functions, place, parameters, work, switches, False) or stale
-            switch_time, place = next_switch(switches)
+            stale = act(functions, index, parameters, work, switches, False) or stale
+            switch_time, index = next_switch(switches)
         if t >= target:
             break
         if stale:

@@ -34,18 +34,18 @@ from rigctl.engine.kernels.splines import evaluate_splines
 @njit(**OPTIONS)
 def next_switch(switches):
     """(time, place) of the waiting command that acts first; (inf, -1) when none waits."""
-    earliest, place = math.inf, -1
+    earliest, index = math.inf, -1
     for k in range(switches.waiting[0]):
         if switches.time[k] < earliest:
-            earliest, place = switches.time[k], k
-    return earliest, place
+            earliest, index = switches.time[k], k
+    return earliest, index
 
 
 @njit(**OPTIONS)
-def drop(m, switches, place):
+def drop(m, switches, index):
     """Take a command out of the queue, keeping the order of the others."""
     switches.waiting[0] -= 1
-    for k in range(place, switches.waiting[0]):
+    for k in range(index, switches.waiting[0]):
         switches.time[k] = switches.time[k + 1]
         switches.value[k] = switches.value[k + 1]
         switches.index[k] = switches.index[k + 1]
@@ -132,24 +132,24 @@ def queue(addresses, t, moved, jumps, q, work, switches, sensitive):
         for k in range(switches.waiting[0] - 1, -1, -1):
             if switches.index[k] == j and switches.time[k] >= acts:
                 drop(work.m, switches, k)
-        place = switches.waiting[0]
-        if place == switches.capacity:
+        index = switches.waiting[0]
+        if index == switches.capacity:
             return TOO_MANY_COMMANDS
         switches.waiting[0] += 1
-        switches.time[place] = acts
-        switches.value[place] = switches.following[j]
-        switches.index[place] = j
+        switches.time[index] = acts
+        switches.value[index] = switches.following[j]
+        switches.index[index] = j
         for c in range(work.m):
-            switches.shift[place * work.m + c] = 0.0
+            switches.shift[index * work.m + c] = 0.0
         if sensitive and tau >= 0.0:
-            set_shift(d, place, work, switches)
+            set_shift(d, index, work, switches)
         if jumps:
-            add_moved(d, place, moved, tau >= 0.0, work, switches)
+            add_moved(d, index, moved, tau >= 0.0, work, switches)
     return DONE
 
 
 @njit(**OPTIONS)
-def add_moved(d, place, moved, late, work, switches):
+def add_moved(d, index, moved, late, work, switches):
     """What the command's own time adds to the shift: ``(1 + ∂d/∂y·f)·dt``, dt alone where d is cut off."""
     rate = 1.0
     if late:
@@ -157,18 +157,18 @@ def add_moved(d, place, moved, late, work, switches):
             rate += switches.jacobian[d * work.n + i] * switches.earlier[i]
     first = work.m - switches.shifts
     for c in range(switches.shifts):
-        switches.shift[place * work.m + first + c] += rate * moved[c]
+        switches.shift[index * work.m + first + c] += rate * moved[c]
 
 
 @njit(**OPTIONS)
-def set_shift(d, place, work, switches):
+def set_shift(d, index, work, switches):
     """``dtau = ∂d/∂q + ∂d/∂y·s`` of delay d, for every column."""
     n, m = work.n, work.m
     for i in range(n):
         slope = switches.jacobian[d * n + i]
         if slope != 0.0:
             for c in range(m):
-                switches.shift[place * m + c] += slope * work.s[i * m + c]
+                switches.shift[index * m + c] += slope * work.s[i * m + c]
     for entry in range(switches.used):
         source, row, column = (
             switches.active[3 * entry],
@@ -176,7 +176,7 @@ def set_shift(d, place, work, switches):
             switches.active[3 * entry + 2],
         )
         if row == d:
-            switches.shift[place * m + column] += switches.packed[source]
+            switches.shift[index * m + column] += switches.packed[source]
     splines = work.splines
     if splines.delays_used:
         evaluate_splines(splines, n, switches.inputs, work.y, switches.commanded)
@@ -186,28 +186,28 @@ def set_shift(d, place, work, switches):
                 if splines.delays[5 * entry + 4] >= 0:
                     weight *= splines.basis[splines.delays[5 * entry + 4]]
                 column = splines.delays[5 * entry + 2]
-                switches.shift[place * m + column] += weight * switches.packed[splines.delays[5 * entry]]
+                switches.shift[index * m + column] += weight * switches.packed[splines.delays[5 * entry]]
 
 
 @njit(**OPTIONS)
-def act(addresses, place, q, work, switches, sensitive):
-    """Let the waiting command at `place` act. Returns whether the input changed."""
+def act(addresses, index, q, work, switches, sensitive):
+    """Let the waiting command at `index` act. Returns whether the input changed."""
     n, m = work.n, work.m
-    j = switches.index[place]
-    changed = switches.u[j] != switches.value[place]
+    j = switches.index[index]
+    changed = switches.u[j] != switches.value[index]
     if changed:
         moved = False
         if sensitive:
             for c in range(m):
-                moved = moved or switches.shift[place * m + c] != 0.0
+                moved = moved or switches.shift[index * m + c] != 0.0
         if moved:
             call_4(addresses[RHS], work.y, switches.u, q, switches.earlier)
-        switches.u[j] = switches.value[place]
+        switches.u[j] = switches.value[index]
         if moved:
             call_4(addresses[RHS], work.y, switches.u, q, switches.later)
             for i in range(n):
                 jump = switches.earlier[i] - switches.later[i]
                 for c in range(m):
-                    work.s[i * m + c] += jump * switches.shift[place * m + c]
-    drop(m, switches, place)
+                    work.s[i * m + c] += jump * switches.shift[index * m + c]
+    drop(m, switches, index)
     return changed

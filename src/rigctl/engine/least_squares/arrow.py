@@ -117,7 +117,7 @@ def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Seque
             common = _triangle(np.vstack([common, triangle]))
             triangles.append(np.empty((0, shared + 1)))
             sizes.append(0)
-    bare = [place for place, m in enumerate(sizes) if m == 0]
+    bare = [index for index, m in enumerate(sizes) if m == 0]
     if bare:
         triangles[bare[0]] = common
     return Arrow(tuple(triangles), tuple(sizes), shared)
@@ -127,10 +127,10 @@ def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Seque
 class Eliminated:
     """Records with their own parameters solved for: ``top·l = rhs - coupling·g``; a row of each a record.
 
-    `places` are those records': as many free parameters of their own, and the same ones held.
+    `records` are those records': as many free parameters of their own, and the same ones held.
     """
 
-    places: tuple[int, ...]
+    records: tuple[int, ...]
     top: Floats
     coupling: Floats
     rhs: Floats
@@ -154,8 +154,8 @@ class Factors:
         record_local = [np.empty(0)] * self.count
         for group in self.groups:
             solved = _least_each(group.top, group.rhs - group.coupling @ shared)
-            for place, values in zip(group.places, solved, strict=True):
-                record_local[place] = values
+            for index, values in zip(group.records, solved, strict=True):
+                record_local[index] = values
         return Vector(shared, tuple(record_local))
 
 
@@ -177,16 +177,16 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
         alike.setdefault((len(triangle), m, free.local[k].astype(bool).tobytes()), []).append(k)
     rows = [np.empty((0, count + 1))]
     groups = []
-    for (_, m, _), places in alike.items():
-        triangles = np.stack([arrow.triangles[k] for k in places])
-        record_local = free.local[places[0]].astype(bool)
+    for (_, m, _), indices in alike.items():
+        triangles = np.stack([arrow.triangles[k] for k in indices])
+        record_local = free.local[indices[0]].astype(bool)
         given, weights, targets = (
-            np.stack([vector.local[k] for k in places]) for vector in (fixed, weight, target)
+            np.stack([vector.local[k] for k in indices]) for vector in (fixed, weight, target)
         )
         rhs = triangles[:, :, -1] - triangles[:, :, m:-1] @ fixed.shared
         rhs -= (triangles[:, :, :m] @ given[:, :, None])[:, :, 0]
         size, first = triangles.shape[1], int(record_local.sum())
-        matrix = np.zeros((len(places), size + m, first + count + 1))
+        matrix = np.zeros((len(indices), size + m, first + count + 1))
         matrix[:, :size, :first] = triangles[:, :, :m][:, :, record_local]
         matrix[:, :size, first:-1] = triangles[:, :, m:-1][:, :, chosen]
         matrix[:, :size, -1] = rhs
@@ -195,7 +195,7 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
         if first:
             matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
             top, coupling = matrix[:, :first, :first], matrix[:, :first, first:-1]
-            groups.append(Eliminated(tuple(places), top, coupling, matrix[:, :first, -1]))
+            groups.append(Eliminated(tuple(indices), top, coupling, matrix[:, :first, -1]))
         rows.append(matrix[:, first:, first:].reshape(-1, count + 1))
     rest = target.shared - weight.shared * fixed.shared
     rows.append(np.column_stack([np.diag(weight.shared)[:, chosen], rest]))

@@ -66,10 +66,10 @@ def weak_combinations(
     padded[: values.size] = values
     largest = padded.max() or 1.0
     weak = []
-    for place in range(values.size):
-        share = values[place] / largest
+    for index in range(values.size):
+        share = values[index] / largest
         if share < WEAK:
-            weak.append(Combination(float(share), _parts(directions[place], names)))
+            weak.append(Combination(float(share), _parts(directions[index], names)))
     return padded / largest, tuple(weak)
 
 
@@ -78,7 +78,7 @@ def _parts(direction: Floats, names: Sequence[str]) -> tuple[tuple[str, float], 
     order = np.argsort(-np.round(np.abs(direction), 6), kind="stable")
     sign = np.sign(direction[order[0]]) or 1.0
     return tuple(
-        (names[place], float(sign * direction[place]))
-        for place in order
-        if abs(direction[place]) > _MENTIONED
+        (names[index], float(sign * direction[index]))
+        for index in order
+        if abs(direction[index]) > _MENTIONED
     )

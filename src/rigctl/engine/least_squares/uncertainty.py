@@ -98,10 +98,10 @@ def _local_std(factors: Factors, shared: Floats, mask: Vector, size: Vector) -> 
     finite = np.where(np.outer(known, known), shared, 0.0)
     result = [np.zeros(record_local.size) for record_local in mask.local]
     for group in factors.groups:
-        record_local = mask.local[group.places[0]].astype(bool)
+        record_local = mask.local[group.records[0]].astype(bool)
         top = np.linalg.pinv(group.top)
         passed = top @ group.coupling
         variance = np.square(top).sum(axis=2) + np.einsum("rij,jk,rik->ri", passed, finite, passed)
-        for place, each in zip(group.places, variance, strict=True):
-            result[place][record_local] = np.sqrt(np.maximum(each, 0.0)) / size.local[place][record_local]
+        for index, each in zip(group.records, variance, strict=True):
+            result[index][record_local] = np.sqrt(np.maximum(each, 0.0)) / size.local[index][record_local]
     return tuple(result)

@@ -90,8 +90,8 @@ def started(unknowns: Sequence[Unknown], values: Floats) -> list[Unknown]:
 def prior_rows(unknowns: Sequence[Unknown], values: Floats) -> tuple[Floats, Floats]:
     """(residual (value - mean)/std, 1/std) of each unknown; zeros where it has no prior."""
     residual, weight = np.zeros(len(unknowns)), np.zeros(len(unknowns))
-    for place, unknown in enumerate(unknowns):
+    for index, unknown in enumerate(unknowns):
         if unknown.prior is not None:
-            weight[place] = 1.0 / unknown.prior.std
-            residual[place] = (values[place] - unknown.prior.mean) * weight[place]
+            weight[index] = 1.0 / unknown.prior.std
+            residual[index] = (values[index] - unknown.prior.mean) * weight[index]
     return residual, weight

@@ -189,11 +189,11 @@ class Problem:
         if not any(names for names, _ in named):
             return self
         columns: list[Floats] = []
-        for place, (names, std) in enumerate(named):
+        for index, (names, std) in enumerate(named):
             if not names:
-                columns.append(np.empty((*self.records[place].values.shape, 0)))
+                columns.append(np.empty((*self.records[index].values.shape, 0)))
                 continue
-            found = self.only([place]).simulate(shared, [local[place]], names).require()
+            found = self.only([index]).simulate(shared, [local[index]], names).require()
             columns.append(self._seen(found.sensitivities)[0] * std)
         return replace(self, scatter=tuple(columns)).whitened()
 
@@ -218,12 +218,12 @@ class Problem:
         """The same data with other common unknowns, and other values of the parameters beside them."""
         return replace(self, shared=tuple(shared), base=self.base if base is None else base)
 
-    def only(self, places: Iterable[int]) -> Problem:
+    def only(self, indices: Iterable[int]) -> Problem:
         """These records alone."""
-        chosen = list(places)
+        chosen = list(indices)
 
         def pick(items: Sequence[T]) -> tuple[T, ...]:
-            return tuple(items[place] for place in chosen)
+            return tuple(items[index] for index in chosen)
 
         return replace(
             self,
@@ -274,7 +274,7 @@ class Problem:
         records' starts."""
         moving = tuple(name for name in columns if moves_switches(name))
         plain = tuple(name for name in columns if not moves_switches(name))
-        excitations = [self._excitation(place, shared, own, moving) for place, own in enumerate(local)]
+        excitations = [self._excitation(index, shared, own, moving) for index, own in enumerate(local)]
         starts = self.initial_names if initial else ()
         found = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
         for record, slopes in zip(self.records, found.sensitivities, strict=True):
@@ -286,12 +286,12 @@ class Problem:
         """The records, in order, in parts whose derivatives by so many columns are held at once."""
         found: list[list[int]] = []
         room = 0
-        for place, record in enumerate(self.records):
+        for index, record in enumerate(self.records):
             wanted = record.times.size * len(self.compiled.system.outputs) * max(columns, 1)
             if not found or wanted > room:
                 found.append([])
                 room = _ROOM
-            found[-1].append(place)
+            found[-1].append(index)
             room -= wanted
         return found
 
@@ -302,12 +302,12 @@ class Problem:
         blocks: list[Block] = []
         for part in self.parts(len(columns) + len(self.initial_names)):
             inner = self if len(part) == len(self.records) else self.only(part)
-            found = inner.simulate(shared, [local[place] for place in part], columns, initial=derivatives)
+            found = inner.simulate(shared, [local[index] for index in part], columns, initial=derivatives)
             if not found.ok:
                 return Refused(found.summary())
             blocks += [
-                self._block(place, outputs, slopes, found.columns, names, derivatives)
-                for place, outputs, slopes in zip(
+                self._block(index, outputs, slopes, found.columns, names, derivatives)
+                for index, outputs, slopes in zip(
                     part, self._seen(found.outputs), self._seen(found.sensitivities), strict=True
                 )
             ]
@@ -331,16 +331,16 @@ class Problem:
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [np.take(array, self.channels, axis=1) for array in arrays]
 
-    def _excitation(self, place: int, shared: Floats, own: Floats, moving: Sequence[str] = ()) -> Excitation:
+    def _excitation(self, index: int, shared: Floats, own: Floats, moving: Sequence[str] = ()) -> Excitation:
         """The record as the engine takes it; `moving` are the unknowns whose shifts are wanted."""
-        record, system = self.records[place], self.compiled.system
-        parameters, start = self.base.copy(), self.starts[place].copy()
+        record, system = self.records[index], self.compiled.system
+        parameters, start = self.base.copy(), self.starts[index].copy()
         switching: dict[str, float] = {}
         recorded = self._recorded(record)
         for unknown, value in zip(self.shared, shared, strict=True):
             if unknown.name not in recorded:
                 parameters[self._index[unknown.name]] = value
-        for one, value in zip(self.local[place], own, strict=True):
+        for one, value in zip(self.local[index], own, strict=True):
             if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
             elif one.kind == "switch":
@@ -366,21 +366,21 @@ class Problem:
 
     def _block(
         self,
-        place: int,
+        index: int,
         outputs: Floats,
         slopes: Floats,
         columns: Sequence[str],
         names: Sequence[str],
         derivatives: bool,
     ) -> Block:
-        whitener, record = self.whiteners[place], self.records[place]
-        difference = np.where(self.ok[place], outputs - np.where(self.ok[place], record.values, 0.0), 0.0)
+        whitener, record = self.whiteners[index], self.records[index]
+        difference = np.where(self.ok[index], outputs - np.where(self.ok[index], record.values, 0.0), 0.0)
         residual = whitener(difference)
         if not derivatives:
             return Block(residual)
         white = whitener(slopes)
         at = {name: k for k, name in enumerate(columns)}
-        own = [at[one.name] for one in self.local[place]]
+        own = [at[one.name] for one in self.local[index]]
         return Block(residual, white[:, [at[name] for name in names]], white[:, own])
 
 

@@ -50,7 +50,7 @@ def simulate_soundly(
         return found
     again = simulate(
         compiled,
-        [excitations[place] for place in spoilt],
+        [excitations[index] for index in spoilt],
         columns=columns,
         initial_columns=initial_columns,
         shift_columns=shift_columns,
@@ -58,9 +58,9 @@ def simulate_soundly(
         tolerance=TIGHT,
     )
     slopes = list(found.sensitivities)
-    for place, own, failure in zip(spoilt, again.sensitivities, again.failures, strict=True):
+    for index, own, failure in zip(spoilt, again.sensitivities, again.failures, strict=True):
         if failure is None:
-            slopes[place] = own
+            slopes[index] = own
     return replace(found, sensitivities=tuple(slopes))
 
 
@@ -72,7 +72,7 @@ def spoilt_records(found: Trajectories) -> list[int]:
     median = np.median(sizes, axis=0)
     beyond = np.any((sizes > _SPOILT * median) & (median > 0.0), axis=1)
     wanted = min(_TOGETHER, sizes.shape[2])
-    return [int(place) for place in np.flatnonzero(np.count_nonzero(beyond, axis=1) >= wanted)]
+    return [int(index) for index in np.flatnonzero(np.count_nonzero(beyond, axis=1) >= wanted)]
 
 
 def _sizes(slopes: NDArray[np.float64]) -> NDArray[np.float64]:

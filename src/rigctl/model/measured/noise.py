@@ -67,17 +67,17 @@ class DataNoise:
     edges: NDArray[np.intp] | None = None
     grown: tuple[NDArray[np.float64], ...] | None = None
 
-    def only(self, places: Sequence[int]) -> DataNoise:
+    def only(self, indices: Sequence[int]) -> DataNoise:
         """Of these records alone: the noise as learned from all, what was left out counted in these."""
-        chosen = list(places)
+        chosen = list(indices)
         masked, edges = (None if one is None else one[chosen] for one in (self.masked, self.edges))
         model = recounted(
             self.model,
             [channel.masked for channel in self.model.channels] if masked is None else _sums(masked),
             [channel.edges for channel in self.model.channels] if edges is None else _sums(edges),
         )
-        grown = None if self.grown is None else tuple(self.grown[place] for place in chosen)
-        return DataNoise(model, tuple(self.ok[place] for place in chosen), masked, edges, grown)
+        grown = None if self.grown is None else tuple(self.grown[index] for index in chosen)
+        return DataNoise(model, tuple(self.ok[index] for index in chosen), masked, edges, grown)
 
 
 def noise_of(measurements: Measurements) -> DataNoise:
@@ -189,10 +189,10 @@ def with_noise_off_model(
     ]
     spiky = _spiky(noise, measurements)
     found = []
-    for place, channel in enumerate(noise.model.channels):
-        one = _OneChannel(channel, place, records, left, [sigma[:, place] for sigma in before])
+    for index, channel in enumerate(noise.model.channels):
+        one = _OneChannel(channel, index, records, left, [sigma[:, index] for sigma in before])
         one = one.narrower() or one
-        found.append(one.growing() or (one.wider() if spiky[place] else None) or one)
+        found.append(one.growing() or (one.wider() if spiky[index] else None) or one)
     channels = [one.channel for one in found]
     if all(new is old for new, old in zip(channels, noise.model.channels, strict=True)):
         return None
@@ -333,8 +333,8 @@ def _of_rows(measurements: Measurements) -> DataNoise:
     over = curve_variable(measurements, but=setting) or "row"
     known = _known(measurements)
     channels = []
-    for place, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
-        values = column(measurements, place)
+    for index, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
+        values = column(measurements, index)
         size = _typical(values)
         found = row_noise(points, values, series)
         channels.append(

@@ -87,12 +87,12 @@ class MeasuredRecord:
         kinds = np.where(changes[row, index] > 0.0, 0, 1)
         return np.asarray(np.where(self.inputs[row, index] == 0.0, 2, kinds), dtype=np.intp)
 
-    def input_course(self, place: int) -> Floats:
-        """(n) the input at `place`, SI, at the samples."""
-        if place in self.along:
-            return np.interp(self.times, self.knots, self.lines[:, self.along.index(place)])
+    def input_course(self, index: int) -> Floats:
+        """(n) the input at `index`, SI, at the samples."""
+        if index in self.along:
+            return np.interp(self.times, self.knots, self.lines[:, self.along.index(index)])
         last = np.searchsorted(self.switch_times, self.times, side="left") - 1
-        return np.asarray(self.inputs[np.maximum(last, 0), place])
+        return np.asarray(self.inputs[np.maximum(last, 0), index])
 
     @property
     def here(self) -> NDArray[np.bool_]:
