@@ -222,9 +222,5 @@ def _fitted(before: FitResult, old: Effect, new: Effect, begin: float) -> FitRes
 
 def shown_unit(law: AskedLaw, fitted: FitResult) -> str:
     """The unit that the law's driver is shown in: that of a channel of its dimension, else SI."""
-    wanted = parse_unit(law.driver.unit).dimension
     interval = len(law.driver.weights) > 1
-    for unit in fitted.problem.measurements.units:
-        if parse_unit(unit).dimension == wanted and not (parse_unit(unit).offset and interval):
-            return unit
-    return law.driver.unit
+    return fitted.problem.measurements.unit_for(law.driver.unit, interval=interval)

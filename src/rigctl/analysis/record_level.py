@@ -246,7 +246,8 @@ def _named(fit: FitResult, key: str, one: LocalUnknown) -> tuple[str, str, bool]
         state = next((s for s in problem.model.family.states if s.name == one.name), None)
         si = state.unit if state is not None else one.unknown.unit
         difference = state is not None and state.difference
-        return f"{one.name} at the start", shown.get(one.name) or _usual(fit, si, difference), difference
+        usual = problem.measurements.unit_for(si, interval=difference)
+        return f"{one.name} at the start", shown.get(one.name) or usual, difference
     level, name = problem.level, one.name.removeprefix("record.")
     parameter = level.effect.parameter(name) if level.effect is not None else None
     meanings = {quantity.parameter: quantity.meaning for quantity in level.quantities}
@@ -254,15 +255,6 @@ def _named(fit: FitResult, key: str, one: LocalUnknown) -> tuple[str, str, bool]
         return name, one.unknown.unit, False
     meaning = meanings.get(name, parameter.meaning)
     return meaning, parameter.unit, parameter.difference
-
-
-def _usual(fit: FitResult, si: str, difference: bool) -> str:
-    """The unit that this bench shows such a quantity in."""
-    if si == "K":
-        return si if difference else "degC"
-    dimension = parse_unit(si).dimension
-    units = fit.problem.measurements.units
-    return next((unit for unit in units if parse_unit(unit).dimension == dimension), si)
 
 
 @dataclass(frozen=True)

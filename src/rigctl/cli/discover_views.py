@@ -75,12 +75,12 @@ def _show_curve(curve: Curve) -> None:
         out.print("  [dim]but for a part that the fit takes up, of any size for all that these data say[/]")
     for line in draw_curve(curve.value.tolist(), width=_WIDTH, height=_LINES, low=low, high=high):
         out.print(f"    [cyan]{line}[/]")
-    out.print(f"    {show(float(curve.x[0]), curve.unit)} … {show(float(curve.x[-1]), curve.unit)}")
+    out.print(f"    {show(float(curve.x[0]), curve.shown)} … {show(float(curve.x[-1]), curve.shown)}")
     made = table(escape(curve.over), "term", "95 % band")
     for place in range(0, curve.x.size, (curve.x.size - 1) // 4):
         ends = (show(float(end[place]), unit, difference=True) for end in (curve.low, curve.high))
         made.add_row(
-            show(float(curve.x[place]), curve.unit),
+            show(float(curve.x[place]), curve.shown),
             show(float(curve.value[place]), unit, difference=True),
             " to ".join(ends),
         )

@@ -43,6 +43,7 @@ _WIDTH = 1.96
 class Curve:
     """A term over one variable, SI; `low` and `high` are the ends of its 95 % band.
 
+    `unit` is that of the variable, and `shown` the one that this bench has for it.
     `times` is the factor of another variable that it stands beside, "" where there is none. `free` says how
     many directions are left out, a constant say, that the fit takes up: of any size, for all the data say.
     """
@@ -50,6 +51,7 @@ class Curve:
     slot: Slot
     over: str
     unit: str
+    shown: str
     times: str
     free: int
     x: Floats = field(repr=False)
@@ -97,7 +99,8 @@ def curve_of(opened: OpenSlots, slot: Slot, over: Driver, beside: Factor | None 
     x, basis = _points(knots)
     value, spread, free = _known(basis @ mean, basis @ covariance @ basis.T)
     times = "" if beside is None else factor_text(beside)
-    return Curve(slot, over.name, over.unit, times, free, x, value, value - spread, value + spread)
+    shown = opened.unit_of(over)
+    return Curve(slot, over.name, over.unit, shown, times, free, x, value, value - spread, value + spread)
 
 
 def _readings(

@@ -169,11 +169,12 @@ def _left(after: Adequacy, explained: float) -> float:
 
 
 def visited(opened: OpenSlots, driver: Driver) -> tuple[str, float, float, str]:
-    """A variable and its range over the fitted records, SI, and a little more: a refit moves its course."""
+    """A variable, its range over the fitted records, SI, and a little more, as a refit moves its course, and
+    the unit that it is shown in."""
     values = opened.values(driver)
     low, high = float(values.min()), float(values.max())
     room = _ROOM * (high - low)
-    return driver.name, low - room, high + room, driver.unit
+    return driver.name, low - room, high + room, opened.unit_of(driver)
 
 
 def _parameters(one: Fitted, model: Model) -> Iterator[tuple[str, FormulaParameter]]:

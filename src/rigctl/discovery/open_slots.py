@@ -54,6 +54,11 @@ class OpenSlots:
         """(samples of all records) of a driver, SI."""
         return np.concatenate(courses(self.problem, self.found, driver))
 
+    def unit_of(self, driver: Driver) -> str:
+        """The unit that this bench shows a variable in."""
+        interval = len(driver.weights) > 1
+        return self.problem.measurements.unit_for(driver.unit, interval=interval)
+
     def knots(self, driver: Driver, functions: int) -> Floats | None:
         """Of splines over a driver, between which lie as many samples; None where it is constant."""
         return knots_of(courses(self.problem, self.found, driver), functions)

@@ -54,7 +54,7 @@ class FoundFormula:
     delta: what it costs above the best of the set.
     check: what it predicts of each condition that it was not fitted to; None of a single record.
     passive: ``takes energy out``, ``puts energy in``, ``takes and puts energy``, "" where that says nothing.
-    valid: (variable, lowest, highest, unit) that the data visit, SI.
+    valid: (variable, lowest, highest, unit) that the data visit: SI, and the unit that they are shown in.
     p_value_after: that the model with it agrees with the data.
     left: the share of the squared misfit that stays with it.
     file: the effect file, where it was written.
@@ -128,7 +128,8 @@ class FoundFormula:
             "share_left": self.left,
             "passive": self.passive,
             "valid": [
-                {"over": name, "low": low, "high": high, "unit": unit} for name, low, high, unit in self.valid
+                {"over": name, "low": _in_unit(low, unit), "high": _in_unit(high, unit), "unit": unit}
+                for name, low, high, unit in self.valid
             ],
             "file": None if self.file is None else self.file.as_posix(),
         }
@@ -241,6 +242,11 @@ def parameter(si: float, std: float, unit: str, *, point: bool = False) -> Formu
     shown = parse_unit("degC") if point else parse_unit(unit)
     offset = shown.offset if point else 0.0
     return FormulaParameter((si - offset) / shown.factor, "degC" if point else unit, std / shown.factor)
+
+
+def _in_unit(si: float, unit: str) -> float:
+    shown = parse_unit(unit)
+    return (si - shown.offset) / shown.factor
 
 
 def _finite(value: float) -> float | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigctl.engine.excitation import Ramps
 from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -155,6 +156,18 @@ class Measurements:
                 lowest, highest = found.get(name, (low, high))
                 found[name] = (min(low, lowest), max(high, highest))
         return dict(sorted(found.items()))
+
+    def unit_for(self, si: str, *, interval: bool = False) -> str:
+        """The unit that this bench shows such a quantity in: that of a channel of its dimension, else SI.
+
+        Parameters
+        ----------
+        interval: of a temperature, a difference of two.
+        """
+        if si == "K":
+            return si if interval else "degC"
+        dimension = parse_unit(si).dimension
+        return next((unit for unit in self.units if parse_unit(unit).dimension == dimension), si)
 
     def only(self, indices: Iterable[int]) -> Measurements:
         """These records alone."""

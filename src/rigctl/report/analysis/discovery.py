@@ -10,9 +10,11 @@ from markupsafe import Markup
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.physics.family import ModelFamily, Slot
+from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
+from rigctl.units import parse_unit
 
 #: a signal's way through a bench, from left to right
 _KINDS = (("command", "commands"), ("process", "the machine"), ("sensor", "readings"))
@@ -64,11 +66,12 @@ def _row(one: FoundFormula) -> dict[str, object]:
 
 
 def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -> Plot:
-    unit = curve.slot.unit
+    unit, shown = curve.slot.unit, parse_unit(curve.shown)
+    x = (curve.x - shown.offset) / shown.factor
     traces = [
-        Trace("the term", curve.x, curve.value, Look.LINE, 0, unit),
-        Trace("95 % band", curve.x, curve.low, Look.LINE, 0, unit, faint=True),
-        Trace("95 % band, upper end", curve.x, curve.high, Look.LINE, 0, unit, faint=True, in_legend=False),
+        Trace("the term", x, curve.value, Look.LINE, 0, unit),
+        Trace("95 % band", x, curve.low, Look.LINE, 0, unit, faint=True),
+        Trace("95 % band, upper end", x, curve.high, Look.LINE, 0, unit, faint=True, in_legend=False),
     ]
     for place, one in enumerate(formulas[:_DRAWN], start=1):
         (factor, *others) = one.fitted.formula.factors
@@ -76,14 +79,14 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
         if not same or bool(others) != bool(curve.times):
             continue
         values = np.asarray(one.fitted.formula.size * factor.of(curve.x))
-        traces.append(Trace(plain_name(one.name), curve.x, values, Look.LINE, place, unit))
+        traces.append(Trace(plain_name(one.name), x, values, Look.LINE, place, unit))
     return Plot(
         f"curve-{number + 1}",
         f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}"
         + (f", times {curve.times}" if curve.times else "")
         + ", over the range that the data visit"
         + (", but for a part of any size that the fit takes up" if curve.free else ""),
-        f"{plain_name(curve.over)} [{curve.unit}]",
+        f"{plain_name(curve.over)} [{symbol(curve.shown)}]",
         (Panel(f"{plain_name(curve.slot.name)} [{unit}]", tuple(traces), 2.0),),
     )
 
