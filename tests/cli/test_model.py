@@ -131,6 +131,7 @@ def test_remove_writes_the_next_version() -> None:
         "assume": [],
         "before": None,
         "after": None,
+        "outside_validity": [],
     }
     assert load_model(Path(MODEL)).effects == {}
     assert "version 4, without spool_lag" in said("remove", MODEL, "spool_lag")

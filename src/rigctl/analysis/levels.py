@@ -62,8 +62,9 @@ SLIGHT: Final = 0.15
 #: nor is one named of which the bent laws of the others explain more than this share
 BEYOND_SHAPE: Final = 0.5
 #: nor, beside effects that the model has already, one of which their bent laws leave less than this share:
-#: dry friction beside a leak of three times its size keeps 0.3, what only followed that leak's shape 0.02
-BEYOND_LAWS: Final = 0.2
+#: dry friction beside a leak of three times its size keeps 0.3, the heat capacity of a real board's walls
+#: beside three other effects 0.11, what only followed a leak's shape 0.02
+BEYOND_LAWS: Final = 0.05
 #: but not one beside which less than this share stays of what it explains, with what the tests do not see
 WHOLE: Final = 0.1
 #: a set of another size must be better by this to be looked at, in χ²

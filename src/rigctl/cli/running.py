@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.plan import Plan
@@ -93,7 +94,10 @@ def _departures(result: RunResult) -> list[dict[str, object]]:
         return []
     from rigctl.dataset import open_run
 
-    events = open_run(result.folder).events
+    try:
+        events = open_run(result.folder).events
+    except RigctlError:  # it could not be closed: what it says of itself is in 'reason'
+        return []
     notes = events[events["kind"] == "note"]
     return [
         {"time": float(time), "record": int(record), "message": str(message)}

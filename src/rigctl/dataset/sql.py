@@ -115,7 +115,7 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
                 except TimeoutError:
                     if answer.done():
                         raise
-        except KeyboardInterrupt:
+        except BaseException:  # whatever ends the waiting: the thread would be waited for
             connection.interrupt()
             raise
 
