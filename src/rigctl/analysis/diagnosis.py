@@ -158,12 +158,8 @@ def _laws(search: Search, best: RefittedSet, verdict: Verdict) -> tuple[LawAnswe
     said only where such a law takes nearly all of it away.
     """
     if verdict is not Verdict.OUTSIDE_LIBRARY:
-        model = best.fit.problem.model
-        return law_answers(search, best) if any(model.effect(one).terms for one in model.effects) else ()
-    model = search.none.fit.problem.model
-    if not any(model.effect(name).terms for name in model.effects):
-        return ()
-    return laws_instead(search)
+        return law_answers(search, best) if best.fit.problem.model.with_laws else ()
+    return laws_instead(search) if search.none.fit.problem.model.with_laws else ()
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:
@@ -279,8 +275,7 @@ def _shape_mostly(search: Search, best: RefittedSet) -> str:
 
 def _laws_of(search: Search) -> str:
     """The effects that the model has already, in words."""
-    model = search.before.fit.problem.model
-    return " and ".join(name for name in model.effects if model.effect(name).terms)
+    return " and ".join(search.before.fit.problem.model.with_laws)
 
 
 def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:

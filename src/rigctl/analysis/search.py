@@ -330,8 +330,7 @@ class Search:
     @cached_property
     def start(self) -> ModelComparison | View:
         """The model as it is, the laws of the effects that it has already bent within their tolerance."""
-        model = self.before.fit.problem.model
-        if not self.tolerance or not any(model.effect(name).terms for name in model.effects):
+        if not (self.tolerance and self.before.fit.problem.model.with_laws):
             return self.before
         return self.at(self.none).view(self.tolerance)
 

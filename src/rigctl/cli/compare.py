@@ -21,6 +21,12 @@ Runs = Annotated[
     list[str],
     typer.Argument(metavar="RUN...", help="Ids, starts of ids, paths, or 'latest'.", show_default=False),
 ]
+OneModel = Annotated[
+    Path,
+    typer.Option(
+        "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
+    ),
+]
 HoldOut = Annotated[
     str | None,
     typer.Option(

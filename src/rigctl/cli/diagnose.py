@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import Assume, Force, HoldOut, Only, Page, Runs
+from rigctl.cli.compare import Assume, Force, HoldOut, OneModel, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
 
@@ -23,12 +23,7 @@ if TYPE_CHECKING:
 
 def diagnose(
     runs: Runs,
-    model: Annotated[
-        Path,
-        typer.Option(
-            "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
-        ),
-    ],
+    model: OneModel,
     hold_out: HoldOut = None,
     only: Only = None,
     *,

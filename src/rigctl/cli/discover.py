@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import Assume, HoldOut, Only, Runs
+from rigctl.cli.compare import Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
 
@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 
 def discover(
     runs: Runs,
-    model: Annotated[
-        Path,
-        typer.Option(
-            "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
-        ),
-    ],
+    model: OneModel,
     hold_out: HoldOut = None,
     only: Only = None,
     *,

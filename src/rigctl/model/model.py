@@ -102,6 +102,11 @@ class Model:
         return users[name] if name in users else find_effect(name, self.family)
 
     @property
+    def with_laws(self) -> tuple[str, ...]:
+        """The effects in the model whose terms stand in its equations."""
+        return tuple(name for name in self.effects if self.effect(name).terms)
+
+    @property
     def fitted(self) -> tuple[str, ...]:
         """The parameters that a fit may change, by the names of `values`."""
         free = [name for name, value in self.parameters.items() if value.fit]
