@@ -1,0 +1,323 @@
+"""What a designed experiment is: the rivals, the records to take, and what is promised of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
+from rigctl.notebook import as_html, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Floats = NDArray[np.float64]
+
+#: what a design is for: telling rivals apart, seeing one effect at all, or knowing its parameters better
+Aim = Literal["discrimination", "detection", "precision"]
+#: what the model without any of the effects in question is called
+NONE = "none"
+
+
+@dataclass(frozen=True)
+class DesignRival:
+    """One of the explanations that the data so far leave.
+
+    Attributes
+    ----------
+    name: of the effect in question; ``none`` for the model without.
+    effects: all effects that are added to the model for it.
+    weight: ``exp(−ΔmBIC/2)`` over the sum of all rivals'.
+    parameters: of `effects`, as refitted to all data so far.
+    chi2: what it leaves, whitened, with the priors' share.
+    chi2_reduced: for each degree of freedom; distances count less by it where it is above 1.
+    std: standard deviations of all shared unknowns, SI: the information that the data so far have.
+    """
+
+    name: str
+    effects: tuple[str, ...]
+    weight: float
+    parameters: Mapping[str, FoundParameter]
+    chi2: float
+    chi2_reduced: float
+    std: Mapping[str, float] = field(default_factory=dict, repr=False)
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "name": self.name,
+            "effects": list(self.effects),
+            "weight": self.weight,
+            "chi2": self.chi2,
+            "chi2_reduced": self.chi2_reduced,
+            "parameters": {
+                name: {"value": one.value, "unit": one.unit, "std": _finite(one.std)}
+                for name, one in self.parameters.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is promised of telling one rival from another, were the first one right.
+
+    Attributes
+    ----------
+    truth, rival: names.
+    margin: L₀, by which the data so far prefer the first, in mBIC.
+    threshold: t, what a verdict asks of the margin.
+    separation: D, the expected gain of 2·ln L by the proposed records, the rival refitted.
+    spread: standard deviation of D over the posteriors.
+    before, after: probability that a verdict tells the two apart, with the data so far and with the records.
+    """
+
+    truth: str
+    rival: str
+    margin: float
+    threshold: float
+    separation: float
+    spread: float
+    before: float
+    after: float
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "truth": self.truth,
+            "rival": self.rival,
+            "margin": self.margin,
+            "threshold": self.threshold,
+            "separation": self.separation,
+            "spread": self.spread,
+            "probability_before": self.before,
+            "probability": self.after,
+        }
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One channel of a proposed record, as every rival predicts it.
+
+    Attributes
+    ----------
+    channel, unit: `unit` is the one it is shown in; every number below is in it.
+    times: (n) s from the first sample.
+    by_rival: (n) by the rival's name.
+    sigma: (n) standard deviation of a reading.
+    """
+
+    channel: str
+    unit: str
+    times: Floats = field(repr=False)
+    by_rival: Mapping[str, Floats] = field(repr=False)
+    sigma: Floats = field(repr=False)
+
+
+@dataclass(frozen=True)
+class ProposedRecord:
+    """A record to take.
+
+    Attributes
+    ----------
+    settings: the operating point by name, with its unit, as it is written: ``{"oil": "60 degC"}``.
+    steps: what is done while it is recorded, a line each.
+    why: in words, what it shows.
+    separation: Σ w_i·min_j D_ij that it adds to those before it.
+    of_repeat: the same of the best repeat of a record taken already, in its place.
+    before, after: probability that the rivals are told apart, without it and with it.
+    duration: s of the rig's time, heating and settling in it.
+    recorded: s that are recorded, at `rate` Hz.
+    """
+
+    settings: Mapping[str, str]
+    steps: tuple[str, ...]
+    why: str
+    separation: float
+    of_repeat: float
+    before: float
+    after: float
+    duration: float
+    recorded: float
+    rate: float
+    predictions: tuple[Prediction, ...] = field(default=(), repr=False)
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form, without the curves."""
+        return {
+            "settings": dict(self.settings),
+            "steps": list(self.steps),
+            "why": self.why,
+            "expected_separation": self.separation,
+            "separation_of_repeat": self.of_repeat,
+            "probability_before": self.before,
+            "probability": self.after,
+            "duration": self.duration,
+            "recorded": self.recorded,
+            "rate": self.rate,
+        }
+
+
+@dataclass(frozen=True)
+class SensorSet:
+    """Channels that the bench could have, and what the same would come to with them.
+
+    Attributes
+    ----------
+    channels: one or two of the rig file's `could_have`.
+    price: as it is written there, summed; None where one has none.
+    currency: of the price.
+    told: pairs of rivals that would be told apart with a probability of a half at least; `of` all pairs.
+    separation, probability: as of the design, with them in the bench for the proposed records.
+    splits: the pairs that are told apart with them and not without.
+    """
+
+    channels: tuple[str, ...]
+    price: float | None
+    currency: str
+    told: int
+    of: int
+    separation: float
+    probability: float
+    splits: tuple[tuple[str, str], ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "channels": list(self.channels),
+            "price": self.price,
+            "currency": self.currency,
+            "told": self.told,
+            "of": self.of,
+            "expected_separation": self.separation,
+            "probability": self.probability,
+            "splits": [list(pair) for pair in self.splits],
+        }
+
+
+@dataclass(frozen=True)
+class Sharpened:
+    """How well a parameter is known, in the unit it is shown in: half widths of 95 % intervals."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {"parameter": self.name, "unit": self.unit, "before": self.before, "after": self.after}
+
+
+@dataclass(frozen=True)
+class DesignResult:
+    """The next experiment.
+
+    Attributes
+    ----------
+    aim: what it is for.
+    rivals: the most probable first.
+    outlooks: of every ordered pair in question.
+    records: in the order in which they are taken; none where nothing on this bench tells the rivals apart.
+    separation: D, Σ w_i·min_j D_ij of all records together.
+    before, after: probability that a verdict tells what is right from all others, now and with the records.
+    duration: s of the rig's time.
+    procedure: the text of a procedure that `rigctl check` and `rigctl run` take; "" without records.
+    sensor: the one worth most where no record reaches a probability of a half, or that was asked for.
+    sensors: every set that was looked at, the cheapest first.
+    sharpened: of aim ``precision``, the parameters.
+    statement: in words; `notes` a sentence each.
+    """
+
+    runs: tuple[str, ...]
+    model: str
+    aim: Aim
+    rivals: tuple[DesignRival, ...]
+    outlooks: tuple[Outlook, ...]
+    records: tuple[ProposedRecord, ...]
+    separation: float
+    before: float
+    after: float
+    duration: float
+    procedure: str = field(repr=False)
+    statement: str
+    sensor: SensorSet | None = None
+    sensors: tuple[SensorSet, ...] = ()
+    sharpened: tuple[Sharpened, ...] = ()
+    notes: tuple[str, ...] = ()
+    diagnosis: Diagnosis | None = field(default=None, repr=False)
+
+    @property
+    def separates(self) -> tuple[tuple[str, str], ...]:
+        """The pairs of names in question, each once."""
+        pairs = {tuple(sorted((one.truth, one.rival))): (one.truth, one.rival) for one in self.outlooks}
+        return tuple(pairs.values())
+
+    @property
+    def separable(self) -> bool:
+        """Whether the records, as the bench is, tell the rivals apart with a probability of a half."""
+        return bool(self.records) and self.after >= 0.5
+
+    def as_json(self) -> dict[str, Any]:
+        """The machine-readable answer: what `next_experiment` of a diagnosis holds, and more."""
+        return {
+            "procedure": self.procedure or None,
+            "separates": [list(pair) for pair in self.separates],
+            "expected_separation": self.separation,
+            "probability": self.after,
+            "probability_before": self.before,
+            "duration": self.duration,
+            "records": [one.document() for one in self.records],
+            "sensor": None if self.sensor is None else self.sensor.document(),
+            "sensors": [one.document() for one in self.sensors],
+            "aim": self.aim,
+            "runs": list(self.runs),
+            "model": self.model,
+            "rivals": [one.document() for one in self.rivals],
+            "outlooks": [one.document() for one in self.outlooks],
+            "sharpened": [one.document() for one in self.sharpened],
+            "notes": list(self.notes),
+            "statement": self.statement,
+        }
+
+    def summary(self) -> str:
+        """What to do, and what it promises, in a few lines."""
+        lines = [self.statement]
+        lines += [
+            f"  {', '.join(f'{name} {value}' for name, value in one.settings.items())}: "
+            f"D {one.separation:.3g}, of a repeat {one.of_repeat:.3g}"
+            for one in self.records
+        ]
+        return "\n".join(lines)
+
+    def frame(self) -> pd.DataFrame:
+        """The proposed records, one row for each."""
+        import pandas as pd
+
+        return pd.DataFrame([{**one.settings, **_numbers(one)} for one in self.records])
+
+    def __repr__(self) -> str:
+        """What is proposed, on one line."""
+        count = len(self.records)
+        return one_line(self, f"{count} record{'' if count == 1 else 's'}, P {self.after:.2g}")
+
+    def _repr_html_(self) -> str:
+        """The summary and the records, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
+
+
+def _numbers(record: ProposedRecord) -> dict[str, float]:
+    return {
+        "D": record.separation,
+        "D of a repeat": record.of_repeat,
+        "P": record.after,
+        "duration [s]": record.duration,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
