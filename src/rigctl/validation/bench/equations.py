@@ -262,3 +262,9 @@ def follow(states, time, switch_times, commands, inputs, bench, scale, first_ste
             states[sample] = state
             sample += 1
     return True
+
+
+@njit
+def advance(state, duration, first_step, inputs, bench, scale, tolerance):
+    """Advance `state` in place by `duration` s of constant inputs; the last step, or −1 on failure."""
+    return integrate(rhs, state, duration, first_step, inputs, bench, scale, tolerance)

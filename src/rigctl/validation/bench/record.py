@@ -81,15 +81,23 @@ def delayed(
     rng: np.random.Generator | None,
 ) -> list[tuple[float, float]]:
     """When the valve really switches: (time, command), each opening and closing with its own delay."""
-    warm = switching.delay_per_kelvin * equations.above_20_celsius(condition.oil, switching.delay_fade)
     told, when, switches = 0.0, 0.0, []
     for value, duration in schedule:
-        delay = (switching.open_delay + warm if value else switching.close_delay) if value != told else 0.0
-        if rng is not None and value != told:
-            delay += (switching.jitter + switching.jitter_share * delay) * rng.standard_normal()
+        delay = switching_delay(switching, condition.oil, value, rng) if value != told else 0.0
         switches.append((max(0.0, when + max(0.0, delay)), value))
         told, when = value, when + duration
     return sorted(switches, key=lambda switch: switch[0])
+
+
+def switching_delay(
+    switching: Switching, oil: float, command: float, rng: np.random.Generator | None
+) -> float:
+    """s from the command to the spool's movement; opening is later where the oil is warm."""
+    warm = switching.delay_per_kelvin * equations.above_20_celsius(oil, switching.delay_fade)
+    delay = switching.open_delay + warm if command else switching.close_delay
+    if rng is not None:
+        delay += (switching.jitter + switching.jitter_share * delay) * rng.standard_normal()
+    return delay
 
 
 def initial_state(bench: Bench, condition: Condition) -> NDArray[np.float64]:

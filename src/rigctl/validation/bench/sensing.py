@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -91,6 +92,29 @@ def coloured(rng: np.random.Generator, size: int, sigma: float, correlation: flo
     drive = white * np.sqrt(1.0 - correlation**2)
     drive[0] = white[0]
     return np.asarray(lfilter([1.0], [1.0, -correlation], drive))
+
+
+class Correlated:
+    """The same noise one reading at a time, with the converter's steps: for a bench that is read live."""
+
+    def __init__(self, rng: np.random.Generator, noise: Noise) -> None:
+        self._rng = rng
+        self._noise = noise
+        self._last: dict[str, float] | None = None
+
+    def added(self, shown: dict[str, float]) -> dict[str, float]:
+        """The readings with the noise of this sample."""
+        rho, last = self._noise.correlation, self._last
+        drawn = {name: self._noise.sigma[name] * float(self._rng.standard_normal()) for name in shown}
+        if last is not None:
+            fresh = math.sqrt(1.0 - rho * rho)
+            drawn = {name: rho * last[name] + fresh * value for name, value in drawn.items()}
+        self._last = drawn
+        return {name: self._converted(name, value + drawn[name]) for name, value in shown.items()}
+
+    def _converted(self, name: str, value: float) -> float:
+        step = self._noise.step.get(name, 0.0)
+        return round(value / step) * step if step else value
 
 
 def measure(

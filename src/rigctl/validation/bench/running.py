@@ -1,0 +1,133 @@
+# mypy: disable-error-code="no-untyped-call"
+"""The separate bench as it stands there: advanced from switch to switch, and read whenever it is asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.validation.bench import equations
+from rigctl.validation.bench.campaign import Campaign
+from rigctl.validation.bench.record import (
+    FIRST_STEP,
+    TOLERANCE,
+    BenchFailure,
+    Condition,
+    Trace,
+    initial_state,
+    switching_delay,
+)
+from rigctl.validation.bench.sensing import Correlated, true_channels
+
+#: s; a switch that is due within it is due
+_ROUNDING = 1e-12
+
+
+@dataclass
+class RunningBench:
+    """The bench of a campaign, with what it hides, from the moment it was switched on.
+
+    Where `rigctl.validation.bench.record` makes a record of known schedule, this one does not know what it
+    will be told next, so that a procedure can be carried out on it.
+
+    Parameters
+    ----------
+    campaign: bench, sensors, switching, noise, and the seed of everything random.
+    condition: how it stands when it is switched on.
+    """
+
+    campaign: Campaign
+    condition: Condition
+    time: float = 0.0
+    _pending: list[tuple[float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        at = self.condition
+        self._state = initial_state(self.campaign.bench, at)
+        self._inputs = np.array([0.0, at.setting, at.heater, at.ambient])
+        self._scale = np.array(equations.SCALE)
+        self._step = FIRST_STEP
+        self._told = 0.0
+        self._play = float(self._state[equations.X]) + self.campaign.sensors.position_backlash / 2.0
+        switches, noise, settings = np.random.SeedSequence(self.campaign.seed, spawn_key=(0,)).spawn(3)
+        self._switches = np.random.Generator(np.random.PCG64(switches))
+        self._settings = np.random.Generator(np.random.PCG64(settings))
+        self._noise = Correlated(np.random.Generator(np.random.PCG64(noise)), self.campaign.noise)
+
+    def advance(self, time: float) -> None:
+        """Let it run to `time`, s; the spool moves when its delay has passed.
+
+        Raises
+        ------
+        BenchFailure
+            the step size fell below what can be represented.
+        """
+        while self._pending and self._pending[0][0] <= time + _ROUNDING:
+            when, command = self._pending.pop(0)
+            self._integrate(when)
+            self._change(0, command)
+        self._integrate(time)
+
+    def valve(self, command: float) -> None:
+        """Tell the directional valve to extend (1), close (0) or retract (−1); it obeys after its delay."""
+        if command == self._told:
+            return
+        self._told = command
+        late = switching_delay(
+            self.campaign.switching, float(self._state[equations.T_OIL]), command, self._switches
+        )
+        when = self.time + max(0.0, late)
+        self._pending = sorted([*self._pending, (when, command)], key=lambda switch: switch[0])
+
+    def relief(self, setting: float) -> None:
+        """Turn the relief valve to `setting`, Pa, as well as it is repeated."""
+        share = self.campaign.scatter.setting * float(self._settings.standard_normal())
+        self._change(1, setting * (1.0 + share))
+
+    def heat(self, power: float) -> None:
+        """Switch the heaters, W."""
+        self._change(2, power)
+
+    def read(self) -> dict[str, float]:
+        """Every channel as its sensor reports it now, SI, with its noise."""
+        shown = self._shown()
+        return self._noise.added(shown)
+
+    def _shown(self) -> dict[str, float]:
+        """What the sensors show before noise; the play has a memory."""
+        sensors, half = self.campaign.sensors, self.campaign.sensors.position_backlash / 2.0
+        x = float(self._state[equations.X])
+        self._play = min(max(self._play, x - half), x + half)
+        state = self._state.copy()
+        state[equations.X] = self._play
+        trace = Trace(np.array([self.time]), np.array([self._told]), state[None, :])
+        one = true_channels(trace, sensors._replace(position_backlash=0.0))
+        return {name: float(values[0]) for name, values in one.items()}
+
+    def _change(self, index: int, value: float) -> None:
+        if self._inputs[index] != value:
+            self._inputs[index] = value
+            self._step = FIRST_STEP
+
+    def _integrate(self, time: float) -> None:
+        if time - self.time <= _ROUNDING:
+            return
+        self._step = equations.advance(
+            self._state,
+            time - self.time,
+            self._step,
+            self._inputs,
+            self.campaign.bench,
+            self._scale,
+            TOLERANCE,
+        )
+        if self._step < 0.0:
+            raise BenchFailure(f"step size underflow at {self.time:g} s")
+        self.time = time
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """The states as they are now, see `equations`."""
+        return self._state.copy()

@@ -1,0 +1,97 @@
+"""The separate bench behind a rig file: a backend that a procedure is carried out on, like a real one.
+
+A campaign that is handed over whole (`rigctl.validation.campaign_run`) cannot answer what is asked next. Here
+the runner opens, switches and samples the separate bench, on a virtual clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rigctl.backends.simulated.bench import SimulatedBench
+from rigctl.backends.simulated.device import Device
+from rigctl.backends.simulated.imperfections import Imperfections
+from rigctl.backends.simulated.initial import initial_commands, initial_values
+from rigctl.backends.simulated.link import Link
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.rig import Rig
+from rigctl.validation.bench.campaign import Campaign
+from rigctl.validation.bench.record import Condition
+from rigctl.validation.bench.running import RunningBench
+from rigctl.validation.bench.sensing import CHANNELS
+
+
+class SeparatePlant:
+    """The separate bench as the simulated backend's plant; its sensors and their noise are its own.
+
+    Parameters
+    ----------
+    rig: one of the cylinder's, with a heater, a directional valve and a relief valve in their roles.
+    bench: as it stands.
+
+    Raises
+    ------
+    RigctlError
+        the rig is of another bench.
+    """
+
+    def __init__(self, rig: Rig, bench: RunningBench) -> None:
+        roles = rig.roles
+        unknown = [name for name in rig.channels if name not in CHANNELS]
+        if unknown or roles.extend is None or roles.set_pressure is None or roles.heat is None:
+            raise RigctlError(
+                "the rig is not the bench that is simulated",
+                value=rig.name,
+                expected=f"no channels but {', '.join(CHANNELS)}, and roles for heat, pressure and motion",
+            )
+        self.channels: tuple[str, ...] = rig.layout.channels
+        self._bench = bench
+        self._valve, self._relief = roles.extend.actuator, roles.set_pressure.actuator
+        self._heater = roles.heat.actuator
+        self._power = float(rig.actuators[self._heater].power or 0.0)
+        bench.relief(initial_commands(rig)[self._relief])
+
+    def advance(self, time: float) -> None:
+        """Let the bench run to `time`."""
+        self._bench.advance(time)
+
+    def switch(self, actuator: str, value: float) -> None:
+        """Put an actuator to an SI value."""
+        if actuator == self._valve:
+            self._bench.valve(value)
+        elif actuator == self._relief:
+            self._bench.relief(value)
+        elif actuator == self._heater:
+            self._bench.heat(value * self._power)
+
+    def read(self) -> Sequence[float]:
+        """What its sensors report, SI: each sample's noise is drawn once."""
+        shown = self._bench.read()
+        return [shown[name] for name in self.channels]
+
+    def take_departures(self) -> Sequence[str]:
+        """None: it has no laws of ours."""
+        return ()
+
+
+def live_bench(campaign: Campaign, rig: Rig, clock: Clock) -> SimulatedBench:
+    """A backend, not yet open, whose bench is the one of `campaign`, cold and retracted as the rig file says.
+
+    It adds no noise to that of the campaign's own sensors, and no converter steps but theirs.
+    """
+    initial = initial_values(rig)
+    condition = Condition(
+        oil=initial["oil_temperature"],
+        setting=initial["supply_pressure"],
+        ambient=rig.simulation.ambient_temperature,
+    )
+    flaws = Imperfections(seed=campaign.seed, noise=False, quantised=False)
+
+    def switch_on() -> Device:
+        plant = SeparatePlant(rig, RunningBench(campaign, condition))
+        return Device(rig, plant, initial_commands(rig), flaws)
+
+    return SimulatedBench(
+        rig, clock, switch_on, Link(()), {"plant": "separate bench", "seed": str(campaign.seed)}
+    )

@@ -1,0 +1,96 @@
+"""The separate bench behind the runner: the same machine as in whole campaigns, told step by step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigctl.clock import VirtualClock
+from rigctl.dataset import RunWriter, open_run
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.procedure import expand, load_procedure
+from rigctl.rig import load_rig
+from rigctl.runner.launch import Launch, carry_out, header_of
+from rigctl.runner.operator import AutomaticOperator
+from rigctl.validation.bench import equations
+from rigctl.validation.bench.campaign import Campaign, Scatter
+from rigctl.validation.bench.parameters import Bench, Sensors, Switching
+from rigctl.validation.bench.record import RATE, STANDARD, Condition, simulate_record
+from rigctl.validation.bench.running import RunningBench
+from rigctl.validation.bench.sensing import Noise
+from rigctl.validation.live_bench import SeparatePlant, live_bench
+
+_QUIET = Noise(sigma=dict.fromkeys(Noise().sigma, 0.0))
+_WARM = Condition(oil=333.15, setting=40e5)
+
+
+def _followed(bench: RunningBench, schedule: tuple[tuple[float, float], ...]) -> np.ndarray:
+    """The states at every sample of a schedule of valve commands, told as it goes on."""
+    rows, index, edge = [bench.state], 0, 0.0
+    for command, duration in schedule:
+        bench.valve(command)
+        edge += duration
+        while (index + 1) / RATE <= edge + 1e-9:
+            index += 1
+            bench.advance(index / RATE)
+            rows.append(bench.state)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(
+    "switching", [Switching(), Switching(open_delay=0.013, close_delay=0.0271, delay_per_kelvin=1e-4)]
+)
+def test_told_step_by_step_it_is_the_bench_of_whole_records(switching: Switching) -> None:
+    hidden = Bench(coulomb=150.0, spool_leak=4e-15, pressure_time=0.01)
+    whole = simulate_record(hidden, _WARM, switching=switching)
+    live = _followed(RunningBench(Campaign(bench=hidden, switching=switching), _WARM), STANDARD)
+    # steps end elsewhere, so the two differ by what their integrator is allowed
+    for state, small in ((equations.X, 1e-6), (equations.PS, 200.0), (equations.T_OIL, 1e-6)):
+        assert np.max(np.abs(live[:, state] - whole.states[:, state])) < small
+
+
+def test_sensors_have_their_faults_and_their_play_remembers() -> None:
+    campaign = Campaign(sensors=Sensors(position_gain=0.02, position_backlash=2e-3), noise=_QUIET)
+    bench = RunningBench(campaign, _WARM)
+    held = bench.state[equations.X]
+    assert bench.read()["position"] == pytest.approx(1.02 * (held + 1e-3), abs=1e-9)  # as after a retract
+    _followed(bench, ((0.0, 0.1), (1.0, 0.5)))
+    out = bench.state[equations.X]
+    assert bench.read()["position"] == pytest.approx(1.02 * (out - 1e-3), abs=1e-9)
+
+
+def test_noise_has_the_spread_and_the_correlation_that_it_is_said_to_have() -> None:
+    noise = Noise(correlation=0.6)
+    bench = RunningBench(Campaign(noise=noise, seed=4), _WARM)
+    still = bench.state[equations.PS]
+    drawn = np.array([bench.read()["supply_pressure"] for _ in range(8000)]) - still
+    assert drawn.std() == pytest.approx(noise.sigma["supply_pressure"], rel=0.05)
+    assert np.corrcoef(drawn[1:], drawn[:-1])[0, 1] == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_procedure_is_carried_out_on_it(tmp_path: Path) -> None:
+    plan = expand(
+        load_procedure(shipped("procedures", "stroke.yaml")), load_rig(shipped("rigs", "hl32-bench.yaml")), {}
+    )
+    clock = VirtualClock(started=datetime.now(UTC))
+    bench = live_bench(Campaign(scatter=Scatter(setting=0.002), seed=2), plan.rig, clock)
+    how = Launch(runs=tmp_path, operator=AutomaticOperator(), clock=clock, exclusive=False)
+    bench.open()
+    try:
+        ended = carry_out(plan, bench, RunWriter.create(tmp_path, header_of(plan, bench, how)), None, how)
+    finally:
+        bench.close()
+    assert ended.status == "finished"
+    (stroke,) = open_run(ended.folder).records["stroke"]
+    assert 85.0 < stroke < 100.0  # of the published bench at 30 bar and 20 °C, in mm
+
+
+def test_another_bench_is_refused() -> None:
+    rig = load_rig(shipped("rigs", "tclab-board.yaml"))
+    with pytest.raises(RigctlError, match="not the bench that is simulated"):
+        SeparatePlant(rig, RunningBench(Campaign(), replace(_WARM)))
