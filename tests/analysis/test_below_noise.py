@@ -114,7 +114,7 @@ def test_a_member_whose_rest_cannot_be_fitted_is_said_with_its_own_parameters() 
     found: Any = SimpleNamespace(
         effects=("first", "valve_leakage"),
         candidates=(chosen[0], held),
-        sizes=lambda _: np.array([4e-15]),
+        amplitudes=lambda _: np.array([4e-15]),
         value=lambda _: (4e-15, 1e-16),
         fit=SimpleNamespace(problem=SimpleNamespace(shared=())),
     )

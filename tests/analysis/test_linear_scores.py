@@ -48,7 +48,7 @@ def test_every_score_is_that_of_dense_algebra(seed: int, correlation: float) -> 
         s, raw = design.signature(name), design.columns[name]
         left = design.left_over(y, NUISANCES)
         assert score.z == pytest.approx(abs(s @ left) / np.linalg.norm(s), rel=1e-8)
-        assert score.sizes == pytest.approx([s @ left / (s @ s)], rel=1e-8)
+        assert score.amplitudes == pytest.approx([s @ left / (s @ s)], rel=1e-8)
         whole = raw @ np.linalg.solve(design.noise_alone, raw)
         assert score.kappa == pytest.approx(float(np.sqrt(s @ s / whole)), rel=1e-8)
         by_records = 1.0 - design.white[name] @ design.white[name] / whole

@@ -70,7 +70,7 @@ def test_parts_make_no_difference(fitted: FitResult, monkeypatch: pytest.MonkeyP
     for a, b in zip(whole.records, some.records, strict=True):
         assert a.signatures == pytest.approx(b.signatures, rel=1e-9, abs=1e-9)
         assert a.count == b.count
-    assert whole.sizes == pytest.approx(some.sizes)
+    assert whole.full_lengths == pytest.approx(some.full_lengths)
 
 
 def test_some_of_the_records_and_samples_name_the_same_equation(

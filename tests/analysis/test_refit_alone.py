@@ -10,7 +10,7 @@ from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Exclusion
 from rigctl.analysis.fitting import fit_model
-from rigctl.analysis.refit import Alone, alone, at_sizes
+from rigctl.analysis.refit import Alone, alone, at_amplitudes
 from rigctl.analysis.single_values.exclusions import exclusion_text, exclusions, main_trend
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file
@@ -60,7 +60,7 @@ def test_a_leak_that_begins_to_turn_the_strokes_far_above_its_typical_size_is_fo
 
 def test_what_turns_nothing_is_looked_at_up_to_its_bound(strokes: ModelComparison) -> None:
     found = fitted(strokes, "rod_leakage")
-    assert len(at_sizes(strokes, found)) == 3
+    assert len(at_amplitudes(strokes, found)) == 3
     (out,) = exclusions(strokes, (), BEST, {"rod_leakage": found})
     assert out.reached <= out.at_most < 0.25
     trend = main_trend(strokes)
@@ -71,7 +71,7 @@ def test_what_turns_nothing_is_looked_at_up_to_its_bound(strokes: ModelCompariso
 def test_a_fit_that_explains_most_is_not_asked_at_other_sizes(strokes: ModelComparison) -> None:
     found = fitted(strokes, "flow_area_thermal_drift")
     assert found.chi2 < 10.0
-    assert found.at_sizes == ()
+    assert found.at_amplitudes == ()
 
 
 def test_what_turns_it_at_another_size_than_it_fits_at_is_not_called_unable(strokes: ModelComparison) -> None:

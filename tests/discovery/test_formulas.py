@@ -87,7 +87,7 @@ def projected(residual: np.ndarray, columns: np.ndarray, records: int) -> Simple
     """What `draw_chance` reads of a projected linearisation."""
     own = [SimpleNamespace(residual=part) for part in np.split(residual, records)]
     sizes = np.linalg.norm(columns, axis=0)
-    lin = SimpleNamespace(sizes=sizes, records=own)
+    lin = SimpleNamespace(full_lengths=sizes, records=own)
     usable = np.ones(columns.shape[1], dtype=bool)
     return SimpleNamespace(
         residual=residual, signatures=columns, usable=usable, linearisation=lin, noise_degrees=0

@@ -92,12 +92,12 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     tests = {"plane": plane_test(projected), "chi2": chi2_test(projected)}
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
-    found = Adequacy(
+    judged = Adequacy(
         {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
     )
-    if found.agrees or projected.linearisation.fit.problem.measurements.table:
-        return found
-    return replace(found, below_noise=error_below(projected.linearisation.fit, BELOW_NOISE))
+    if judged.agrees or projected.linearisation.fit.problem.measurements.table:
+        return judged
+    return replace(judged, below_noise=error_below(projected.linearisation.fit, BELOW_NOISE))
 
 
 def error_below(fit: FitResult, share: float) -> bool:
@@ -198,8 +198,8 @@ def variance_factor(fit: FitResult) -> float:
     most = int(_LAGS * max(one.size for one in series))
     sums = np.zeros(most + 1)
     for one in series:
-        found = _autocovariance(one)[: most + 1]
-        sums[: found.size] += found
+        covariances = _autocovariance(one)[: most + 1]
+        sums[: covariances.size] += covariances
     covariance = sums / sum(one.size for one in series)
     weights = 1.0 - np.arange(1, most + 1) / (most + 1.0)
     return max(1.0, float(covariance[0]), float(covariance[0] + 2.0 * weights @ covariance[1:]))
@@ -207,12 +207,12 @@ def variance_factor(fit: FitResult) -> float:
 
 def _by_channel(fit: FitResult) -> list[NDArray[np.float64]]:
     """The whitened residuals of each channel of each fitted record, in time."""
-    found = []
+    series = []
     for index in fit.fitted:
         white = whitened_residual(fit.problem, fit.outputs[index], index)
         channel = fit.problem.whiteners[index].rows[:, 1]
-        found += [white[channel == one] for one in np.unique(channel)]
-    return [one for one in found if one.size]
+        series += [white[channel == one] for one in np.unique(channel)]
+    return [one for one in series if one.size]
 
 
 def _autocovariance(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -125,7 +125,7 @@ def _laws(
 ) -> tuple[AskedLaw, ...]:
     course = _Course(fit)
     visited = {bend.driver: course.range(bend.driver) for bend in bends}
-    found = []
+    laws = []
     for bend in bends:
         term = law_term(course.known, fit.problem.model.effect(bend.effect), bend.driver)
         if term is None:
@@ -136,8 +136,8 @@ def _laws(
             if driver != bend.driver
         )
         law = _law(shaped, bend, term, len(bends), noise)
-        found.append(replace(law, visited=visited[bend.driver], others=others))
-    return tuple(found)
+        laws.append(replace(law, visited=visited[bend.driver], others=others))
+    return tuple(laws)
 
 
 class _Course:
@@ -175,22 +175,22 @@ def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: fl
 
     `noise` is the variance of whitened residuals; where it is None, what the widest bend leaves of them says.
     """
-    own = np.zeros(len(shaped.shapes), dtype=bool)
-    own[bend.columns] = True
-    weights = np.where(own, 1.0, SHAPE_TOLERANCE)
+    of_bend = np.zeros(len(shaped.shapes), dtype=bool)
+    of_bend[bend.columns] = True
+    weights = np.where(of_bend, 1.0, SHAPE_TOLERANCE)
     rows = _rows(shaped, weights)
-    projected = project(_with_other_bends(shaped, own))
-    columns, residual = projected.signatures[:, own], projected.residual
+    projected = project(_with_other_bends(shaped, of_bend))
+    columns, residual = projected.signatures[:, of_bend], projected.residual
     if noise is None:
         taken = _evidence(columns * _WIDTHS[-1], residual)[1]
         noise = max(1.0, (float(residual @ residual) - taken) / max(projected.dof, 1))
     columns, residual = columns / math.sqrt(noise), residual / math.sqrt(noise)
     width, evidence, explained = min(
-        ((one, *_evidence(columns * one, residual)) for one in _WIDTHS), key=lambda found: found[1]
+        ((one, *_evidence(columns * one, residual)) for one in _WIDTHS), key=lambda known: known[1]
     )
     x = np.linspace(bend.knots[3], bend.knots[-4], _POINTS)
     assumed = term.values(x)
-    asked, spread = _posterior(rows, bend, own, width, noise, term, x, assumed)
+    asked, spread = _posterior(rows, bend, of_bend, width, noise, term, x, assumed)
     change, std = _power_change(columns, residual, bend, x)
     price = 2.0 * math.log(count * len(_WIDTHS))
     table = shaped.fit.problem.measurements.table
@@ -240,9 +240,9 @@ def _rows(shaped: Linearisation, weights: Floats) -> _Rows:
     return _Rows(shaped.nuisances, nuisance, shapes * weights, residual)
 
 
-def _with_other_bends(shaped: Linearisation, own: NDArray[np.bool_]) -> Linearisation:
+def _with_other_bends(shaped: Linearisation, of_bend: NDArray[np.bool_]) -> Linearisation:
     """The bends of the other laws among the nuisances, within the tolerance."""
-    others = np.flatnonzero(~own)
+    others = np.flatnonzero(~of_bend)
     weight, prior = shaped.prior
     more = others.size
     joint = np.pad(weight, (0, more))
@@ -271,7 +271,7 @@ def _evidence(columns: Floats, residual: Floats) -> tuple[float, float]:
 def _posterior(
     rows: _Rows,
     bend: Bend,
-    own: NDArray[np.bool_],
+    of_bend: NDArray[np.bool_],
     width: float,
     noise: float,
     term: LawTerm,
@@ -280,7 +280,7 @@ def _posterior(
 ) -> tuple[Floats, Floats]:
     """(points) The term that the data ask for and its standard deviation: what the fitted sizes of the effect
     and the bend do to it together, all else free as well."""
-    shapes = np.where(own, width, 1.0) * rows.shapes
+    shapes = np.where(of_bend, width, 1.0) * rows.shapes
     joint = np.hstack([rows.nuisance, shapes]) / math.sqrt(noise)
     scale = np.linalg.norm(joint, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -294,7 +294,7 @@ def _posterior(
     for index, name in enumerate(rows.names):
         acts[:, index] = term.slope(name, x)
     # what bends the term: the splines' amplitudes are L·a, a = width·(this unknown)
-    acts[:, first + np.flatnonzero(own)] = assumed[:, None] * (_basis(bend, x) @ bend.root) * width
+    acts[:, first + np.flatnonzero(of_bend)] = assumed[:, None] * (_basis(bend, x) @ bend.root) * width
     acts = acts / scale
     spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", acts, covariance, acts), 0.0))
     return assumed + acts @ mean, spread
@@ -339,15 +339,15 @@ _SAME = 0.05
 
 
 def _exponent(x: Floats, y: Floats) -> float | None:
-    found: list[float] = []
+    slopes: list[float] = []
     largest = float(np.abs(x).max())
     for side in (1.0, -1.0):
         inside = (side * x > _FROM * largest) & (np.abs(y) > 0.0)
         if inside.sum() < 5:
             continue
-        found += np.gradient(np.log(np.abs(y[inside])), np.log(side * x[inside])).tolist()
-    if not found or float(np.ptp(found)) > 2.0 * _SAME:
+        slopes += np.gradient(np.log(np.abs(y[inside])), np.log(side * x[inside])).tolist()
+    if not slopes or float(np.ptp(slopes)) > 2.0 * _SAME:
         return None
-    exponent = float(np.median(found))
+    exponent = float(np.median(slopes))
     rounded = round(2.0 * exponent) / 2.0
     return rounded if abs(exponent - rounded) < _SAME else exponent

@@ -31,7 +31,7 @@ def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
     """The ranges of what was measured: of states that are read, of inputs' sizes, of records' lengths."""
     if not family.generic:
         return {}
-    found: dict[str, tuple[float, float]] = {}
+    ranges: dict[str, tuple[float, float]] = {}
     states = _read_states(family)
     for at, name in enumerate(measurements.outputs):
         values = np.concatenate([record.values[:, at] for record in measurements.records])
@@ -39,21 +39,21 @@ def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
         if not values.size:
             continue
         low, high = (float(end) for end in np.quantile(values, _ENDS))
-        found |= {f"reading {name}": (low, high), f"length of {name}": (0.0, high - low)}
+        ranges |= {f"reading {name}": (low, high), f"length of {name}": (0.0, high - low)}
         if name in states:
-            found[states[name]] = (low, high)
+            ranges[states[name]] = (low, high)
     for k, name in enumerate(measurements.inputs):
         values = np.concatenate([np.empty(0), *(_acting(record, k) for record in measurements.records)])
         if values.size:
             low, high = float(values.min()), float(values.max())
-            found |= {f"input {name}": (low, high), f"travel of {name}": (0.0, high - low)}
-            found[f"|{name}|"] = (0.0, max(-low, high))
+            ranges |= {f"input {name}": (low, high), f"travel of {name}": (0.0, high - low)}
+            ranges[f"|{name}|"] = (0.0, max(-low, high))
     lengths = [
         float(record.times[-1] - record.times[0]) for record in measurements.records if record.times.size
     ]
     if lengths:
-        found["time"] = (0.0, float(np.median(lengths)))
-    return {name: ends for name, ends in found.items() if ends[1] > ends[0]}
+        ranges["time"] = (0.0, float(np.median(lengths)))
+    return {name: ends for name, ends in ranges.items() if ends[1] > ends[0]}
 
 
 def _acting(record: MeasuredRecord, index: int) -> NDArray[np.float64]:
@@ -86,7 +86,7 @@ class Candidate:
     columns: the parameters that switch it on, as a system knows them.
     signs: of each column, 1 or -1 where physics allows one direction only, 0 where both.
     shapes: values of its shapes that differ from their starts, by qualified name, SI.
-    sizes: parameters that are looked at at this value, by qualified name, SI, and not at their null: the
+    secants: parameters that are looked at at this value, by qualified name, SI, and not at their null: the
         effect begins at a threshold, and its slope at the null says nothing of it.
     """
 
@@ -94,7 +94,7 @@ class Candidate:
     columns: tuple[str, ...]
     signs: tuple[int, ...]
     shapes: Mapping[str, float]
-    sizes: Mapping[str, float] = field(default_factory=dict)
+    secants: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -118,18 +118,18 @@ def candidates(
     """
     present = [model.effect(name) for name in model.effects]
     impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
-    found: list[Candidate] = []
+    tried: list[Candidate] = []
     for effect in (*library(model.family).values(), *model.own_effects):
         says_the_same = any(other.name in effect.instead_of for other in present)
         if effect.terms and effect.name not in impossible and not says_the_same:
-            found += _at_each_shape(effect, ranges or {})
-    return tuple(found)
+            tried += _at_each_shape(effect, ranges or {})
+    return tuple(tried)
 
 
-def by_effect(found: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
+def by_effect(tried: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
     """The places of each effect's candidates among `found`."""
     indices: dict[str, list[int]] = {}
-    for index, candidate in enumerate(found):
+    for index, candidate in enumerate(tried):
         indices.setdefault(candidate.name, []).append(index)
     return {name: tuple(at) for name, at in indices.items()}
 
@@ -138,11 +138,13 @@ def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:
     switching = [parameter for parameter in effect.parameters if not parameter.shape]
     columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
     signs = tuple(int(parameter.sign) for parameter in switching)
-    at_sizes = [(qualified(effect.name, one.name), size) for one in switching for size in one.grid]
-    for name, size in at_sizes:
-        yield Candidate(effect, columns, signs, {}, {name: size})
+    switched_on = [
+        (qualified(effect.name, one.name), amplitude) for one in switching for amplitude in one.grid
+    ]
+    for name, amplitude in switched_on:
+        yield Candidate(effect, columns, signs, {}, {name: amplitude})
     measured = [one for one in effect.parameters if one.shape and one.within in ranges and one.shares]
-    if not at_sizes and not measured:
+    if not switched_on and not measured:
         yield Candidate(effect, columns, signs, {})
     for parameter in effect.parameters:
         if parameter.shape:

@@ -62,7 +62,7 @@ def compare(
     if not runs or not models:
         raise RigctlError("a comparison needs a run and a model")
     said = on_progress or no_progress
-    found: list[ModelComparison] = []
+    compared: list[ModelComparison] = []
     notes: list[str] = []
     labels: tuple[str, ...] = ()
     choice = Choice()
@@ -76,12 +76,12 @@ def compare(
         choice = data.choice
         fitted = fit_to_data(model, data, refit=refit, on_progress=said)
         said(f"Looking where {model.name} fails")
-        found.append(judge(fitted, model.name, excluded=excluded, on_progress=said))
+        compared.append(judge(fitted, model.name, excluded=excluded, on_progress=said))
         notes += _notes(fitted)
     return Comparison(
         runs=tuple(run.id for run in runs),
         held_out=labels,
-        models=tuple(found),
+        models=tuple(compared),
         notes=tuple(note for note in dict.fromkeys(notes) if note),
         choice=choice,
     )
@@ -109,7 +109,7 @@ def judge(
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
-    found = ModelComparison(
+    judged = ModelComparison(
         name=name,
         fit=fitted,
         adequacy=tests,
@@ -124,26 +124,26 @@ def judge(
         whole=whole,
         excluded=frozenset(excluded),
     )
-    return _located(found) if locate else found
+    return _located(judged) if locate else judged
 
 
-def _located(found: ModelComparison) -> ModelComparison:
+def _located(judged: ModelComparison) -> ModelComparison:
     """With the places of the error, its directions, the equations and, of a table, its rows."""
-    fitted, tests = found.fit, found.adequacy
-    where = (*localise(found.linearisation, found.cells), *worst_stretches(fitted))
+    fitted, tests = judged.fit, judged.adequacy
+    where = (*localise(judged.linearisation, judged.cells), *worst_stretches(fitted))
     directions, slots, rows = trends(fitted), slot_evidence(fitted), table_rows(fitted)
     quantities = () if rows else record_level(fitted)
     direction = sentence(directions)
     return replace(
-        found,
+        judged,
         where=where,
         trends=directions,
         slots=slots,
-        statement=table_statement(found.name, tests, rows, direction)
+        statement=table_statement(judged.name, tests, rows, direction)
         if rows
-        else _statement(found.name, tests, where, direction, quantities),
+        else _statement(judged.name, tests, where, direction, quantities),
         rows=rows,
-        findings=table_findings(found.linearisation, tests, found.screening, rows) if rows else (),
+        findings=table_findings(judged.linearisation, tests, judged.screening, rows) if rows else (),
         record_level=quantities,
         outside=departures(fitted),
         curve_bands=curve_bands(fitted),

@@ -66,17 +66,19 @@ def held_out_gain(
     held: (rows of each record) what the effect's parameters at their bounds do, which no fit moves.
     """
     indices = [lin.nuisances.index(name) for name in columns if name in lin.nuisances]
-    sizes = np.array([value for name, value in zip(columns, values, strict=True) if name in lin.nuisances])
+    amplitudes = np.array(
+        [value for name, value in zip(columns, values, strict=True) if name in lin.nuisances]
+    )
     every = list(range(len(lin.nuisances)))
     rest = [k for k in every if k not in indices]
     here = [record.residual for record in lin.records]
-    off = [record.residual + record.nuisance[:, indices] @ sizes for record in lin.records]
+    off = [record.residual + record.nuisance[:, indices] @ amplitudes for record in lin.records]
     if held is not None:
         off = [one + more for one, more in zip(off, held, strict=True)]
     before, after, rows, gains, spreads = 0.0, 0.0, 0, [], []
     for outside in _folds(lin):
         inside = [k for k in range(len(lin.records)) if k not in outside]
-        if not _determined(lin, inside, indices, sizes):
+        if not _determined(lin, inside, indices, amplitudes):
             continue
         with_it = _left(lin, here, inside, outside, every)
         without = _left(lin, off, inside, outside, rest)
@@ -97,7 +99,9 @@ def held_out_gain(
     )
 
 
-def _determined(lin: Linearisation, inside: Sequence[int], indices: Sequence[int], sizes: Floats) -> bool:
+def _determined(
+    lin: Linearisation, inside: Sequence[int], indices: Sequence[int], amplitudes: Floats
+) -> bool:
     """Whether the records that are left tell the effect's parameters at all.
 
     Without its only hot rows a table says nothing of what heat does, and predicts nothing; nor do records
@@ -114,7 +118,7 @@ def _determined(lin: Linearisation, inside: Sequence[int], indices: Sequence[int
     if rest:
         left = left - scaled[:, rest] @ np.linalg.lstsq(scaled[:, rest], left, rcond=1e-8)[0]
     if not lin.fit.problem.measurements.table:
-        return float(np.linalg.norm(left @ (lengths[indices] * sizes))) > FOLD_SEEN
+        return float(np.linalg.norm(left @ (lengths[indices] * amplitudes))) > FOLD_SEEN
     whole = np.vstack([one.nuisance for one in lin.records])[:, indices]
     shares = np.linalg.norm(left, axis=0) * lengths[indices]
     return bool(np.all(shares > HIDDEN * np.linalg.norm(whole, axis=0)))

@@ -324,8 +324,10 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
     for name in shown:
         score = by_name[name] if name in by_name else _score_beside(search, best, name)
         ranked.append(_ranked(search, best, score, min(1.0, shares.get(name, 0.0))))
-    own = set(best.effects)
-    return sorted(ranked, key=lambda one: (-round(one.probability, 6), one.effect not in own, one.delta_bic))
+    chosen = set(best.effects)
+    return sorted(
+        ranked, key=lambda one: (-round(one.probability, 6), one.effect not in chosen, one.delta_bic)
+    )
 
 
 def _factor(search: Search, best: RefittedSet) -> float:
@@ -347,7 +349,7 @@ def _score_beside(search: Search, best: RefittedSet, name: str) -> Score:
         gain=gain,
         z=math.sqrt(gain),
         p_value=1.0,  # on the model as it is
-        sizes=best.sizes(member),
+        amplitudes=best.amplitudes(member),
         kappa=float(min(projected.kappa[column] for column in columns)),
         hidden_in="",
     )
@@ -360,8 +362,8 @@ def _ranked(search: Search, best: RefittedSet, score: Score, probability: float)
         lin = search.before.linearisation
         candidate = lin.candidates[score.candidate]
         if trial is None:
-            sizes = search.alone_sizes(name) or score.sizes.tolist()
-            parameters = _linear_parameters(candidate, sizes)
+            amplitudes = search.alone_amplitudes(name) or score.amplitudes.tolist()
+            parameters = _linear_parameters(candidate, amplitudes)
         else:  # a member of the best set, the rest of which could not be fitted
             (member,) = (one for one in trial.candidates if one.name == name)
             parameters = found_parameters(trial, member)
@@ -406,7 +408,7 @@ def _trial_of(search: Search, best: RefittedSet, name: str) -> tuple[RefittedSet
 
 def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, FoundParameter]:
     """An effect's parameters as fitted, in the units they are shown in."""
-    found = {}
+    parameters = {}
     fitted = {unknown.name for unknown in trial.fit.problem.shared}
     refined = [name for name in _shapes(candidate) if name in fitted]
     for column in (*candidate.columns, *refined):
@@ -414,23 +416,25 @@ def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, Foun
         value, std = trial.value(column)
         unit = parse_unit(declared.unit)
         offset = 0.0 if declared.difference else unit.offset
-        found[declared.name] = FoundParameter(
+        parameters[declared.name] = FoundParameter(
             (value - offset) / unit.factor, declared.unit, std / unit.factor, declared.unusual(value)
         )
-    return found
+    return parameters
 
 
 def _shapes(candidate: Candidate) -> list[str]:
     return [qualified(candidate.name, one.name) for one in candidate.effect.parameters if one.shape]
 
 
-def _linear_parameters(candidate: Candidate, sizes: Sequence[float]) -> dict[str, FoundParameter]:
-    found = {}
-    for column, size in zip(candidate.columns, sizes, strict=True):
+def _linear_parameters(candidate: Candidate, amplitudes: Sequence[float]) -> dict[str, FoundParameter]:
+    result = {}
+    for column, amplitude in zip(candidate.columns, amplitudes, strict=True):
         declared = candidate.parameter(column)
         factor = parse_unit(declared.unit).factor
-        found[declared.name] = FoundParameter((declared.at_null + size) / factor, declared.unit, math.nan)
-    return found
+        result[declared.name] = FoundParameter(
+            (declared.at_null + amplitude) / factor, declared.unit, math.nan
+        )
+    return result
 
 
 def _nrmse(trial: RefittedSet) -> float:
@@ -445,7 +449,7 @@ def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossVali
     lin = here.linearisation
     if len(lin.records) < 2:
         return None
-    return held_out_gain(lin, candidate.columns, best.sizes(candidate), here.held(candidate))
+    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), here.held(candidate))
 
 
 def _with_check(ranked: Ranked, check: CrossValidation | None) -> Ranked:
@@ -458,7 +462,7 @@ def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
     """Effects that show nothing here, and what would make them show."""
     by_name = {one.name: one.effect for one in before.linearisation.candidates}
     measured = set(before.fit.problem.measurements.outputs)
-    found = []
+    reasons = []
     for name in before.screening.untestable:
         effect = by_name[name]
         sensors = [slot.removesuffix("_reading") for slot in effect.slots if slot.endswith("_reading")]
@@ -466,8 +470,8 @@ def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
         needs = (
             f"the channel {', '.join(absent)}" if absent else effect.needs or "other commands or conditions"
         )
-        found.append((name, needs))
-    return found + _hidden_by_unrecorded(before)
+        reasons.append((name, needs))
+    return reasons + _hidden_by_unrecorded(before)
 
 
 def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
@@ -484,9 +488,13 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
     ends = np.cumsum([len(one.columns) for one in chosen])[:-1]
     whole, taken = np.zeros(len(chosen)), np.zeros(len(chosen))
     for k, whitener in enumerate(inner.whiteners):
-        own = [slopes.own[k][qualified(RECORD, name)] for name in inner.records[k].unrecorded]
+        unrecorded = [slopes.record_local[k][qualified(RECORD, name)] for name in inner.records[k].unrecorded]
         white = whitener(slopes.signatures[k])
-        basis = np.linalg.qr(whitener(np.stack(own, axis=2)))[0] if own else np.empty((len(white), 0))
+        basis = (
+            np.linalg.qr(whitener(np.stack(unrecorded, axis=2)))[0]
+            if unrecorded
+            else np.empty((len(white), 0))
+        )
         for index, columns in enumerate(np.split(white, ends, axis=1)):
             whole[index] += float(np.square(columns).sum())
             taken[index] += float(np.square(basis.T @ columns).sum())
@@ -504,7 +512,7 @@ def _drift(before: ModelComparison, best: RefittedSet) -> list[Drift]:
         return []
     family = before.fit.problem.model.family
     after = dict(zip([u.name for u in best.fit.problem.shared], best.fit.values.tolist(), strict=True))
-    found = []
+    drifts = []
     for unknown, value in zip(before.fit.problem.shared, before.fit.values.tolist(), strict=True):
         if "." in unknown.name:
             continue
@@ -512,5 +520,5 @@ def _drift(before: ModelComparison, best: RefittedSet) -> list[Drift]:
         unit = parse_unit(declared.unit)
         ends = unit.from_si(value), unit.from_si(after[unknown.name])
         stds = (one.std.get(unknown.name, math.nan) / unit.factor for one in (before.fit, best.fit))
-        found.append(Drift(unknown.name, *ends, declared.unit, *stds))
-    return found
+        drifts.append(Drift(unknown.name, *ends, declared.unit, *stds))
+    return drifts

@@ -59,7 +59,7 @@ def disturbed_system(problem: Problem, moving: Sequence[Slot], reading: Sequence
     """
     model, level_effect = problem.model, problem.level.effect
     effect = _effect(model.family, moving, reading, knots)
-    effects = {name: {p: value.si for p, value in own.items()} for name, own in model.effects.items()}
+    effects = {name: {p: value.si for p, value in fitted.items()} for name, fitted in model.effects.items()}
     return build_system(
         model.family,
         {**effects, **problem.level.null, DISTURBANCE: effect.null},
@@ -119,9 +119,9 @@ def _tents(slot: Slot, knots: int, _: Scope, p: Own) -> Scalar:
 
 
 @lru_cache(maxsize=1)
-def _shapes(place: Scalar, knots: int) -> tuple[Scalar, ...]:
+def _shapes(position: Scalar, knots: int) -> tuple[Scalar, ...]:
     """Tents at 0, 1, … of ``place``, each a second difference of ramps; every slot has the same."""
-    ramps = [positive_part(place - float(k), _CORNER) for k in range(-1, knots + 1)]
+    ramps = [positive_part(position - float(k), _CORNER) for k in range(-1, knots + 1)]
     return tuple(ramps[k] - 2.0 * ramps[k + 1] + ramps[k + 2] for k in range(knots))
 
 
@@ -145,23 +145,23 @@ def reading_bases(
     - "rate": the time derivative, which a lag multiplies; a table has none.
     """
     low, high = min(float(x.min()) for x in read), max(float(x.max()) for x in read)
-    place = [(2.0 * x - low - high) / ((high - low) or 1.0) for x in read]
-    found: dict[View, list[Floats]] = {}
-    found["reading"] = [np.column_stack([np.ones_like(x), x, 1.5 * x**2 - 0.5]) for x in place]
+    position = [(2.0 * x - low - high) / ((high - low) or 1.0) for x in read]
+    bases: dict[View, list[Floats]] = {}
+    bases["reading"] = [np.column_stack([np.ones_like(x), x, 1.5 * x**2 - 0.5]) for x in position]
     if spacing > 0.0:
-        found["time"] = [tents(r.times - r.switch_times[0], knots, spacing) for r in records]
+        bases["time"] = [tents(r.times - r.switch_times[0], knots, spacing) for r in records]
         if min(x.size for x in read) > 1:
-            found["rate"] = [
+            bases["rate"] = [
                 np.gradient(x, record.times)[:, None] for x, record in zip(read, records, strict=True)
             ]
-        return found
+        return bases
     varying = _inputs(records)
     if varying[0].shape[1]:
-        found["time"] = [
+        bases["time"] = [
             np.concatenate([tents(column, knots, 1.0 / (knots - 1)) for column in x.T], axis=1)
             for x in varying
         ]
-    return found
+    return bases
 
 
 def tents(x: Floats, knots: int, spacing: float) -> Floats:
@@ -257,8 +257,8 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
         [np.tile(tents(record.times - record.switch_times[0], knots, spacing), (1, len(moving)))]
         for record in problem.records
     ]
-    for place, slot in enumerate(reading):
-        steps = [array[:, :, len(moving) * knots + place] for array in slopes]
+    for index, slot in enumerate(reading):
+        steps = [array[:, :, len(moving) * knots + index] for array in slopes]
         grid = (knots, spacing) if moving else (knots, 0.0)
         channel = _shown_on(problem, steps)
         outputs = [fit.outputs[k][:, channel] for k in fit.fitted]
@@ -289,10 +289,10 @@ def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floa
         some = problem.only(part)
         chosen = [_few(record) for record in some.records]
         local = [fit.local[fit.fitted[k]] for k in part]
-        found = some.at_samples(chosen).simulate(np.empty(0), local, names).require()
+        simulated = some.at_samples(chosen).simulate(np.empty(0), local, names).require()
         slopes += [
             _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
-            for array, places, record in zip(found.sensitivities, chosen, some.records, strict=True)
+            for array, places, record in zip(simulated.sensitivities, chosen, some.records, strict=True)
         ]
     return slopes
 

@@ -105,9 +105,9 @@ def fit_again(
     return fit_problem(again, noise_in(before), before.held_out, refit=refit, on_progress=on_progress)
 
 
-def noise_in(found: FitResult) -> DataNoise:
+def noise_in(fitted: FitResult) -> DataNoise:
     """The noise that a fit was made in."""
-    problem = found.problem
+    problem = fitted.problem
     return DataNoise(problem.noise, problem.ok, grown=problem.grown)
 
 
@@ -143,22 +143,22 @@ def fit_problem(
     if not refit:
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
-    found = fit(problem, held_out, refit=bool(problem.shared))
+    result = fit(problem, held_out, refit=bool(problem.shared))
     for learn in (_spikes_off, _noise_off):
-        cleaned = learn(found, noise)
+        cleaned = learn(result, noise)
         if cleaned is not None:
             noise = cleaned
-            found = fit_in_noise(found, noise, refit=refit, on_progress=on_progress)
-    return found
+            result = fit_in_noise(result, noise, refit=refit, on_progress=on_progress)
+    return result
 
 
-def _spikes_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
-    errors = [found.normalised_error(index) for index in range(len(found.problem.records))]
-    return with_spikes_off_model(noise, found.problem.measurements, errors)
+def _spikes_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
+    errors = [fitted.normalised_error(index) for index in range(len(fitted.problem.records))]
+    return with_spikes_off_model(noise, fitted.problem.measurements, errors)
 
 
-def _noise_off(found: FitResult, noise: DataNoise) -> DataNoise | None:
-    return with_noise_off_model(noise, found.problem.measurements, found.outputs)
+def _noise_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
+    return with_noise_off_model(noise, fitted.problem.measurements, fitted.outputs)
 
 
 def fit_in_noise(

@@ -66,18 +66,18 @@ class Stretch:
 def error_course(fit: FitResult, channel: str) -> tuple[Stretch, ...]:
     """The stretches that matter most, in the order of time; none where there is only noise."""
     column = fit.problem.measurements.outputs.index(channel)
-    found: list[Stretch] = []
+    stretches: list[Stretch] = []
     gap = 1.5 * fit.problem.noise.spacing
     for part in _parts(fit, column) if _timed(fit) else ():
-        last = found[-1] if found else None
+        last = stretches[-1] if stretches else None
         if last is not None and part.start - last.end < gap and part.peak * last.peak > 0.0:
             larger = part if abs(part.peak) > abs(last.peak) else last
-            found[-1] = Stretch(
+            stretches[-1] = Stretch(
                 channel, last.start, part.end, larger.peak, last.weight + part.weight, larger.by_record
             )
         else:
-            found.append(part)
-    kept = [one for one in found if one.peak != 0.0]
+            stretches.append(part)
+    kept = [one for one in stretches if one.peak != 0.0]
     largest = max((one.weight for one in kept), default=0.0)
     chosen = sorted(kept, key=lambda one: -one.weight)[:_MOST]
     return tuple(sorted((one for one in chosen if one.weight > 0.05 * largest), key=lambda one: one.start))
@@ -100,8 +100,8 @@ def course_text(fit: FitResult, stretches: Sequence[Stretch]) -> str:
         whole = one.start <= 0.0 and one.end >= 0.999 * end
         when = "all the time" if whole else f"from {_seconds(one.start)} to {_seconds(one.end)} s"
         again = parts and one.peak * before > 0.0
-        size = f"by up to {abs(one.peak) / unit.factor:.2g} {shown} {when}"
-        text, before = size if again else f"too {side} {size}", one.peak
+        deviation = f"by up to {abs(one.peak) / unit.factor:.2g} {shown} {when}"
+        text, before = deviation if again else f"too {side} {deviation}", one.peak
         parts.append(text + (_dependence(fit, one, unit.factor, shown) if one is largest else ""))
     return f"in {channel} the model is {', then '.join(parts)}"
 
@@ -122,7 +122,7 @@ def _parts(fit: FitResult, column: int) -> list[Stretch]:
     sigma = float(fit.problem.noise.sigma[column])
     spread = math.sqrt((1.0 + noise.correlation) / (1.0 - noise.correlation))
     first = fit.problem.records[fit.fitted[0]]
-    found = []
+    stretches = []
     for phase in range(len(first.phases)):
         for low, high in pairwise(_PARTS):
             pieces = [_piece(fit, k, column, phase, (low, high)) for k in fit.fitted]
@@ -132,7 +132,7 @@ def _parts(fit: FitResult, column: int) -> list[Stretch]:
                 continue
             mean = float(np.nanmean(means))
             counts = abs(mean) > max(_NOTABLE * sigma, _SURE * sigma * spread / math.sqrt(count))
-            found.append(
+            stretches.append(
                 Stretch(
                     channel=channel,
                     start=float(np.nanmedian([start for _, start, _ in pieces])),
@@ -142,7 +142,7 @@ def _parts(fit: FitResult, column: int) -> list[Stretch]:
                     by_record=means,
                 )
             )
-    return found
+    return stretches
 
 
 def _piece(
@@ -252,28 +252,28 @@ class Unseen:
 
     def excess(self) -> dict[str, float]:
         """By record, its whitened squares beyond what noise makes."""
-        problem, found = self.fit.problem, {}
+        problem, shares = self.fit.problem, {}
         for k in self.fit.fitted:
             squares = float(np.square(whitened_residual(problem, self.fit.outputs[k], k)).sum())
-            found[problem.records[k].label] = squares - problem.whiteners[k].size
-        return found
+            shares[problem.records[k].label] = squares - problem.whiteners[k].size
+        return shares
 
     def channels(self) -> dict[str, dict[str, Any]]:
         """By channel, in the channels' units; `bias` is of model less measured."""
         measurements = self.fit.problem.measurements
         shown = dict(zip(measurements.outputs, measurements.units, strict=True))
-        found = {}
+        errors = {}
         for name, error in self.fit.errors.items():
             there = self.fitted.get(name)
             here = in_unit(error, shown[name])
-            found[name] = {
+            errors[name] = {
                 "rmse": here["rmse"],
                 "fitted_rmse": None if there is None else in_unit(there, shown[name])["rmse"],
                 "noise": here["noise"],
                 "bias": here["bias"],
                 "unit": here["unit"],
             }
-        return found
+        return errors
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -304,53 +304,55 @@ def _worse(here: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError])
 _MOST_OF_IT = 0.4
 
 
-def unseen_sentences(found: Unseen) -> tuple[str, ...]:
+def unseen_sentences(evaluated: Unseen) -> tuple[str, ...]:
     """How good the model is there; where it is worse, how its error runs, and what would make up for it."""
     errors = ", ".join(
         f"{name} {one['rmse']:.3g} {one['unit']} (fitted {one['fitted_rmse']:.3g}, noise {one['noise']:.3g})"
-        for name, one in found.channels().items()
+        for name, one in evaluated.channels().items()
         if one["fitted_rmse"] is not None
     )
-    if found.as_good:
-        return (f"{_which(found)} the model is as good as where it was fitted: {errors}",)
-    parts = [f"{_which(found)} the model misses something; its error there: {errors}"]
-    parts += [course_text(found.fit, found.course.get(name, ())) for name in found.worse]
-    parts.append(_one_record(found))
-    parts += [_remedy(found, one) for one in found.remedies[:1]]
-    parts += [_less(one) for one in found.remedies[1:]]
-    if found.slot and still_missing(found.remedies):
-        parts.append(f"the equation that most wants a term there: {found.slot} ({found.slot_meaning})")
+    if evaluated.as_good:
+        return (f"{_which(evaluated)} the model is as good as where it was fitted: {errors}",)
+    parts = [f"{_which(evaluated)} the model misses something; its error there: {errors}"]
+    parts += [course_text(evaluated.fit, evaluated.course.get(name, ())) for name in evaluated.worse]
+    parts.append(_one_record(evaluated))
+    parts += [_remedy(evaluated, one) for one in evaluated.remedies[:1]]
+    parts += [_less(one) for one in evaluated.remedies[1:]]
+    if evaluated.slot and still_missing(evaluated.remedies):
+        parts.append(
+            f"the equation that most wants a term there: {evaluated.slot} ({evaluated.slot_meaning})"
+        )
     return tuple(part for part in parts if part)
 
 
-def _which(found: Unseen) -> str:
-    count = len(found.records)
+def _which(evaluated: Unseen) -> str:
+    count = len(evaluated.records)
     records = f"{count} record{'' if count == 1 else 's'}"
-    if found.why == "hold_out":
-        return f"on the {records} held out by '{found.condition}'"
-    where = f" with {found.where}" if found.where else ""
-    return f"on the {records}{where} that '{found.condition}' left out"
+    if evaluated.why == "hold_out":
+        return f"on the {records} held out by '{evaluated.condition}'"
+    where = f" with {evaluated.where}" if evaluated.where else ""
+    return f"on the {records}{where} that '{evaluated.condition}' left out"
 
 
-def _one_record(found: Unseen) -> str:
+def _one_record(evaluated: Unseen) -> str:
     """The record that holds most of the misfit, where one does."""
-    count = len(found.records)
-    excess = found.excess()
+    count = len(evaluated.records)
+    excess = evaluated.excess()
     largest = max(excess, key=lambda label: excess[label])
     share = max(excess[largest], 0.0) / (sum(max(one, 0.0) for one in excess.values()) or 1.0)
     if count < 2 or share < max(_MOST_OF_IT, 2.0 / count):
         return ""
-    return f"{100 * share:.0f} % of it is in one record, {found.called(largest)}"
+    return f"{100 * share:.0f} % of it is in one record, {evaluated.called(largest)}"
 
 
-def _remedy(found: Unseen, one: Remedy) -> str:
+def _remedy(evaluated: Unseen, one: Remedy) -> str:
     share = f"{100 * one.share:.0f} % of it"
     if one.kind == "starts":
         names = " and ".join(one.names)
         return (
-            f"{share} would go away ({_errors(found, one)}) if {names} did not begin at rest: these records "
-            "begin after something that they do not show, and what it left behind in the bench is not in the "
-            "model. Begin to record before the switch, or leave such records out"
+            f"{share} would go away ({_errors(evaluated, one)}) if {names} did not begin at rest: these "
+            "records begin after something that they do not show, and what it left behind in the bench is "
+            "not in the model. Begin to record before the switch, or leave such records out"
         )
     if one.kind == "values":
         moved = ", ".join(
@@ -358,7 +360,7 @@ def _remedy(found: Unseen, one: Remedy) -> str:
             for name, before, after, unit in one.moved
         )
         return (
-            f"{share} would go away ({_errors(found, one)}) with other values of the same parameters "
+            f"{share} would go away ({_errors(evaluated, one)}) with other values of the same parameters "
             f"({moved}): what they stand for is not the same there"
         )
     return f"of the library, {one.names[0]} alone would take {share} away"
@@ -372,11 +374,11 @@ def _less(one: Remedy) -> str:
     return f"{what.get(one.kind, one.names[0])} alone would take {100 * one.share:.0f} % of it away"
 
 
-def _errors(found: Unseen, one: Remedy) -> str:
-    measurements = found.fit.problem.measurements
+def _errors(evaluated: Unseen, one: Remedy) -> str:
+    measurements = evaluated.fit.problem.measurements
     units = dict(zip(measurements.outputs, measurements.units, strict=True))
     said = []
-    for name in found.worse:
+    for name in evaluated.worse:
         unit = parse_unit(units[name])
         said.append(f"{name} to {one.rmse[name] / unit.factor:.3g} {'K' if unit.offset else units[name]}")
     return ", ".join(said)
@@ -398,17 +400,17 @@ def unseen(
     said = on_progress or (lambda _: None)
     problem, choice = model.fit.problem, compared.choice
     inside = [problem.records[k] for k in model.fit.fitted]
-    found = []
+    evaluated = []
     if model.fit.held_out:
         said("Looking at the records that were held out")
         there = replace(model.fit, fitted=model.fit.held_out, solution=None)
-        found.append(_group(model, inside, there, "hold_out", choice.hold_out))
+        evaluated.append(_group(model, inside, there, "hold_out", choice.hold_out))
     if choice.rest is not None:
         said("Looking at the records that were not chosen")
         measurements, noise = choice.rest
         there = fit_model(model.fit.model, measurements, noise, refit=False)
-        found.append(_group(model, inside, there, "only", choice.only))
-    return tuple(found)
+        evaluated.append(_group(model, inside, there, "only", choice.only))
+    return tuple(evaluated)
 
 
 def _group(
@@ -435,8 +437,10 @@ def _group(
     return _stated(whole)
 
 
-def _stated(found: Unseen) -> Unseen:
-    return replace(found, sentences=tuple(one[0].upper() + one[1:] for one in unseen_sentences(found)))
+def _stated(evaluated: Unseen) -> Unseen:
+    return replace(
+        evaluated, sentences=tuple(one[0].upper() + one[1:] for one in unseen_sentences(evaluated))
+    )
 
 
 def _what(group: Sequence[MeasuredRecord], inside: Sequence[MeasuredRecord], units: Mapping[str, str]) -> str:

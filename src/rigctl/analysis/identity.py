@@ -78,12 +78,12 @@ def levels_of(
     sure: whether anything is: the set is the right one by what it leaves and by what it predicts.
     bent: of each member, whether the data ask for another shape of its law.
     """
-    found = []
+    levels = []
     for names in classes:
         first, *others = (effects[name] for name in names)
         place = all(set(first.slots) == set(other.slots) for other in others)
         driver = place and all(driver_variables(first) == driver_variables(other) for other in others)
-        found.append(
+        levels.append(
             Levels(
                 effect=first.name,
                 place=first.slots,
@@ -93,4 +93,4 @@ def levels_of(
                 law_sure=sure and not others and not bent.get(first.name, False),
             )
         )
-    return tuple(found)
+    return tuple(levels)

@@ -190,18 +190,18 @@ def improve(
     here, steps, source = compared.models[0], list[Step](), path
     while True:
         room = most - sum(len(step.effects) for step in steps)
-        found = diagnose_comparison(
+        diagnosis = diagnose_comparison(
             here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), on_progress=on_progress
         )
-        here = found.before
-        plan = _plan(found, room)
+        here = diagnosis.before
+        plan = _plan(diagnosis, room)
         if not plan:
             elsewhere = unseen(compared, here, on_progress=on_progress)
-            return Improvement(path, tuple(steps), found, _why(found, room), elsewhere)
+            return Improvement(path, tuple(steps), diagnosis, _why(diagnosis, room), elsewhere)
         for chosen in plan:
             said(f"Adding {', '.join(chosen.effects)}")
             after = _compared(here, chosen.trial, excluded, said)
-            step = _saved(found, chosen, here, after, source, compared.choice)
+            step = _saved(diagnosis, chosen, here, after, source, compared.choice)
             steps.append(step)
             here, source = after, step.version.head
 
@@ -216,40 +216,40 @@ class _Choice:
     reason: str
 
 
-def _plan(found: Diagnosis, room: int) -> list[_Choice]:
+def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
     """The best set's effects in the order in which they are added.
 
     None where nothing is missing, or that is not decided; nor where the set does not pay, or has no room.
 
     First the one that gains most by itself, then the set; at once where its members pay only together.
     """
-    if found.verdict is Verdict.ADEQUATE or found.doubt:
+    if diagnosis.verdict is Verdict.ADEQUATE or diagnosis.doubt:
         return []
-    search = Search(found.before, found.before.whole)
-    best, nothing = found.best, search.mbic(search.none)
+    search = Search(diagnosis.before, diagnosis.before.whole)
+    best, nothing = diagnosis.best, search.mbic(search.none)
     if not best.candidates or len(best.candidates) > room or search.mbic(best) >= nothing:
         return []
-    singles = [_single(found, member) for member in best.candidates] if len(best.candidates) > 1 else []
+    singles = [_single(diagnosis, member) for member in best.candidates] if len(best.candidates) > 1 else []
     first = min((one for one in singles if one is not None), key=search.mbic, default=None)
     if first is None or search.mbic(first) >= nothing:
         difference = search.mbic(best) - nothing
-        return [_Choice(best, best.effects, difference, _reason(found, best, best.effects, difference))]
+        return [_Choice(best, best.effects, difference, _reason(diagnosis, best, best.effects, difference))]
     gained = search.mbic(first) - nothing
     rest = tuple(name for name in best.effects if name not in first.effects)
     more = search.mbic(best) - search.mbic(first)
     return [
-        _Choice(first, first.effects, gained, _reason(found, first, first.effects, gained)),
-        _Choice(best, rest, more, _reason(found, best, rest, more)),
+        _Choice(first, first.effects, gained, _reason(diagnosis, first, first.effects, gained)),
+        _Choice(best, rest, more, _reason(diagnosis, best, rest, more)),
     ]
 
 
-def _single(found: Diagnosis, member: Candidate) -> RefittedSet | None:
+def _single(diagnosis: Diagnosis, member: Candidate) -> RefittedSet | None:
     """One member of the best set by itself, refitted unless it was already."""
-    known = [trial for trial in found.trials if trial.candidates == (member,)]
-    return known[0] if known else refit(found.before.fit, (member,))
+    known = [trial for trial in diagnosis.trials if trial.candidates == (member,)]
+    return known[0] if known else refit(diagnosis.before.fit, (member,))
 
 
-def _reason(found: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], difference: float) -> str:
+def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], difference: float) -> str:
     """Why `effects` are added, which are new in `trial`."""
     described = ". ".join(
         effect_text(candidate.effect, found_parameters(trial, candidate))
@@ -258,26 +258,26 @@ def _reason(found: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], diff
     )
     together = " only together" if len(effects) > 1 else ""
     text = f"{described}. mBIC falls by {-difference:.1f}{together}"
-    if len(found.best.effects) > len(trial.effects):
-        rest = ", ".join(name for name in found.best.effects if name not in trial.effects)
+    if len(diagnosis.best.effects) > len(trial.effects):
+        rest = ", ".join(name for name in diagnosis.best.effects if name not in trial.effects)
         text += f", the most that one effect gains; {rest} follows"
     unusual = [text for name, text in trial.unusual.items() if name in effects]
     if unusual:
         text += f". It has its {', and its '.join(unusual)}"
-    classes = [names for names in found.classes if len(names) > 1 and set(names) & set(effects)]
+    classes = [names for names in diagnosis.classes if len(names) > 1 and set(names) & set(effects)]
     if classes:
         text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
-    if found.verdict is Verdict.OUTSIDE_LIBRARY:
+    if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
         text += ". It is not all that is missing, has another shape, or is only the nearest in the library"
     return text
 
 
-def _why(found: Diagnosis, room: int) -> Ended:
-    if found.doubt:
+def _why(diagnosis: Diagnosis, room: int) -> Ended:
+    if diagnosis.doubt:
         return Ended.NOT_DECIDED
-    if found.verdict is Verdict.ADEQUATE:
+    if diagnosis.verdict is Verdict.ADEQUATE:
         return Ended.ADEQUATE
-    return Ended.MAX_EFFECTS if len(found.best.candidates) > room else Ended.NOTHING_HELPS
+    return Ended.MAX_EFFECTS if len(diagnosis.best.candidates) > room else Ended.NOTHING_HELPS
 
 
 def _compared(
@@ -289,7 +289,7 @@ def _compared(
 
 
 def _saved(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     chosen: _Choice,
     before: ModelComparison,
     after: ModelComparison,
@@ -301,7 +301,7 @@ def _saved(
     done = Change(
         "add",
         effect=", ".join(chosen.effects),
-        runs=tuple(found.runs),
+        runs=tuple(diagnosis.runs),
         hold_out=choice.hold_out,
         only=choice.only,
         assume=choice.assume,
@@ -313,7 +313,7 @@ def _saved(
     version = save_version(made, source, done)
     return Step(
         chosen.effects,
-        found,
+        diagnosis,
         chosen.reason,
         chosen.delta_bic,
         before_error,

@@ -135,11 +135,11 @@ def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
     One whose law the data do not tell from another costs no fit.
     """
     try:
-        found = asked_laws(search, best)
+        asked = asked_laws(search, best)
     except RigctlError:  # the model has no value where its laws are bent: nothing to draw
         return ()
     by_effect: dict[str, list[AskedLaw]] = {}
-    for law in found:
+    for law in asked:
         by_effect.setdefault(law.effect.name, []).append(law)
     return tuple(answer for laws in by_effect.values() for answer in _of_effect(search, best, laws))
 
@@ -151,15 +151,15 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
     """
     here = search.none
     try:
-        found = asked_laws(search, here)
+        asked = asked_laws(search, here)
     except RigctlError:
         return ()
     count = sum(here.fit.problem.whiteners[k].size for k in here.fit.fitted)
     wanted = _NEARLY * max(here.chi2 - count, 0.0)
-    able = {law.effect.name for law in found if law.differs and law.explained * law.noise > wanted}
+    able = {law.effect.name for law in asked if law.differs and law.explained * law.noise > wanted}
     answers: list[LawAnswer] = []
     for name in able:
-        laws = [law for law in found if law.effect.name == name]
+        laws = [law for law in asked if law.effect.name == name]
         answers += [one for one in _of_effect(search, here, laws) if _takes_all(one, here, count)]
     return tuple(answers)
 

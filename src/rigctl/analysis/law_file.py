@@ -132,11 +132,11 @@ def _range(answer: LawAnswer, driver: Driver, ends: tuple[float, float], family:
     slot = family.slot(answer.law.slot)
     types = term_types(family, slot, ())
     points = {name for name, one in types.items() if one.temperature == "point"}
-    found = read_quantity(driver_text(driver, points), types)
+    quantity = read_quantity(driver_text(driver, points), types)
     unit = answer.unit if driver == answer.law.driver else driver.unit
-    if parse_unit(unit).absolute_temperature and found.type.temperature != "point":
+    if parse_unit(unit).absolute_temperature and quantity.type.temperature != "point":
         unit = "K"
-    return ValidRange(found.text, unit, *_widened(ends), found, found.difference)
+    return ValidRange(quantity.text, unit, *_widened(ends), quantity, quantity.difference)
 
 
 def _widened(ends: tuple[float, float]) -> tuple[float, float]:

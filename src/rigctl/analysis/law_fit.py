@@ -71,20 +71,20 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
     base = law.assumed_exponent or 0.0
     begin = base + float(np.clip(law.change, -_BEGIN, _BEGIN))
     try:
-        found = _fitted(trial.fit, law.effect, effect, begin)
+        again = _fitted(trial.fit, law.effect, effect, begin)
     except RigctlError:  # the model has no value there
         return None
     name = qualified(effect.name, _EXPONENT)
-    names = [unknown.name for unknown in found.problem.shared]
-    if found.solution is None or trial.fit.solution is None or name not in names or name in found.at_bound:
+    names = [unknown.name for unknown in again.problem.shared]
+    if again.solution is None or trial.fit.solution is None or name not in names or name in again.at_bound:
         return None
     return PowerLaw(
         effect=effect,
         terms=terms,
-        exponent=float(found.values[names.index(name)]),
-        std=found.std[name],
-        fit=found,
-        gain=2.0 * (trial.fit.solution.cost - found.solution.cost),
+        exponent=float(again.values[names.index(name)]),
+        std=again.std[name],
+        fit=again,
+        gain=2.0 * (trial.fit.solution.cost - again.solution.cost),
     )
 
 
@@ -123,15 +123,15 @@ def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] |
 
 def _old_parameters(effect: Effect, model: Model) -> tuple[EffectParameter, ...]:
     """The effect's own, which begin as they were fitted."""
-    found = []
+    parameters = []
     for one in effect.parameters:
         value = model.effects[effect.name][one.name].si
         low, high = one.bounds_around(value)
         start = value if value != one.null else one.start
-        found.append(
+        parameters.append(
             replace(one, start=start, low=low, high=high, grid=(), within="", shares=(), at_least=None)
         )
-    return tuple(found)
+    return tuple(parameters)
 
 
 def _exponent(law: AskedLaw) -> EffectParameter:
@@ -151,7 +151,7 @@ def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
         for slot, uses in written.items()
         if law.driver.variables <= {variable.name for expr in uses for variable in variables_of(expr)}
     }
-    found = {}
+    terms = {}
     for slot, expr in terms_in_symbols(old, family).items():
         declared = family.slot(slot)
         types = term_types(family, declared, old.parameters)
@@ -163,15 +163,15 @@ def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
             power = _power_text(law, points)
             multiplies = declared.combine == "product"
             text = f"1 + (({text}) - 1)*{power}" if multiplies else f"({text})*{power}"
-        found[slot] = text
-    return found
+        terms[slot] = text
+    return terms
 
 
 def _power_text(law: AskedLaw, points: set[str]) -> str:
     """``(absolute(x, c)/(x_0))^(exponent - n_0)``, 1 where x is as large as it gets."""
     base, dimension = law.assumed_exponent, parse_unit(law.driver.unit).dimension
     largest = float(f"{np.abs(law.x).max():.3g}")
-    width, reference = (number_text(size, dimension) for size in (_ROUNDED * largest, largest))
+    width, reference = (number_text(value, dimension) for value in (_ROUNDED * largest, largest))
     less = "" if not base else f" - {number_text(base)}" if base > 0.0 else f" + {number_text(-base)}"
     exponent = f"({_EXPONENT}{less})" if less else _EXPONENT
     return f"(absolute({driver_text(law.driver, points)}, {width})/({reference}))^{exponent}"

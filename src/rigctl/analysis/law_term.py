@@ -43,11 +43,11 @@ class LawTerm:
         weights = dict(self.driver.weights)
         at = sum(weight * known[name] for name, weight in weights.items())
         square = sum(weight**2 for weight in weights.values())
-        found = []
+        terms = []
         for value in x.tolist():
             moved = {name: known[name] + weight * (value - at) / square for name, weight in weights.items()}
-            found.append(evaluate(self.expr, {**known, **moved}) - self.nothing)
-        return np.array(found)
+            terms.append(evaluate(self.expr, {**known, **moved}) - self.nothing)
+        return np.array(terms)
 
     def slope(self, name: str, x: Floats) -> Floats:
         """(points) its derivative by a parameter of the effect, by its name in a system; 0 by any other."""
@@ -69,8 +69,8 @@ def law_term(known: Mapping[str, float], effect: Effect, driver: Driver) -> LawT
     for slot, uses in write_out(effect, family, rates=False).terms.items():
         named = {variable.name for variable in variables_of(uses[0])}
         if driver.variables <= named <= set(known):
-            own = {qualified(effect.name, state.name) for state in effect.states}
-            if not named & own:
+            states = {qualified(effect.name, state.name) for state in effect.states}
+            if not named & states:
                 nothing = 1.0 if family.slot(slot).combine == "product" else 0.0
                 return LawTerm(effect, driver, slot, uses[0], {name: known[name] for name in named}, nothing)
     return None

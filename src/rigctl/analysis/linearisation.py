@@ -67,7 +67,7 @@ def make_regions(problem: Problem) -> Regions:
     if len(phases) > _MOST_PHASES:  # a table, each row its own stretch
         phases = ("all",)
     index = {name: k for k, name in enumerate(phases)}
-    place = tuple(
+    phase_of = tuple(
         np.array([index.get(name, 0) for name in record.phases], dtype=np.intp)[record.phase]
         for record in records
     )
@@ -77,7 +77,7 @@ def make_regions(problem: Problem) -> Regions:
         conditions=points,
         variables=names,
         groups=tuple(record.group for record in records),
-        _phase=place,
+        _phase=phase_of,
         _channels=len(outputs),
     )
 
@@ -110,7 +110,7 @@ def quiet_columns(problem: Problem, k: int, outputs: Floats) -> Floats | None:
     There the converter's error does not average out: all readings share a part of it, with the standard
     deviation `ChannelNoise.bias`.
     """
-    record, found = problem.records[k], []
+    record, columns = problem.records[k], []
     for c, channel in enumerate(problem.noise.channels):
         if channel.bias <= 0.0 or channel.step <= 0.0:
             continue
@@ -119,8 +119,8 @@ def quiet_columns(problem: Problem, k: int, outputs: Floats) -> Floats | None:
             if inside.sum() > 2 and float(np.ptp(outputs[inside, c])) < channel.step:
                 column = np.zeros((record.times.size, outputs.shape[1]))
                 column[inside, c] = channel.bias
-                found.append(column)
-    return np.stack(found, axis=2) if found else None
+                columns.append(column)
+    return np.stack(columns, axis=2) if columns else None
 
 
 def free_unknowns(fit: FitResult) -> list[Unknown]:
@@ -159,7 +159,7 @@ class Linearisation:
     nuisances: names of J's columns: the shared unknowns that the fit could move.
     regions: what E's columns are: phase and channel.
     records: the triangles, of the fitted records in order.
-    sizes: (S columns) lengths of the whitened columns before anything is projected off.
+    full_lengths: (S columns) lengths of the whitened columns before anything is projected off.
     prior: rows (J, r) of the shared unknowns' priors.
     shapes: names of S's last columns, which belong to no candidate: what bends the laws of effects.
     """
@@ -170,7 +170,7 @@ class Linearisation:
     nuisances: tuple[str, ...]
     regions: Regions = field(repr=False)
     records: tuple[RecordTriangle, ...] = field(repr=False)
-    sizes: Floats = field(repr=False)
+    full_lengths: Floats = field(repr=False)
     prior: tuple[Floats, Floats] = field(repr=False)
     shapes: tuple[str, ...] = ()
 
@@ -193,14 +193,16 @@ class Linearisation:
             if name not in self.fit.at_bound
         ]
         bent = self.shapes if tolerance > 0.0 else ()
-        shapes = range(self.sizes.size - len(bent), self.sizes.size)
+        shapes = range(self.full_lengths.size - len(bent), self.full_lengths.size)
         joined = [*(column for column, _ in moved), *shapes]
         scale = np.array([*np.ones(len(moved)), *np.full(len(bent), tolerance)])
         columns = [
-            column for index in kept for column in range(*self.columns_of(index).indices(self.sizes.size))
+            column
+            for index in kept
+            for column in range(*self.columns_of(index).indices(self.full_lengths.size))
         ]
         if shaped:
-            columns += range(self.sizes.size - len(self.shapes), self.sizes.size)
+            columns += range(self.full_lengths.size - len(self.shapes), self.full_lengths.size)
         chosen = tuple(self.candidates[index] for index in kept)
         starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
         weight, residual = self.prior
@@ -221,7 +223,7 @@ class Linearisation:
                 )
                 for one in self.records
             ),
-            sizes=self.sizes[columns],
+            full_lengths=self.full_lengths[columns],
             prior=(joint, np.pad(residual, (0, more))),
             shapes=self.shapes if shaped else (),
         )
@@ -249,8 +251,8 @@ def linearise(
     names = [unknown.name for unknown in free]
     regions = make_regions(inner)
     local, outputs = [fit.local[k] for k in fit.fitted], [fit.outputs[k] for k in fit.fitted]
-    tried_at = [(one.columns, one.shapes, one.sizes) for one in chosen]
-    found = kept(
+    tried_at = [(one.columns, one.shapes, one.secants) for one in chosen]
+    triangles = kept(
         "linearisation",
         (inner.content, base_at(inner, fit), local, outputs, names, tried_at, regions, shapes),
         _Triangles,
@@ -264,8 +266,8 @@ def linearise(
         starts=tuple(int(start) for start in starts),
         nuisances=tuple(unknown.name for unknown in free),
         regions=regions,
-        records=found.records,
-        sizes=np.sqrt(found.squares),
+        records=triangles.records,
+        full_lengths=np.sqrt(triangles.squares),
         prior=(np.diag(weight), -residual),
         shapes=tuple(shapes[0]),
     )
@@ -291,13 +293,15 @@ def _triangles(
     bends = shapes[0].shape[2] if shapes else 0
     triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen) + bends)
     for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size):
-        some, own = inner.only(part), [local[k] for k in part]
-        slopes = slopes_at(some, fit, names, chosen, own)
+        some, local_values = inner.only(part), [local[k] for k in part]
+        slopes = slopes_at(some, fit, names, chosen, local_values)
         for index, k in enumerate(part):
             if bends:
                 slopes.signatures[index] = np.concatenate([slopes.signatures[index], shapes[k]], axis=2)
             columns = regions.of_record(k, inner.whiteners[k].rows)
-            triangle, more = _record(some, index, slopes, columns, own[index], fit.outputs[fit.fitted[k]])
+            triangle, more = _record(
+                some, index, slopes, columns, local_values[index], fit.outputs[fit.fitted[k]]
+            )
             squares += more
             triangles.append(triangle)
     return _Triangles(tuple(triangles), squares)
@@ -309,7 +313,7 @@ class Slopes:
 
     nuisance: list[Floats]
     signatures: list[Floats]
-    own: list[Mapping[str, Floats]]
+    record_local: list[Mapping[str, Floats]]
 
 
 def slopes_at(
@@ -325,26 +329,26 @@ def slopes_at(
     """
     base = base_at(problem, fit)
     at = problem.with_shared((), base)
-    plain = [name for one in chosen if not (one.shapes or one.sizes) for name in one.columns]
+    plain = [name for one in chosen if not (one.shapes or one.secants) for name in one.columns]
     columns = tuple(dict.fromkeys([*free, *problem.local_names, *plain]))
-    found = at.simulate(np.empty(0), local, columns, initial=True).require()
-    index = {name: k for k, name in enumerate(found.columns)}
-    every = [np.take(array, problem.channels, axis=1) for array in found.sensitivities]
+    simulated = at.simulate(np.empty(0), local, columns, initial=True).require()
+    index = {name: k for k, name in enumerate(simulated.columns)}
+    every = [np.take(array, problem.channels, axis=1) for array in simulated.sensitivities]
     parts: list[list[Floats]] = [[] for _ in every]
-    elsewhere = _shaped(at, base, chosen, local) | _sized(at, base, chosen, local, found.outputs)
-    for place, one in enumerate(chosen):
+    elsewhere = _shaped(at, base, chosen, local) | _sized(at, base, chosen, local, simulated.outputs)
+    for position, one in enumerate(chosen):
         for k, array in enumerate(every):
-            if place in elsewhere:
-                parts[k].append(elsewhere[place][k])
+            if position in elsewhere:
+                parts[k].append(elsewhere[position][k])
             else:
                 parts[k].append(array[:, :, [index[name] for name in one.columns]])
     return Slopes(
         nuisance=[array[:, :, [index[name] for name in free]] for array in every],
         signatures=[
-            np.concatenate(own, axis=2) if own else np.empty((*array.shape[:2], 0))
-            for own, array in zip(parts, every, strict=True)
+            np.concatenate(blocks, axis=2) if blocks else np.empty((*array.shape[:2], 0))
+            for blocks, array in zip(parts, every, strict=True)
         ],
-        own=[{name: array[:, :, k] for name, k in index.items()} for array in every],
+        record_local=[{name: array[:, :, k] for name, k in index.items()} for array in every],
     )
 
 
@@ -381,10 +385,10 @@ def _shaped(
             for name, value in one.shapes.items():
                 moved[names.index(name)] = value
         columns = [name for one in together.values() for name in one.columns]
-        found = problem.with_shared((), moved).simulate(np.empty(0), local, columns).require()
+        simulated = problem.with_shared((), moved).simulate(np.empty(0), local, columns).require()
         for index, one in together.items():
             at = [columns.index(name) for name in one.columns]
-            result[index] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in found.sensitivities]
+            result[index] = [np.take(s, problem.channels, axis=1)[:, :, at] for s in simulated.sensitivities]
     return result
 
 
@@ -402,19 +406,19 @@ def _sized(
     names = problem.compiled.system.parameter_names
     result: dict[int, list[Floats]] = {}
     for index, one in enumerate(chosen):
-        if not one.sizes:
+        if not one.secants:
             continue
         moved = base.copy()
-        for name, value in one.sizes.items():
+        for name, value in one.secants.items():
             moved[names.index(name)] = value
-        rest = [name for name in one.columns if name not in one.sizes]
-        found = problem.with_shared((), moved).simulate(np.empty(0), local, rest).require()
-        steps = {name: value - base[names.index(name)] for name, value in one.sizes.items()}
+        rest = [name for name in one.columns if name not in one.secants]
+        simulated = problem.with_shared((), moved).simulate(np.empty(0), local, rest).require()
+        steps = {name: value - base[names.index(name)] for name, value in one.secants.items()}
         result[index] = []
         for k, before in enumerate(here):
-            columns = {name: found.sensitivities[k][:, :, i] for i, name in enumerate(rest)}
+            columns = {name: simulated.sensitivities[k][:, :, i] for i, name in enumerate(rest)}
             for name, step in steps.items():
-                columns[name] = (found.outputs[k] - before) / step if step else np.zeros_like(before)
+                columns[name] = (simulated.outputs[k] - before) / step if step else np.zeros_like(before)
             seen = [np.take(columns[name], problem.channels, axis=1) for name in one.columns]
             result[index].append(np.stack(seen, axis=2))
     return result
@@ -431,25 +435,25 @@ def _record(
     if not np.isfinite(white).all():
         raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
     p = slopes.nuisance[k].shape[2]
-    sizes = np.square(white[:, p:]).sum(axis=0)
+    squares = np.square(white[:, p:]).sum(axis=0)
     left = np.column_stack([white, regions, residual])
-    own, weight, prior_residual = own_rows(problem, k, slopes, local, outputs)
+    local_basis, weight, prior_residual = record_local_rows(problem, k, slopes, local, outputs)
     count = whitener.size + int((weight > 0.0).sum())
     if weight.size:
         below = np.zeros((weight.size, left.shape[1]))
         below[:, -1] = -prior_residual
         left = np.vstack([left, below])
-        left = left - own @ (own.T @ left)
-        count -= own.shape[1]
+        left = left - local_basis @ (local_basis.T @ left)
+        count -= local_basis.shape[1]
     triangle: Floats = np.asarray(np.linalg.qr(left, mode="r")) if left.shape[0] > left.shape[1] else left
     e = p + slopes.signatures[k].shape[2]
     return (
         RecordTriangle(triangle[:, :p], triangle[:, p:e], triangle[:, e:-1], triangle[:, -1], count),
-        sizes,
+        squares,
     )
 
 
-def own_rows(
+def record_local_rows(
     problem: Problem, k: int, slopes: Slopes, local: Floats, outputs: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """What a record's own unknowns can do to its whitened rows, below which their priors' rows stand.
@@ -462,10 +466,14 @@ def own_rows(
     the priors' residuals.
     """
     whitener = problem.whiteners[k]
-    own = [slopes.own[k][one.name] for one in problem.local[k]]
-    basis = [whitener(np.stack(own, axis=2))] if own else []
+    local_columns = [slopes.record_local[k][one.name] for one in problem.local[k]]
+    basis = [whitener(np.stack(local_columns, axis=2))] if local_columns else []
     residual, weight = prior_rows([one.unknown for one in problem.local[k]], local)
-    held = _held(problem, k, local, outputs, basis[0], -weight * residual) if own else np.zeros(0, bool)
+    held = (
+        _held(problem, k, local, outputs, basis[0], -weight * residual)
+        if local_columns
+        else np.zeros(0, bool)
+    )
     quiet = quiet_columns(problem, k, outputs)
     if quiet is not None:
         basis.append(whitener(quiet))

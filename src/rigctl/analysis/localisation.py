@@ -176,11 +176,11 @@ def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
     """All places, those of each kind in the order of their share of the error."""
     fit = linearisation.fit
     if fit.problem.measurements.table:  # no phases, and each row is its own stretch
-        found = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
-        return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
-    found = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
-    found += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + ranges(fit)
-    return tuple(sorted(found, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
+        places = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
+        return tuple(sorted(places, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
+    places = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
+    places += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + ranges(fit)
+    return tuple(sorted(places, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
 
 
 _ORDER = {"channel": 0, "phase": 1, "cell": 2, "condition": 3, "state": 4, "stretch": 5}
@@ -222,7 +222,7 @@ def _conditions(lin: Linearisation, cells: CellMap) -> list[Place]:
     fit, groups = lin.fit, np.array(lin.regions.groups)
     normalised = list(map(fit.normalised_error, fit.fitted))
     units = variable_units(fit.problem.measurements)
-    found = []
+    places = []
     for group in dict.fromkeys(groups.tolist()):
         chosen = np.zeros(cells.z.shape, dtype=bool)
         chosen[groups == group] = True
@@ -230,22 +230,22 @@ def _conditions(lin: Linearisation, cells: CellMap) -> list[Place]:
         record = fit.problem.records[fit.fitted[members[0]]]
         label = condition_text(record.condition, units) or record.label
         values = np.concatenate([normalised[k].ravel() for k in members])
-        found.append(Place("condition", label, cells.share(chosen), _rms(values), cells.p_value(chosen)))
-    return found
+        places.append(Place("condition", label, cells.share(chosen), _rms(values), cells.p_value(chosen)))
+    return places
 
 
 def _regions(lin: Linearisation, cells: CellMap, part: int) -> list[Place]:
     """By phase (part 0) or by channel (part 1)."""
     kind: Literal["phase", "channel"] = "channel" if part else "phase"
     names = dict.fromkeys(label[part] for label in lin.regions.labels)
-    found = []
+    places = []
     for name in names:
         columns = np.array([label[part] == name for label in lin.regions.labels])
         chosen = np.zeros(cells.z.shape, dtype=bool)
         chosen[:, columns] = True
         rmse = _rms(_of_region(lin, name if part == 0 else None, name if part else None))
-        found.append(Place(kind, name, cells.share(chosen), rmse, cells.p_value(chosen)))
-    return found
+        places.append(Place(kind, name, cells.share(chosen), rmse, cells.p_value(chosen)))
+    return places
 
 
 def _of_region(lin: Linearisation, phase: str | None, channel: str | None) -> Floats:
@@ -264,20 +264,20 @@ def _of_region(lin: Linearisation, phase: str | None, channel: str | None) -> Fl
 
 def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
     """Phase × channel."""
-    found = []
+    places = []
     for column, (phase, channel) in enumerate(lin.regions.labels):
         chosen = np.zeros(cells.z.shape, dtype=bool)
         chosen[:, column] = True
         if (chosen & cells.here).any():
             rmse = _rms(_of_region(lin, phase, channel))
             label = f"{channel} in {phase}"
-            found.append(Place("cell", label, cells.share(chosen), rmse, cells.p_value(chosen)))
-    return found
+            places.append(Place("cell", label, cells.share(chosen), rmse, cells.p_value(chosen)))
+    return places
 
 
 def ranges(fit: FitResult) -> list[Place]:
     """Each channel's error over the channel's own range, in thirds."""
-    found = []
+    places = []
     normalised = list(map(fit.normalised_error, fit.fitted))
     measured = [fit.problem.records[k].values for k in fit.fitted]
     white = [whitened_errors(fit, k) for k in fit.fitted]
@@ -298,15 +298,15 @@ def ranges(fit: FitResult) -> list[Place]:
                 share = float(np.sum(error[inside] ** 2)) / whole
                 label = f"{name} {show(float(low), unit, digits=3)} to {show(float(high), unit, digits=3)}"
                 chance = _chance(fit, column, whitened[inside])
-                found.append(Place("state", label, share, _rms(error[inside]), chance))
-    return _worst_of(found)
+                places.append(Place("state", label, share, _rms(error[inside]), chance))
+    return _worst_of(places)
 
 
 def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
     """The record stretches (a phase of one channel) with the largest normalised error; none of a table."""
     if fit.problem.measurements.table:
         return ()
-    found = []
+    places = []
     total = sum(float(np.nansum(values**2)) for values in map(fit.normalised_error, fit.fitted)) or 1.0
     for k in fit.fitted:
         values = fit.normalised_error(k)
@@ -319,8 +319,8 @@ def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
                     label = f"{channel} in {phase} of {record.label}"
                     chance = _chance(fit, c, white[inside, c])
                     share = float(np.sum(part**2)) / total
-                    found.append(Place("stretch", label, share, _rms(part), chance))
-    return tuple(sorted(_worst_of(found), key=lambda place: -place.rmse)[:count])
+                    places.append(Place("stretch", label, share, _rms(part), chance))
+    return tuple(sorted(_worst_of(places), key=lambda place: -place.rmse)[:count])
 
 
 def whitened_errors(fit: FitResult, k: int) -> Floats:
@@ -336,9 +336,9 @@ def whitened_errors(fit: FitResult, k: int) -> Floats:
     if quiet is not None:
         left, values, _ = np.linalg.svd(whitener(quiet), full_matrices=False)
         rows = rows - left @ ((1.0 - 1.0 / np.sqrt(1.0 + values**2)) * (left.T @ rows))
-    found = np.full(problem.ok[k].shape, np.nan)
-    found[whitener.rows[:, 0], whitener.rows[:, 1]] = rows
-    return found
+    errors = np.full(problem.ok[k].shape, np.nan)
+    errors[whitener.rows[:, 0], whitener.rows[:, 1]] = rows
+    return errors
 
 
 def _chance(fit: FitResult, column: int, white: Floats) -> float:

@@ -90,15 +90,15 @@ def evidence(component: Component, normal: Normal, features: Floats) -> Evidence
         np.einsum("cki,ck->ci", vectors, component.gradient),
     )
     nothing = _restricted(normal.matrix, normal.gradient)
-    found: list[tuple[float, float, float]] = []
-    for size in _OWN:
-        record_local = _without_record_local(component, turned, normal, values, features, size**2)
+    squares: list[tuple[float, float, float]] = []
+    for strength in _OWN:
+        record_local = _without_record_local(component, turned, normal, values, features, strength**2)
         shared = _shared(record_local, features)
-        found += [(gain - nothing, size**2, square) for gain, square in shared]
-    likelihoods = np.array([one[0] for one in found])
+        squares += [(gain - nothing, strength**2, square) for gain, square in shared]
+    likelihoods = np.array([one[0] for one in squares])
     top = int(np.argmax(likelihoods))
     mean = likelihoods[top] + np.log(np.mean(np.exp(likelihoods - likelihoods[top])))
-    _, u, v = found[top]
+    _, u, v = squares[top]
     record_local = _without_record_local(component, turned, normal, values, features, u)
     amplitudes = _amplitudes(component, turned, vectors, record_local, features, v)
     return Evidence(float(mean), _explained(component, normal, amplitudes), amplitudes)
@@ -160,8 +160,8 @@ def _shared(record_local: _RecordLocal, features: Floats) -> list[tuple[float, f
     grid = np.square(_SHARED)[:, None]
     gains = 0.5 * (grid / (1.0 + grid * values) * squares - np.log1p(grid * values)).sum(axis=1)
     return [
-        (record_local.log_likelihood + float(gain), size**2)
-        for gain, size in zip(gains, _SHARED, strict=True)
+        (record_local.log_likelihood + float(gain), strength**2)
+        for gain, strength in zip(gains, _SHARED, strict=True)
     ]
 
 

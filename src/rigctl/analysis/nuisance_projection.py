@@ -41,8 +41,8 @@ class Projected:
     residual: (rows) r̃.
     signatures: (rows, columns) S̃.
     lengths: (columns) ‖s̃‖.
-    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over; `after_own` the
-        same after the records' own unknowns alone.
+    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over;
+        `after_record_local` the same after the records' own unknowns alone.
     coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
     moves: (nuisances) ``J⁺r``: what the unknowns would still move by themselves.
     rank: how many of the unknowns' directions the data tell apart.
@@ -55,7 +55,7 @@ class Projected:
     signatures: Floats
     lengths: Floats
     kappa: Floats
-    after_own: Floats
+    after_record_local: Floats
     coefficients: Floats
     moves: Floats
     basis: Floats = field(repr=False)
@@ -109,8 +109,8 @@ def project(linearisation: Linearisation, indices: Sequence[int] | None = None) 
     residual = np.concatenate([*(one.residual for one in records), prior])
     basis, inverse = _span(nuisance)
     left_over = signatures - basis @ (basis.T @ signatures)
-    sizes = linearisation.sizes
-    norms, own = np.linalg.norm(left_over, axis=0), np.linalg.norm(signatures, axis=0)
+    full = linearisation.full_lengths
+    after_all, after_local = np.linalg.norm(left_over, axis=0), np.linalg.norm(signatures, axis=0)
     moved = basis @ (basis.T @ residual)
     if linearisation.fit.problem.measurements.table and float(moved @ moved) > _STUCK:
         moved = np.zeros_like(moved)
@@ -119,9 +119,9 @@ def project(linearisation: Linearisation, indices: Sequence[int] | None = None) 
         records=chosen,
         residual=residual - moved,
         signatures=left_over,
-        lengths=norms,
-        kappa=np.where(sizes > 0.0, norms / np.where(sizes > 0.0, sizes, 1.0), 0.0),
-        after_own=np.where(sizes > 0.0, own / np.where(sizes > 0.0, sizes, 1.0), 0.0),
+        lengths=after_all,
+        kappa=np.where(full > 0.0, after_all / np.where(full > 0.0, full, 1.0), 0.0),
+        after_record_local=np.where(full > 0.0, after_local / np.where(full > 0.0, full, 1.0), 0.0),
         coefficients=inverse @ signatures,
         moves=inverse @ residual,
         basis=basis,

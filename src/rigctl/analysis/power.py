@@ -17,9 +17,9 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
         for column, name in enumerate(candidate.columns):
             parameter = candidate.parameter(name)
             typical = abs(parameter.start - parameter.at_null)
-            size = float(projected.lengths[lin.starts[index] + column]) * typical
-            seen[candidate.name] = seen.get(candidate.name, False) or size >= SEEN_IN_LIBRARY
-    return tuple(name for name, found in seen.items() if not found)
+            statistic = float(projected.lengths[lin.starts[index] + column]) * typical
+            seen[candidate.name] = seen.get(candidate.name, False) or statistic >= SEEN_IN_LIBRARY
+    return tuple(name for name, visible in seen.items() if not visible)
 
 
 def power_text(projected: Projected) -> list[str]:

@@ -124,18 +124,18 @@ class RecordQuantity:
         """What it is evidence of; "" where it is what records have of their own."""
         low, high = self.shown(float(self.values.min())), self.shown(float(self.values.max()))
         span = f"{self.meaning} comes out from {low} to {high} over the records"
-        found = []
+        words = []
         if self.exceeds:
-            found.append(f"more than its prior allows ({chance_text(min(1.0, self.p_value * self.count))})")
+            words.append(f"more than its prior allows ({chance_text(min(1.0, self.p_value * self.count))})")
         if self.follows:
             chance = chance_text(min(1.0, self.over_p_value * self.count))
-            found.append(
-                f"and it follows {self.over} ({chance})" if found else f"following {self.over} ({chance})"
+            words.append(
+                f"and it follows {self.over} ({chance})" if words else f"following {self.over} ({chance})"
             )
-        if not found:
+        if not words:
             return ""
         return (
-            f"{span}, {', '.join(found)}: it may be making up for something that the model lacks, or its "
+            f"{span}, {', '.join(words)}: it may be making up for something that the model lacks, or its "
             f"prior is too narrow ({self.prior})"
         )
 
@@ -186,21 +186,22 @@ def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
     if not indices:
         return ()
     inverse = _Inverse.of(fit)
-    found = [_quantity(fit, key, members, inverse) for key, members in indices.items()]
+    quantities = [_quantity(fit, key, members, inverse) for key, members in indices.items()]
     tests = sum(
-        (0 if math.isnan(one.p_value) else 1) + (0 if math.isnan(one.over_p_value) else 1) for one in found
+        (0 if math.isnan(one.p_value) else 1) + (0 if math.isnan(one.over_p_value) else 1)
+        for one in quantities
     )
-    counted = [replace(one, count=max(tests, 1)) for one in found]
+    counted = [replace(one, count=max(tests, 1)) for one in quantities]
     return tuple(sorted(counted, key=lambda one: not one.statement))
 
 
 def _places(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
     """(record, place among its own unknowns) of each quantity; the switches of all records are one."""
-    found: dict[str, list[tuple[int, int]]] = {}
+    places: dict[str, list[tuple[int, int]]] = {}
     for record, members in enumerate(fit.problem.local):
         for index, one in enumerate(members):
-            found.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, index))
-    return found
+            places.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, index))
+    return places
 
 
 def _quantity(
@@ -298,15 +299,15 @@ class _Inverse:
     def covariance(self, indices: Sequence[tuple[int, int]]) -> Floats:
         """(places, places) of the unknowns at these places of these records."""
         rows = np.array([self.passed[record][index] for record, index in indices])
-        found = rows @ self.shared @ rows.T
+        product = rows @ self.shared @ rows.T
         together: dict[int, tuple[list[int], list[int]]] = {}
         for row, (record, index) in enumerate(indices):
             rows_of, places_of = together.setdefault(record, ([], []))
             rows_of.append(row)
             places_of.append(index)
         for record, (rows_of, places_of) in together.items():
-            found[np.ix_(rows_of, rows_of)] += self.record_local[record][np.ix_(places_of, places_of)]
-        return np.asarray(found)
+            product[np.ix_(rows_of, rows_of)] += self.record_local[record][np.ix_(places_of, places_of)]
+        return np.asarray(product)
 
     def std(self, record: int, index: int) -> float:
         """Of one unknown; NaN where the fit did not see the record."""
@@ -317,10 +318,10 @@ class _Inverse:
 
 def _inverted(matrix: Floats) -> Floats:
     """The inverse of a normal matrix whose unknowns have units of many sizes, along what the data tell."""
-    size = np.sqrt(np.diag(matrix))
-    size = np.where(size > 0.0, size, 1.0)
-    sizes = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(matrix / sizes, rcond=1e-12, hermitian=True) / sizes)
+    scale = np.sqrt(np.diag(matrix))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scales = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(matrix / scales, rcond=1e-12, hermitian=True) / scales)
 
 
 def _tests(
@@ -354,10 +355,10 @@ def _tests(
     for name, x in _operating(fit, [record for record, _ in indices]):
         contrast = (x - x.mean()) * prior
         turned = vectors[:, separable].T @ contrast
-        size = float(np.sqrt(np.square(turned) @ values[separable]))
-        if size <= math.sqrt(_LEAST_SEPARABLE) * float(np.linalg.norm(contrast)):
+        statistic = float(np.sqrt(np.square(turned) @ values[separable]))
+        if statistic <= math.sqrt(_LEAST_SEPARABLE) * float(np.linalg.norm(contrast)):
             continue
-        z = float(turned @ along) / size
+        z = float(turned @ along) / statistic
         tried += 1
         p = math.erfc(abs(z) / math.sqrt(2.0))
         if math.isnan(best[1]) or p < best[1]:

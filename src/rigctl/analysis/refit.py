@@ -88,7 +88,7 @@ def unusual_text(fitted: FitResult, candidate: Candidate) -> str:
 
     As ``coefficient beyond its usual range (0 m to 20000 m)``.
     """
-    found = []
+    parts = []
     for column in candidate.columns:
         declared = candidate.parameter(column)
         if declared.unusual(value_of(fitted, column)):
@@ -96,8 +96,8 @@ def unusual_text(fitted: FitResult, candidate: Candidate) -> str:
                 show(end, declared.unit, difference=declared.difference)
                 for end in (declared.low, declared.high)
             )
-            found.append(f"{declared.name} beyond its usual range ({low} to {high})")
-    return ", ".join(found)
+            parts.append(f"{declared.name} beyond its usual range ({low} to {high})")
+    return ", ".join(parts)
 
 
 def _unknown(fitted: FitResult, column: str) -> Unknown | None:
@@ -106,11 +106,11 @@ def _unknown(fitted: FitResult, column: str) -> Unknown | None:
 
 def _begun_there(fitted: FitResult, changed: dict[str, Unknown]) -> list[Unknown]:
     """The shared unknowns, each beginning where the fit ended."""
-    found = []
+    unknowns = []
     for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True):
         one = changed.get(unknown.name, unknown)
-        found.append(replace(one, start=min(max(float(value), one.lower), one.upper)))
-    return found
+        unknowns.append(replace(one, start=min(max(float(value), one.lower), one.upper)))
+    return unknowns
 
 
 def _meeting(fitted: FitResult, lower: str, upper: str) -> float:
@@ -179,7 +179,7 @@ class RefittedSet:
         """A parameter of an effect, and its standard deviation, SI; none where it acts on no reading."""
         return value_of(self.fit, column), self.fit.std.get(column, math.nan)
 
-    def sizes(self, candidate: Candidate) -> Floats:
+    def amplitudes(self, candidate: Candidate) -> Floats:
         """(columns) the parameters of one of its effects less their null, SI."""
         return np.array(
             [self.value(name)[0] - candidate.parameter(name).at_null for name in candidate.columns]
@@ -224,19 +224,19 @@ def refit(
         problem = fitted.problem.rebuilt(model)
         known = fitted if begin is None else _better_begun(problem, begin, fitted)
         problem = problem.with_shared(_started(problem, known))
-        found = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP, rival=rival)
-        found, more = _refined(found, chosen, cost)
+        again = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP, rival=rival)
+        again, more = _refined(again, chosen, cost)
     except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
         return None
     if not usual:
-        found = _again(found, beyond_usual(found, chosen), cost)
-    found = _again(found, in_order(found, chosen), cost, forced=True)
-    assert found.solution is not None  # noqa: S101 - there is something to fit
+        again = _again(again, beyond_usual(again, chosen), cost)
+    again = _again(again, in_order(again, chosen), cost, forced=True)
+    assert again.solution is not None  # noqa: S101 - there is something to fit
     columns = more + sum(len(candidate.columns) for candidate in chosen)
-    return RefittedSet(tuple(chosen), found, 2.0 * found.solution.cost, columns)
+    return RefittedSet(tuple(chosen), again, 2.0 * again.solution.cost, columns)
 
 
-def _refined(found: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:
+def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:
     """The fit with those of the effects' shapes free that may be refined, and how many; where that pays.
 
     Only once the effect is in: at its null a shape does nothing.
@@ -248,44 +248,46 @@ def _refined(found: FitResult, chosen: Sequence[Candidate], cost: float) -> tupl
         if parameter.refined and parameter.shape
     }
     if not names:
-        return found, 0
-    model = found.model
+        return fitted, 0
+    model = fitted.model
     free = {
         effect: {
             name: replace(value, fit=value.fit or (effect, name) in names) for name, value in values.items()
         }
         for effect, values in model.effects.items()
     }
-    problem = found.problem.rebuilt(replace(model, effects=free))
-    problem = problem.with_shared(_started(problem, found))
+    problem = fitted.problem.rebuilt(replace(model, effects=free))
+    problem = problem.with_shared(_started(problem, fitted))
     try:
-        better = fit(problem, found.held_out, local=found.local, cost=cost, largest_step=_STEP)
+        better = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=_STEP)
     except RigctlError:
-        return found, 0
-    samples = sum(int(problem.ok[k].sum()) for k in found.fitted)
-    pays = _cost(found) - _cost(better) > len(names) * math.log(max(samples, 2))
-    return (better, len(names)) if pays else (found, 0)
+        return fitted, 0
+    samples = sum(int(problem.ok[k].sum()) for k in fitted.fitted)
+    pays = _cost(fitted) - _cost(better) > len(names) * math.log(max(samples, 2))
+    return (better, len(names)) if pays else (fitted, 0)
 
 
-def _cost(found: FitResult) -> float:
-    assert found.solution is not None  # noqa: S101 - there is something to fit
-    return 2.0 * found.solution.cost
+def _cost(fitted: FitResult) -> float:
+    assert fitted.solution is not None  # noqa: S101 - there is something to fit
+    return 2.0 * fitted.solution.cost
 
 
-def _again(found: FitResult, shared: list[Unknown] | None, cost: float, *, forced: bool = False) -> FitResult:
+def _again(
+    fitted: FitResult, shared: list[Unknown] | None, cost: float, *, forced: bool = False
+) -> FitResult:
     """The fit made again with other bounds, or the one that was found where that is no better.
 
     With `forced` the other bounds hold, however good the fit is.
     """
     if shared is None:
-        return found
+        return fitted
     try:
-        problem = found.problem.with_shared(shared)
-        again = fit(problem, found.held_out, local=found.local, cost=cost, largest_step=_STEP)
+        problem = fitted.problem.with_shared(shared)
+        again = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=_STEP)
     except RigctlError:  # the model has no value there
-        return found
-    assert again.solution is not None and found.solution is not None  # noqa: S101 - both have parameters
-    return again if forced or again.solution.cost < found.solution.cost else found
+        return fitted
+    assert again.solution is not None and fitted.solution is not None  # noqa: S101 - both have parameters
+    return again if forced or again.solution.cost < fitted.solution.cost else fitted
 
 
 def _values(candidate: Candidate) -> dict[str, float]:
@@ -296,7 +298,7 @@ def _values(candidate: Candidate) -> dict[str, float]:
         declared = candidate.parameter(column)
         room = _ROOM * (declared.high - declared.low)
         values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
-    chosen = {**candidate.sizes, **candidate.shapes}
+    chosen = {**candidate.secants, **candidate.shapes}
     return values | {name.partition(".")[2]: value for name, value in chosen.items()}
 
 
@@ -332,7 +334,7 @@ _COARSE, _COARSE_HELD = 1e-3, 5e-3
 #: in χ²: a proper fit brings a coarse one no nearer than that
 _NEAR = 40.0
 #: sizes beyond the typical one, up to the bound, at which an effect is looked at, in each of its directions
-_SIZES = 3
+_STEPS = 3
 #: a fit that leaves less than this share of a misfit has found what the effect can do
 _EXPLAINED = 0.5
 #: a fit is begun again at a size at which less than this share is left of what it left
@@ -343,14 +345,14 @@ _BETTER = 0.9
 class Alone:
     """A model with one effect, fitted; `chi2` is what that leaves.
 
-    `at_sizes` are the fits of the model's own parameters with the effect held at one size after the other,
-    where these were made (see the function).
+    `at_amplitudes` are the fits of the model's own parameters with the effect held at one size after the
+    other, where these were made (see the function).
     """
 
     candidate: Candidate
     fit: FitResult = field(repr=False)
     chi2: float
-    at_sizes: tuple[FitResult, ...] = field(default=(), repr=False)
+    at_amplitudes: tuple[FitResult, ...] = field(default=(), repr=False)
 
 
 def alone(
@@ -371,26 +373,26 @@ def alone(
         column: declared.at_null + share * (declared.start - declared.at_null)
         for column, declared in _declared(candidate).items()
     }
-    found = _fitted(before, candidate, begin, before.fit)
-    if found is not None and _left(found) < _EXPLAINED * _left(before.fit):
-        return Alone(candidate, found, _left(found))
-    held = _held_at_sizes(before, candidate, rival)
+    fitted = _fitted(before, candidate, begin, before.fit)
+    if fitted is not None and _left(fitted) < _EXPLAINED * _left(before.fit):
+        return Alone(candidate, fitted, _left(fitted))
+    held = _held_at_amplitudes(before, candidate, rival)
     if held:
-        sizes, nearest = min(held, key=lambda one: _left(one[1]))
-        if found is None or _left(nearest) < _BETTER * _left(found):
-            found = _fitted(before, candidate, sizes, nearest)
-    return None if found is None else Alone(candidate, found, _left(found), tuple(one for _, one in held))
+        amplitudes, nearest = min(held, key=lambda one: _left(one[1]))
+        if fitted is None or _left(nearest) < _BETTER * _left(fitted):
+            fitted = _fitted(before, candidate, amplitudes, nearest)
+    return None if fitted is None else Alone(candidate, fitted, _left(fitted), tuple(one for _, one in held))
 
 
-def at_sizes(before: ModelComparison, found: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
+def at_amplitudes(before: ModelComparison, tried: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
     """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
     largest that is usual."""
-    return found.at_sizes or tuple(one for _, one in _held_at_sizes(before, found.candidate, rival))
+    return tried.at_amplitudes or tuple(one for _, one in _held_at_amplitudes(before, tried.candidate, rival))
 
 
-def near_best(found: Mapping[str, Alone | None]) -> list[str]:
+def near_best(fits: Mapping[str, Alone | None]) -> list[str]:
     """The effects whose fits come near the best one's, the best first."""
-    fitted = [one for one in found.values() if one is not None]
+    fitted = [one for one in fits.values() if one is not None]
     fitted.sort(key=lambda one: one.chi2)
     return [one.candidate.name for one in fitted if one.chi2 < fitted[0].chi2 + _NEAR]
 
@@ -399,59 +401,59 @@ def _declared(candidate: Candidate) -> dict[str, EffectParameter]:
     return {name: candidate.parameter(name) for name in candidate.columns}
 
 
-def _sizes(candidate: Candidate) -> list[list[dict[str, float]]]:
+def _amplitudes(candidate: Candidate) -> list[list[dict[str, float]]]:
     """Sizes of an effect's parameters, together, in equal ratios from the typical ones to the bounds, upwards
     and downwards."""
     sides = []
     for side in (1.0, -1.0):
-        found = []
-        for k in range(1, _SIZES + 1):
-            sizes = {}
+        starts = []
+        for k in range(1, _STEPS + 1):
+            amplitudes = {}
             for column, declared in _declared(candidate).items():
                 typical = side * (declared.start - declared.at_null)
                 limit = (declared.high if typical > 0.0 else declared.low) - declared.at_null
                 if typical and limit / typical > 0.0:
-                    sizes[column] = declared.at_null + typical * (limit / typical) ** (k / _SIZES)
-            if len(sizes) == len(candidate.columns):
-                found.append(sizes)
-        sides.append(found)
+                    amplitudes[column] = declared.at_null + typical * (limit / typical) ** (k / _STEPS)
+            if len(amplitudes) == len(candidate.columns):
+                starts.append(amplitudes)
+        sides.append(starts)
     return sides
 
 
-def _held_at_sizes(
+def _held_at_amplitudes(
     before: ModelComparison, candidate: Candidate, rival: float
 ) -> list[tuple[dict[str, float], FitResult]]:
     """Sizes of an effect, and the model's own parameters fitted with it; not where the model has no value.
 
     Each size begins where the one before it ended, which has made up for most of the effect already.
     """
-    found = []
-    for side in _sizes(candidate):
+    fits = []
+    for side in _amplitudes(candidate):
         begin = before.fit
-        for sizes in side:
-            held = {name: _inside(candidate, name, size) for name, size in sizes.items()}
+        for amplitudes in side:
+            held = {name: _inside(candidate, name, amplitude) for name, amplitude in amplitudes.items()}
             one = _fit(before, candidate, held, (), begin, rival)
             if one is not None:
-                found.append((sizes, one))
+                fits.append((amplitudes, one))
                 begin = one
-    return found
+    return fits
 
 
 def _fitted(
-    before: ModelComparison, candidate: Candidate, sizes: Mapping[str, float], begin: FitResult
+    before: ModelComparison, candidate: Candidate, amplitudes: Mapping[str, float], begin: FitResult
 ) -> FitResult | None:
     """The model's own parameters and an effect's, which begin at `sizes`, inside their bounds."""
     free = [
-        effect_unknown(candidate.effect, name.partition(".")[2], _inside(candidate, name, size))
-        for name, size in sizes.items()
+        effect_unknown(candidate.effect, name.partition(".")[2], _inside(candidate, name, amplitude))
+        for name, amplitude in amplitudes.items()
     ]
     return _fit(before, candidate, {}, free, begin)
 
 
-def _inside(candidate: Candidate, column: str, size: float) -> float:
+def _inside(candidate: Candidate, column: str, value: float) -> float:
     declared = _declared(candidate)[column]
     room = _ROOM * (declared.high - declared.low)
-    return float(np.clip(size, declared.low + room, declared.high - room))
+    return float(np.clip(value, declared.low + room, declared.high - room))
 
 
 def _fit(
@@ -468,8 +470,8 @@ def _fit(
     for name, value in {**candidate.shapes, **held}.items():
         base[names.index(name)] = value
     at = {u.name: float(value) for u, value in zip(begin.problem.shared, begin.values, strict=True)}
-    own = before.fit.problem.shared
-    shared = [replace(u, start=min(max(at[u.name], u.lower), u.upper)) for u in own]
+    unknowns = before.fit.problem.shared
+    shared = [replace(u, start=min(max(at[u.name], u.lower), u.upper)) for u in unknowns]
     problem = whole.with_shared([*shared, *free], base)
     cost, step = (_COARSE_HELD, Options.largest_step) if held else (_COARSE, _STEP)
     try:
@@ -480,6 +482,6 @@ def _fit(
         return None
 
 
-def _left(found: FitResult) -> float:
-    assert found.solution is not None  # noqa: S101 - a diagnosis asks for parameters to fit
-    return 2.0 * found.solution.cost
+def _left(fitted: FitResult) -> float:
+    assert fitted.solution is not None  # noqa: S101 - a diagnosis asks for parameters to fit
+    return 2.0 * fitted.solution.cost

@@ -104,14 +104,14 @@ def _size_text(excess: float) -> str:
 
 def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, float]:
     """(name, slot, share) of the effect that takes most of what is left up; "" where none pays."""
-    found = search.beside(best)
-    if not found or excess <= 0.0:
+    beside = search.beside(best)
+    if not beside or excess <= 0.0:
         return "", "", 0.0
-    added = [one for one in found[0].candidates if one.name not in best.effects]
-    taken = min(1.0, (best.chi2 - found[0].chi2) / excess)
+    added = [one for one in beside[0].candidates if one.name not in best.effects]
+    taken = min(1.0, (best.chi2 - beside[0].chi2) / excess)
     return added[0].name, (added[0].effect.slots or ("",))[0], taken
 
 
-def _steepest(found: tuple[Trend, ...]) -> Trend | None:
-    grown = [trend for trend in found if abs(trend.z) > REMAINDER_TREND]
+def _steepest(seen: tuple[Trend, ...]) -> Trend | None:
+    grown = [trend for trend in seen if abs(trend.z) > REMAINDER_TREND]
     return max(grown, key=lambda trend: abs(trend.z), default=None)

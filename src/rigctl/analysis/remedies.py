@@ -52,8 +52,8 @@ class Remedy:
 
 def remedies(fitted: FitResult, judged: ModelComparison) -> tuple[Remedy, ...]:
     """What would help on the records of `fitted`, the best first; `judged` is the same with its tests."""
-    found = [_starts(fitted), _values(fitted), _effect(fitted, judged)]
-    kept = [one for one in found if one is not None and one.share >= _LEAST]
+    tried = [_starts(fitted), _values(fitted), _effect(fitted, judged)]
+    kept = [one for one in tried if one is not None and one.share >= _LEAST]
     return tuple(sorted(kept, key=lambda one: -one.share))
 
 
@@ -107,11 +107,11 @@ def _with_free(fitted: FitResult, stores: dict[str, tuple[EffectState, ...]]) ->
         for record_local, start in zip(problem.local, problem.starts, strict=True)
     )
     try:
-        found = fit(replace(problem, local=local), refit=False)
+        freed = fit(replace(problem, local=local), refit=False)
     except RigctlError:  # the model has no value there: that is no remedy
         return None
-    share = _share(fitted, found, len(extra) * len(problem.records))
-    return Remedy("starts", tuple(stores), share, _rmse(found))
+    share = _share(fitted, freed, len(extra) * len(problem.records))
+    return Remedy("starts", tuple(stores), share, _rmse(freed))
 
 
 def _alone(fitted: FitResult) -> Problem:
@@ -144,17 +144,17 @@ def _values(fitted: FitResult) -> Remedy | None:
     if not free:
         return None
     try:
-        found = fit(problem.with_shared([*free, *others]), local=[fitted.local[k] for k in fitted.fitted])
+        freed = fit(problem.with_shared([*free, *others]), local=[fitted.local[k] for k in fitted.fitted])
     except RigctlError:  # too few values for the parameters, or no value of the model
         return None
-    moved = _moved(fitted, found)
-    share = _share(fitted, found, len(found.problem.shared))
-    return Remedy("values", tuple(one[0] for one in moved), share, _rmse(found), moved) if moved else None
+    moved = _moved(fitted, freed)
+    share = _share(fitted, freed, len(freed.problem.shared))
+    return Remedy("values", tuple(one[0] for one in moved), share, _rmse(freed), moved) if moved else None
 
 
 def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float, str], ...]:
     """The parameters that moved most for what is known of them."""
-    model, found = before.problem.model, []
+    model, moved = before.problem.model, []
     known = _known(before)
     values = zip([u.name for u in after.problem.shared], after.values.tolist(), strict=True)
     for name, value in values:
@@ -167,9 +167,9 @@ def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float
         std = after.std.get(name, math.inf)
         if abs(change) > max(_SURE * std, _NOTABLE * abs(known[name])):
             shown = (unit.from_si(known[name]), unit.from_si(value))
-            found.append((abs(change) / max(std, 1e-300), (name, *shown, declared.unit)))
-    found.sort(key=lambda one: -one[0])
-    return tuple(one for _, one in found[:_MOST_VALUES])
+            moved.append((abs(change) / max(std, 1e-300), (name, *shown, declared.unit)))
+    moved.sort(key=lambda one: -one[0])
+    return tuple(one for _, one in moved[:_MOST_VALUES])
 
 
 def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
@@ -182,10 +182,10 @@ def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
     return Remedy("effect", (best.effect,), _of(best.gain, whitened), {})
 
 
-def _rmse(found: FitResult) -> dict[str, float]:
-    return {name: one.rmse for name, one in found.errors.items()}
+def _rmse(fitted: FitResult) -> dict[str, float]:
+    return {name: one.rmse for name, one in fitted.errors.items()}
 
 
-def still_missing(found: Sequence[Remedy]) -> bool:
+def still_missing(tried: Sequence[Remedy]) -> bool:
     """True when none of them takes most of the misfit away."""
-    return not found or found[0].share < 0.5
+    return not tried or tried[0].share < 0.5

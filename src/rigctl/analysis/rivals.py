@@ -104,7 +104,7 @@ class Rival:
 
 def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     """Of every member of the best set, the effects that look like it."""
-    found = []
+    rivals = []
     for member in best.candidates:
         search.on_progress(f"What could be taken for {member.name}")
         tried = search.rivals(best, member)
@@ -119,7 +119,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
             if search.left(best) > 0.0 and difference < STAND_IN * explained:
                 # neither is right, and the noise no longer tells the chance of a difference
                 distance = min(distance, consistent_gain(best.fit, trial.fit, len(tried)))
-            found += [
+            rivals += [
                 Rival(
                     member.name,
                     other,
@@ -135,11 +135,11 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
                 for other in trial.effects
                 if other not in best.effects
             ]
-    found += _aside(search, best, {rival.name for rival in found})
+    rivals += _aside(search, best, {rival.name for rival in rivals})
     if len(best.candidates) == 1:
-        found += _known(search, best, {rival.name for rival in found})
-        found += _two_instead(search, best)
-    return found
+        rivals += _known(search, best, {rival.name for rival in rivals})
+        rivals += _two_instead(search, best)
+    return rivals
 
 
 def _nested(fit: FitResult, effect: Effect, other: str) -> str:
@@ -149,15 +149,19 @@ def _nested(fit: FitResult, effect: Effect, other: str) -> str:
     """
     known = {u.name: (u, float(value)) for u, value in zip(fit.problem.shared, fit.values, strict=True)}
     for name, limit, law in effect.becomes:
-        own = qualified(effect.name, name)
-        if law != other or own not in known:
+        qualified_name = qualified(effect.name, name)
+        if law != other or qualified_name not in known:
             continue
-        unknown, value = known[own]
+        unknown, value = known[qualified_name]
         beyond = (
             unknown.lower if limit <= unknown.lower else unknown.upper if limit >= unknown.upper else None
         )
-        stopped = own in fit.at_bound and beyond is not None and math.isclose(value, beyond, rel_tol=1e-6)
-        if stopped or abs(value - limit) <= AT_LIMIT * fit.std.get(own, 0.0):
+        stopped = (
+            qualified_name in fit.at_bound
+            and beyond is not None
+            and math.isclose(value, beyond, rel_tol=1e-6)
+        )
+        if stopped or abs(value - limit) <= AT_LIMIT * fit.std.get(qualified_name, 0.0):
             return f"{name} {limit:g}"
     return ""
 
@@ -285,7 +289,7 @@ def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Diff
     """
     problem = one.problem
     changes = [_changes(none, one, other, k) for k in one.fitted]
-    squares = {key: sum(own.get(key, _NOTHING)[2] for own in changes) for key in _keys(changes)}
+    squares = {key: sum(change.get(key, _NOTHING)[2] for change in changes) for key in _keys(changes)}
     if not any(squares.values()):
         return None
     best = max(squares, key=lambda key: squares[key])
@@ -320,33 +324,33 @@ def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Chang
     ok, sigma = problem.ok[k], problem.sigma[k]
     first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
     second = np.where(ok, other.outputs[k] - none.outputs[k], 0.0) / sigma
-    found = {}
+    changes = {}
     for index, phase in enumerate(record.phases):
         inside = record.phase == index
         for c in range(first.shape[1]):
             a, b = first[inside, c], second[inside, c]
-            found[c, phase] = (float(a @ a), float(b @ b), float((a - b) @ (a - b)))
-    return found
+            changes[c, phase] = (float(a @ a), float(b @ b), float((a - b) @ (a - b)))
+    return changes
 
 
 def _keys(changes: Sequence[Changes]) -> list[tuple[int, str]]:
-    return list(dict.fromkeys(key for own in changes for key in own))
+    return list(dict.fromkeys(key for change in changes for key in change))
 
 
 def _alike(changes: Sequence[Changes], channel: int) -> tuple[tuple[str, float], ...]:
     """``cos = (|a|² + |b|² − |a − b|²)/(2·|a|·|b|)`` by phase, where the effect shows."""
     sums = {
-        phase: np.sum([own.get((c, phase), _NOTHING) for own in changes], axis=0)
+        phase: np.sum([change.get((c, phase), _NOTHING) for change in changes], axis=0)
         for c, phase in _keys(changes)
         if c == channel
     }
     whole = sum(float(a) for a, _, _ in sums.values())
-    found = [
+    pairs = [
         (phase, float((a + b - d) / (2.0 * math.sqrt(a * b))))
         for phase, (a, b, d) in sums.items()
         if a > _SHOWS * whole and b > 0.0
     ]
-    return tuple(sorted(found, key=lambda one: -one[1]))
+    return tuple(sorted(pairs, key=lambda one: -one[1]))
 
 
 def _largest(one: FitResult, other: FitResult, k: int, key: tuple[int, str]) -> float:

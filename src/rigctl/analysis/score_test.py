@@ -37,7 +37,7 @@ class Score:
     gain: the fall of χ² that the linear problem expects, over the cone of its signs.
     z: its root: the size of the effect in the data, in sigmas, by the linear problem.
     p_value: family-wise: how often the best of all candidates is at least as good by chance.
-    sizes: the parameters at the linear problem's minimum, SI, less their null.
+    amplitudes: the parameters at the linear problem's minimum, SI, less their null.
     kappa: the share of the signature that the fitted unknowns cannot take over.
     hidden_in: the fitted unknown that takes over most of it; `record` where what each record has of its own,
         its pressure setting or its zero, does so.
@@ -48,7 +48,7 @@ class Score:
     gain: float
     z: float
     p_value: float
-    sizes: Floats
+    amplitudes: Floats
     kappa: float
     hidden_in: str
 
@@ -77,21 +77,21 @@ def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> S
     cosines = signatures.T @ signatures
     z = signatures.T @ projected.residual
     least = null_of_best(projected, seed) if null is None else null
-    found = []
+    tested = []
     for index, columns in tests:
         signs = _signs(projected, index, columns)
-        gain, sizes = cone(z[columns][None, :], cosines[np.ix_(columns, columns)], signs)
-        found.append((index, columns, float(gain[0]), float(tail(gain, signs)[0]), sizes[0]))
+        gain, amplitudes = cone(z[columns][None, :], cosines[np.ix_(columns, columns)], signs)
+        tested.append((index, columns, float(gain[0]), float(tail(gain, signs)[0]), amplitudes[0]))
     scores = [
         _score(
             projected,
             index,
             columns,
             gain,
-            _family(p, least, len(found), drawn=projected.noise_degrees > 0),
-            sizes * unit[columns],
+            _family(p, least, len(tested), drawn=projected.noise_degrees > 0),
+            amplitudes * unit[columns],
         )
-        for index, columns, gain, p, sizes in found
+        for index, columns, gain, p, amplitudes in tested
     ]
     best = _best_of_each(scores)
     top = max(best, key=lambda score: (-score.p_value, score.gain))
@@ -120,11 +120,11 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
 def _tests(projected: Projected) -> list[tuple[int, NDArray[np.intp]]]:
     """Of each candidate that shows at all, its place and its usable columns."""
     lin, usable = projected.linearisation, projected.usable
-    found = [
+    tests = [
         (index, np.flatnonzero(usable[lin.columns_of(index)]) + lin.starts[index])
         for index in range(len(lin.candidates))
     ]
-    return [(index, columns) for index, columns in found if columns.size]
+    return [(index, columns) for index, columns in tests if columns.size]
 
 
 def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floats]:
@@ -133,7 +133,7 @@ def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floa
     The maximum is the free one of some subset of the parameters, the others being 0: all are tried.
     """
     count, k = z.shape
-    best, sizes = np.zeros(count), np.zeros((count, k))
+    best, amplitudes = np.zeros(count), np.zeros((count, k))
     wanted = np.array(signs)
     for number in range(1, k + 1):
         for subset in combinations(range(k), number):
@@ -146,8 +146,8 @@ def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floa
             best = np.where(better, gain, best)
             moved = np.zeros((count, k))
             moved[:, chosen] = theta
-            sizes = np.where(better[:, None], moved, sizes)
-    return best, sizes
+            amplitudes = np.where(better[:, None], moved, amplitudes)
+    return best, amplitudes
 
 
 def tail(gain: Floats, signs: Sequence[int]) -> Floats:
@@ -200,36 +200,36 @@ def _family(p: float, least: Floats, tests: int, *, drawn: bool = False) -> floa
 
 
 def _score(
-    projected: Projected, index: int, columns: NDArray[np.intp], gain: float, p: float, sizes: Floats
+    projected: Projected, index: int, columns: NDArray[np.intp], gain: float, p: float, amplitudes: Floats
 ) -> Score:
     lin = projected.linearisation
     every = np.zeros(len(lin.candidates[index].columns))
-    every[columns - lin.starts[index]] = sizes
+    every[columns - lin.starts[index]] = amplitudes
     return Score(
         effect=lin.candidates[index].name,
         candidate=index,
         gain=gain,
         z=float(np.sqrt(max(gain, 0.0))),
         p_value=p,
-        sizes=every,
+        amplitudes=every,
         kappa=float(projected.kappa[columns].min()),
-        hidden_in=_hidden_in(projected, columns, sizes),
+        hidden_in=_hidden_in(projected, columns, amplitudes),
     )
 
 
-def _hidden_in(projected: Projected, columns: NDArray[np.intp], sizes: Floats) -> str:
+def _hidden_in(projected: Projected, columns: NDArray[np.intp], amplitudes: Floats) -> str:
     """What takes over most of a signature.
 
     Of its square the records' own unknowns take ``1 − κ₁²`` first, the shared ones then ``κ₁² − κ²``.
     """
     least = columns[int(np.argmin(projected.kappa[columns]))]
-    left, after_own = projected.kappa[least] ** 2, projected.after_own[least] ** 2
-    if 1.0 - after_own > after_own - left:
+    left, after_local = projected.kappa[least] ** 2, projected.after_record_local[least] ** 2
+    if 1.0 - after_local > after_local - left:
         return RECORD
     lin = projected.linearisation
     if not lin.nuisances:
         return ""
-    moves = projected.coefficients[:, columns] @ (sizes if np.any(sizes) else np.ones(columns.size))
+    moves = projected.coefficients[:, columns] @ (amplitudes if np.any(amplitudes) else np.ones(columns.size))
     size_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
     scale = np.array([size_of.get(name, 1.0) for name in lin.nuisances])  # of a shape, its prior's
     return lin.nuisances[int(np.argmax(np.abs(moves) / scale))]

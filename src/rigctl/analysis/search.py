@@ -142,15 +142,15 @@ class Point:
 
     def without(self, member: Candidate) -> Projected:
         """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
-        own = self._index(member)
-        rest = [index for index in self._members if index != own]
-        return project(self._everything.rearranged(rest, [own, *self._others]))
+        asked = self._index(member)
+        rest = [index for index in self._members if index != asked]
+        return project(self._everything.rearranged(rest, [asked, *self._others]))
 
     def held(self, member: Candidate) -> list[Floats]:
         """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
         index = self._index(member)
         start, at_bound = self._everything.starts[index], self.trial.fit.at_bound
-        moved = np.where([name in at_bound for name in member.columns], self.trial.sizes(member), 0.0)
+        moved = np.where([name in at_bound for name in member.columns], self.trial.amplitudes(member), 0.0)
         return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
 
     def _index(self, member: Candidate) -> int:
@@ -211,8 +211,8 @@ class Point:
 
 def _from_here_to_null(member: Candidate) -> Candidate:
     """Its shapes are the fit's; what a threshold keeps from its slope, the way to its null tells."""
-    null = {name: member.parameter(name).at_null for name in member.sizes}
-    return replace(member, shapes={}, sizes=null)
+    null = {name: member.parameter(name).at_null for name in member.secants}
+    return replace(member, shapes={}, secants=null)
 
 
 #: columns of the two that are as alike as this are one direction
@@ -226,7 +226,7 @@ class PairGain:
     candidates: tuple[int, int]
     gain: float
     parameters: int
-    sizes: dict[str, float]
+    amplitudes: dict[str, float]
 
 
 def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
@@ -241,8 +241,10 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
         index: np.flatnonzero(usable[lin.columns_of(index)]) + lin.starts[index]
         for index in range(len(lin.candidates))
     }
-    found = []
-    for one, other in combinations([index for index, own in columns.items() if own.size], 2):
+    gains = []
+    for one, other in combinations(
+        [index for index, usable_columns in columns.items() if usable_columns.size], 2
+    ):
         if lin.candidates[one].name == lin.candidates[other].name or _contradict(projected, one, other):
             continue
         both = np.concatenate([columns[one], columns[other]])
@@ -250,14 +252,15 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
         if np.abs(square - np.eye(both.size)).max() > _SAME:
             continue
         signs = [_sign(projected, index, int(c)) for index in (one, other) for c in columns[index]]
-        gain, sizes = cone(z[both][None, :], square, signs)
-        used = int(np.count_nonzero(sizes[0]))
+        gain, amplitudes = cone(z[both][None, :], square, signs)
+        used = int(np.count_nonzero(amplitudes[0]))
         named = {
-            _name(projected, int(c)): float(size * unit[c]) for c, size in zip(both, sizes[0], strict=True)
+            _name(projected, int(c)): float(amplitude * unit[c])
+            for c, amplitude in zip(both, amplitudes[0], strict=True)
         }
-        found.append(PairGain((one, other), float(gain[0]), used, named))
+        gains.append(PairGain((one, other), float(gain[0]), used, named))
     best: dict[frozenset[str], PairGain] = {}
-    for pair in sorted(found, key=lambda pair: -pair.gain):
+    for pair in sorted(gains, key=lambda pair: -pair.gain):
         best.setdefault(frozenset(lin.candidates[index].name for index in pair.candidates), pair)
     return tuple(best.values())
 
@@ -374,8 +377,8 @@ class Search:
     def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
         best = self._swapped(self.best_single())
-        found = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
-        return self._beyond_laws(self._usual_first(self._pair_instead(found)))
+        best_set = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
+        return self._beyond_laws(self._usual_first(self._pair_instead(best_set)))
 
     def best_single(self) -> RefittedSet:
         """The single effect that explains the misfit best, or none."""
@@ -437,10 +440,10 @@ class Search:
 
     def beside(self, trial: RefittedSet) -> list[RefittedSet]:
         """The sets that were tried and hold one effect more, the best first."""
-        own = set(trial.effects)
-        more = [one for one in self.trials.values() if own < set(one.effects)]
+        members = set(trial.effects)
+        more = [one for one in self.trials.values() if members < set(one.effects)]
         paying = [one for one in more if self.mbic(one) < self.mbic(trial)]
-        return sorted((one for one in paying if len(one.effects) == len(own) + 1), key=self.mbic)
+        return sorted((one for one in paying if len(one.effects) == len(members) + 1), key=self.mbic)
 
     def at(self, trial: RefittedSet) -> Point:
         """The linearisation and the tests at a trial's fit."""
@@ -500,15 +503,15 @@ class Search:
             if (one[0] > ALIKE or one[2] < LEAST_SEPARATION) and one[2] < max(FAR, FAR_SHARE * size)
         ]
         near.sort(key=lambda one: -one[0])
-        found = []
+        rivals = []
         if self.alone and not rest:  # what is far off alone need not be fitted again
             kept = near_best(self.alone)
             near = [one for one in near if one[1].name in kept]
         for cos, candidate, d in near[: None if self._few else _MOST_RIVALS]:
             rival = self._try((*rest, candidate), without)
             if rival is not None and not (self._few and self._far(rival, trial)):
-                found.append((rival, cos, d))
-        return found
+                rivals.append((rival, cos, d))
+        return rivals
 
     @property
     def _few(self) -> bool:
@@ -541,17 +544,19 @@ class Search:
 
     def promised(self, score: Score) -> float:
         """The fall of χ² that an effect makes: fitted alone where it was, else by the linear problem."""
-        found = self.alone.get(score.effect)
-        return score.gain if found is None else max(self.none.chi2 - found.chi2, 0.0)
+        fitted = self.alone.get(score.effect)
+        return score.gain if fitted is None else max(self.none.chi2 - fitted.chi2, 0.0)
 
-    def alone_sizes(self, effect: str) -> list[float]:
+    def alone_amplitudes(self, effect: str) -> list[float]:
         """An effect's parameters less their null as fitted alone, SI; empty where it was not."""
-        found = self.alone.get(effect)
-        if found is None:
+        fitted = self.alone.get(effect)
+        if fitted is None:
             return []
-        at = {u.name: float(v) for u, v in zip(found.fit.problem.shared, found.fit.values, strict=True)}
-        own = {name: found.candidate.parameter(name) for name in found.candidate.columns}
-        return [at.get(name, declared.at_null) - declared.at_null for name, declared in own.items()]
+        at = {u.name: float(v) for u, v in zip(fitted.fit.problem.shared, fitted.fit.values, strict=True)}
+        declared_by_name = {name: fitted.candidate.parameter(name) for name in fitted.candidate.columns}
+        return [
+            at.get(name, declared.at_null) - declared.at_null for name, declared in declared_by_name.items()
+        ]
 
     def _near_alone(self, effects: Sequence[str]) -> list[str]:
         """Those that come near the best when each is fitted in the equations of the whole library."""
@@ -587,9 +592,11 @@ class Search:
             for pair in pair_gains(self.start.projected)
         ]
         better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + WORTH]
-        own = set(best.effects)
-        without = [chosen for gain, chosen in pairs if gain > WORTH and not {c.name for c in chosen} & own]
-        for chosen in better + [one for one in without[: _PAIRS if own else 0] if one not in better]:
+        members = set(best.effects)
+        without = [
+            chosen for gain, chosen in pairs if gain > WORTH and not {c.name for c in chosen} & members
+        ]
+        for chosen in better + [one for one in without[: _PAIRS if members else 0] if one not in better]:
             self.on_progress(f"Refitting with {chosen[0].name} and {chosen[1].name}")
             self._try(chosen, self.none)
         if best.candidates:
@@ -615,33 +622,33 @@ class Search:
             if best.effects[0] in {one.name for one in chosen}:
                 continue
             self.on_progress(f"Refitting with {chosen[0].name} and {chosen[1].name}")
-            found = self._try(chosen, self.none)
-            tried += [] if found is None else [found]
-        found = self._least(tried)
+            instead = self._try(chosen, self.none)
+            tried += [] if instead is None else [instead]
+        instead = self._least(tried)
         surely = LEAST_DIFFERENCE * softened(self.none.chi2 - best.chi2)
-        return found if self.evidence(found) < self.evidence(best) - surely else best
+        return instead if self.evidence(instead) < self.evidence(best) - surely else best
 
     def _exchanged(self, best: RefittedSet) -> RefittedSet:
         """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
         for _ in range(_SWAPS):
             if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2 or self._below_noise(best):
                 break
-            found = self._least([best, *self._exchanges(best)])
-            if found is best:
+            exchanged = self._least([best, *self._exchanges(best)])
+            if exchanged is best:
                 break
-            best = self._swapped(self._backward(found))
+            best = self._swapped(self._backward(exchanged))
         return best
 
     def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
         here = self.bent(best)
-        found = []
+        sets = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             candidate = here.linearisation.candidates[score.candidate]
             for member in best.candidates if score.gain > WORTH else ():
                 self.on_progress(f"Refitting with {candidate.name} for {member.name}")
                 rest = tuple(one for one in best.candidates if one is not member)
-                found.append(self._try((*rest, candidate), best))
-        return [trial for trial in found if trial is not None]
+                sets.append(self._try((*rest, candidate), best))
+        return [trial for trial in sets if trial is not None]
 
     def _forward(self, best: RefittedSet) -> RefittedSet | None:
         """`best` and one effect more: the ones that its own linearisation promises most of."""
@@ -662,14 +669,14 @@ class Search:
                 for member in best.candidates
             ]
             shorter = [one for one in tried if one is not None]
-            found = self._least([best, *shorter])
-            if found is best:
+            least = self._least([best, *shorter])
+            if least is best:
                 reached = self.none.chi2 - best.chi2
                 slight = [one for one in shorter if self.slight(best, one, reached)]
                 if not slight:
                     break
-                found = min(slight, key=lambda one: one.chi2)
-            best = found
+                least = min(slight, key=lambda one: one.chi2)
+            best = least
         return best
 
     def _usual_first(self, best: RefittedSet) -> RefittedSet:
@@ -739,10 +746,10 @@ class Search:
         """With a member replaced by a rival where that explains more: what came first need not be right."""
         for _ in range(_SWAPS):
             sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
-            found = self._least([best, *sets])
-            if found is best:
+            least = self._least([best, *sets])
+            if least is best:
                 break
-            best = self._backward(found)
+            best = self._backward(least)
         return best
 
     def _try(self, chosen: Sequence[Candidate], begin: RefittedSet) -> RefittedSet | None:
@@ -752,10 +759,10 @@ class Search:
             # at ten times its size nearly every effect explains the few values of a table
             known = [0.5 * trial.chi2 for trial in self.trials.values()]
             rival = min(known, default=math.inf)
-            found = refit(self.before.fit, chosen, begin.fit, rival=rival, usual=self._few)
-            if found is None:
+            refitted = refit(self.before.fit, chosen, begin.fit, rival=rival, usual=self._few)
+            if refitted is None:
                 return None
-            self.trials[key] = found
+            self.trials[key] = refitted
         return self.trials[key]
 
     def _least(self, trials: Iterable[RefittedSet]) -> RefittedSet:

@@ -77,19 +77,19 @@ def from_another_start(search: Search) -> ModelComparison | None:
     if not better:
         return None
     try:
-        found = _from(before.fit, min(better, key=lambda trial: trial.chi2).fit)
+        judged = _from(before.fit, min(better, key=lambda trial: trial.chi2).fit)
     except RigctlError:  # without the effect the model has no value there
         return None
-    if 2.0 * _cost(found) > base.chi2 - UNSEEN:
+    if 2.0 * _cost(judged) > base.chi2 - UNSEEN:
         return None
-    return judge(found, before.name, excluded=before.excluded, locate=bool(before.where))
+    return judge(judged, before.name, excluded=before.excluded, locate=bool(before.where))
 
 
 def _next_to_nothing(trial: RefittedSet) -> bool:
     """Whether every size of a trial's effect is within two standard deviations of its null."""
     (candidate,) = trial.candidates
     stds = np.array([trial.value(name)[1] for name in candidate.columns])
-    return bool(np.all(np.isfinite(stds)) and np.all(np.abs(trial.sizes(candidate)) <= AT_LIMIT * stds))
+    return bool(np.all(np.isfinite(stds)) and np.all(np.abs(trial.amplitudes(candidate)) <= AT_LIMIT * stds))
 
 
 def _from(before: FitResult, there: FitResult) -> FitResult:
@@ -100,5 +100,5 @@ def _from(before: FitResult, there: FitResult) -> FitResult:
     return fit(problem.with_shared(started(problem.shared, begun)), before.held_out, local=there.local)
 
 
-def _cost(found: FitResult) -> float:
-    return math.inf if found.solution is None else found.solution.cost
+def _cost(fitted: FitResult) -> float:
+    return math.inf if fitted.solution is None else fitted.solution.cost

@@ -110,13 +110,13 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
     wanted = [(effect, driver) for effect in effects for driver in drivers(effect)]
     if not wanted:
         return ShapeColumns((), nothing)
-    found = at.simulate(np.empty(0), local).require()
+    simulated = at.simulate(np.empty(0), local).require()
     bends: list[Bend] = []
     arguments: list[SplineArgument] = []
     columns: list[SplineColumn] = []
     root = prior_root()
     for effect, driver in wanted:
-        knots = knots_of(courses(at, found, driver))
+        knots = knots_of(courses(at, simulated, driver))
         carried = _carried(effect, at, base)
         if knots is None or not carried:
             continue
@@ -141,20 +141,20 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
 def _carried(effect: Effect, problem: Problem, base: Floats) -> dict[str, float]:
     """The parameters that switch an effect on, each with its distance from its null where that is not 0."""
     names = problem.compiled.system.parameter_names
-    found = {}
+    values = {}
     for one in effect.parameters:
         name = qualified(effect.name, one.name)
         value = float(base[names.index(name)]) - one.at_null
         if value and not one.shape:
-            found[name] = value
-    return found
+            values[name] = value
+    return values
 
 
-def courses(problem: Problem, found: Trajectories, driver: Driver) -> list[Floats]:
+def courses(problem: Problem, simulated: Trajectories, driver: Driver) -> list[Floats]:
     """(n) of each record: the driver at its samples, SI."""
     states, inputs = problem.compiled.system.state_names, problem.compiled.system.input_names
     result = []
-    for record, known in zip(problem.records, found.states, strict=True):
+    for record, known in zip(problem.records, simulated.states, strict=True):
         total = np.zeros(record.times.size)
         for name, weight in driver.weights:
             if name in states:
@@ -172,8 +172,8 @@ def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats 
     if not values.size:
         return None
     low, high = (float(end) for end in np.quantile(values, _ENDS))
-    size = max(abs(low), abs(high))
-    if not high - low > _VARIES * size:
+    largest = max(abs(low), abs(high))
+    if not high - low > _VARIES * largest:
         return None
     inner: list[float] = []
     shares = np.arange(1, functions - 3) / (functions - 3)

@@ -24,7 +24,7 @@ from rigctl.analysis.disturbance import (
     disturbance_columns,
     disturbed,
 )
-from rigctl.analysis.linearisation import free_unknowns, make_regions, own_rows, slopes_at
+from rigctl.analysis.linearisation import free_unknowns, make_regions, record_local_rows, slopes_at
 from rigctl.analysis.marginal_likelihood import Component, Evidence, Normal, evidence
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress
@@ -83,7 +83,7 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
             raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
         rows = np.column_stack([white, residual])
         matrix = rows.T @ rows
-        record_local, weight, prior = own_rows(problem, k, slopes, local[k], outputs)
+        record_local, weight, prior = record_local_rows(problem, k, slopes, local[k], outputs)
         taken = record_local[: whitener.size].T @ rows
         if weight.size:
             taken[:, -1] -= record_local[whitener.size :].T @ prior
@@ -180,8 +180,8 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     model = disturbed(problem, knots, progress)
     at = (problem.content, fit.values, fit.local, fit.outputs, free_unknowns(fit))
     asked = (model.compiled.source.text, model.moving, model.reading, knots, _together(problem))
-    found = kept("slots", (at, asked), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
-    return found.slots
+    ranking = kept("slots", (at, asked), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
+    return ranking.slots
 
 
 @dataclass(frozen=True)
@@ -195,13 +195,13 @@ def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotE
     columns = disturbance_columns(fit, problem, model)
     normals = disturbance_normals(fit, problem, columns)
     features = _features(make_regions(problem).conditions)
-    found: list[_Found] = []
+    tests: list[_Found] = []
     for parts in _hypotheses(problem, columns.parts):
         component, root = _component(normals, parts)
         if component is not None:
             best = evidence(component, normals.unknowns, features)
-            found.append(_Found(parts, best, best.amplitudes @ root.T))
-    return _ranked(_one_each(found), problem, columns, normals.excess)
+            tests.append(_Found(parts, best, best.amplitudes @ root.T))
+    return _ranked(_one_each(tests), problem, columns, normals.excess)
 
 
 def some_records(fit: FitResult, *, samples: int = _MOST_SAMPLES) -> FitResult:
@@ -211,8 +211,8 @@ def some_records(fit: FitResult, *, samples: int = _MOST_SAMPLES) -> FitResult:
         draw = np.random.Generator(np.random.PCG64(0))
         indices = np.sort(draw.choice(indices, _MOST_RECORDS, replace=False))
     chosen = [
-        np.arange(0, size, -(-size // samples), dtype=np.intp)
-        for size in (fit.problem.records[index].times.size for index in indices)
+        np.arange(0, count, -(-count // samples), dtype=np.intp)
+        for count in (fit.problem.records[index].times.size for index in indices)
     ]
     return replace(
         fit,
@@ -312,10 +312,10 @@ def _features(conditions: Floats) -> Floats:
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
 
-def _one_each(found: Sequence[_Found]) -> list[_Found]:
+def _one_each(tests: Sequence[_Found]) -> list[_Found]:
     """Of a slot that was tried in several ways, the best with the mean of their evidence."""
     ways: dict[tuple[Slot, ...], list[_Found]] = {}
-    for one in found:
+    for one in tests:
         ways.setdefault(one.slots, []).append(one)
     result = []
     for tried in ways.values():
@@ -327,9 +327,9 @@ def _one_each(found: Sequence[_Found]) -> list[_Found]:
 
 
 def _ranked(
-    found: Sequence[_Found], problem: Problem, columns: DisturbanceColumns, excess: float
+    tests: Sequence[_Found], problem: Problem, columns: DisturbanceColumns, excess: float
 ) -> tuple[SlotEvidence, ...]:
-    ordered = sorted(found, key=lambda one: -one.evidence.log_evidence)
+    ordered = sorted(tests, key=lambda one: -one.evidence.log_evidence)
     misfit = max([excess, *(one.evidence.explained for one in ordered), 1.0])
     names = [" + ".join(slot.name for slot in one.slots) for one in ordered]
     logs = [one.evidence.log_evidence for one in ordered]
@@ -347,11 +347,11 @@ def _ranked(
     return tuple(result)
 
 
-def _when(found: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
+def _when(test: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
     """The phase with the largest mean square of the disturbance, each slot's in units of its own mean."""
     squares: dict[str, list[float]] = {}
-    for slot in found.slots:
-        courses = [_course(found, columns.courses[k], slot, k) for k in range(len(problem.records))]
+    for slot in test.slots:
+        courses = [_course(test, columns.courses[k], slot, k) for k in range(len(problem.records))]
         mean = float(np.mean(np.concatenate(courses) ** 2)) or 1.0
         for record, course in zip(problem.records, courses, strict=True):
             for index, name in enumerate(record.phases):
@@ -361,13 +361,13 @@ def _when(found: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
     return max(squares, key=lambda name: float(np.mean(squares[name])))
 
 
-def _course(found: _Found, courses: Floats, slot: Slot, k: int) -> Floats:
+def _course(test: _Found, courses: Floats, slot: Slot, k: int) -> Floats:
     """(n) of one record: the disturbance at one slot."""
     total = np.zeros(courses.shape[0])
     first = 0
-    for part in found.parts:
+    for part in test.parts:
         width = part.columns.stop - part.columns.start
         if part.slot == slot:
-            total += courses[:, part.columns] @ found.amplitudes[k, first : first + width]
+            total += courses[:, part.columns] @ test.amplitudes[k, first : first + width]
         first += width
     return total

@@ -87,11 +87,11 @@ def verdict_text(
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
     """Two that stand in the place of one are said together."""
-    found: list[Rival] = []
+    once: list[Rival] = []
     for one in rivals:
-        if not any((other.name, other.beside) == (one.beside, one.name) for other in found):
-            found.append(one)
-    return found
+        if not any((other.name, other.beside) == (one.beside, one.name) for other in once):
+            once.append(one)
+    return once
 
 
 def whether_at_all(before: ModelComparison) -> str:
@@ -201,21 +201,21 @@ def rival_text(rival: Rival) -> str:
 
 def _lacking(rival: Rival) -> str:
     """The condition, or both, that two which are not told apart fail."""
-    found = []
+    parts = []
     if rival.separation < LEAST_SEPARATION:
-        found.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
+        parts.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
     if rival.difference < LEAST_DIFFERENCE:
-        found.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
+        parts.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
     if rival.nested:
-        found.append(
+        parts.append(
             f"{rival.member} with {rival.nested} is {rival.name}, and its fit is within chance of that"
         )
-    if not found:
-        found.append(
+    if not parts:
+        parts.append(
             f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "
             f"either may do as much: {share_text(TOLERANCE**2)} would do"
         )
-    return "; ".join(found)
+    return "; ".join(parts)
 
 
 def _alike_text(where: Differs) -> str:
@@ -232,37 +232,37 @@ def evidence_for(
 ) -> list[str]:
     """A sentence for each thing that speaks for an effect or against it."""
     name = candidate.name
-    found = [_size(ranked)]
+    lines = [_size(ranked)]
     if ranked.delta_bic < 0.0:
         odds = f"{LEAST_DIFFERENCE} is odds of {ODDS} to 1"
-        found.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it ({odds})")
+        lines.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it ({odds})")
     else:
-        found.append(f"against {name}: mBIC rises by {ranked.delta_bic:.1f} with it")
+        lines.append(f"against {name}: mBIC rises by {ranked.delta_bic:.1f} with it")
     if check is not None and check.folds >= 2:
         side = "for" if check.passed else "against"
-        found.append(
+        lines.append(
             f"{side} {name}: on conditions left out one after the other the normalised error goes from "
             f"{check.before:.4g} to {check.after:.4g} ({check.folds} folds, mean gain {check.mean:.1f} "
             f"± {check.error:.1f})"
         )
     if ranked.kappa < _HIDDEN and ranked.hidden_in:
-        found.append(
+        lines.append(
             f"against {name}: {_hidden_text(ranked.hidden_in)} imitates it to within "
             f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on those {100 * ranked.kappa:.0f} %"
         )
     mine = [rival for rival in rivals if rival.member == name]
-    own = sorted(_each_once(mine), key=lambda rival: rival.difference)
-    found += [f"against {name}: {rival_text(rival)}" for rival in own if not rival.separable]
-    found += [f"for {name}: {rival_text(rival)}" for rival in own if rival.separable and rival.cos > ALIKE][
+    each = sorted(_each_once(mine), key=lambda rival: rival.difference)
+    lines += [f"against {name}: {rival_text(rival)}" for rival in each if not rival.separable]
+    lines += [f"for {name}: {rival_text(rival)}" for rival in each if rival.separable and rival.cos > ALIKE][
         :1
     ]
-    return found
+    return lines
 
 
 def _hidden_text(hidden_in: str) -> str:
     """What imitates an effect."""
-    own = "what each record has of its own (its settings, zeros, times and starts)"
-    return own if hidden_in == RECORD else f"the fitted {hidden_in}"
+    record_level = "what each record has of its own (its settings, zeros, times and starts)"
+    return record_level if hidden_in == RECORD else f"the fitted {hidden_in}"
 
 
 def _size(ranked: Ranked) -> str:
@@ -274,7 +274,7 @@ def _size(ranked: Ranked) -> str:
     return f"{text} ({chance_text(p)} for the largest of the whole library)"
 
 
-def drift_text(found: Sequence[Drift]) -> list[str]:
+def drift_text(drifts: Sequence[Drift]) -> list[str]:
     """Fitted parameters that were biased by what was missing.
 
     Without a bias the two values would differ by chance with the variance ``|s₂² − s₁²|``, s their standard
@@ -284,7 +284,7 @@ def drift_text(found: Sequence[Drift]) -> list[str]:
     return [
         f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had taken over "
         "a part of what was missing"
-        for one in found
+        for one in drifts
         if _moved(one)
     ]
 

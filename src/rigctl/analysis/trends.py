@@ -71,20 +71,20 @@ def trends(fit: FitResult) -> tuple[Trend, ...]:
     """Of every quantity over every operating variable, the most wrong first."""
     measurements = fit.problem.measurements
     units = variable_units(measurements)
-    found = []
+    seen = []
     for quantity, column, measured, predicted, noise in _quantities(fit):
         kelvin = parse_unit(measurements.units[column]).absolute_temperature
         for variable in measurements.variables:
             points = np.array([fit.problem.records[k].condition.get(variable, math.nan) for k in fit.fitted])
             trend = _trend(fit, quantity, variable, points, measured, predicted, noise, units, kelvin=kelvin)
             if trend is not None:
-                found.append(trend)
-    return tuple(sorted(found, key=lambda trend: -abs(trend.z)))
+                seen.append(trend)
+    return tuple(sorted(seen, key=lambda trend: -abs(trend.z)))
 
 
 def _quantities(fit: FitResult) -> list[tuple[str, int, Floats, Floats, float]]:
     """(name, channel, measured, predicted, standard error) of one number for each fitted record."""
-    found = []
+    quantities = []
     problem = fit.problem
     for column, channel in enumerate(problem.measurements.outputs):
         pairs = [_level(fit, k, column) for k in fit.fitted]
@@ -92,8 +92,8 @@ def _quantities(fit: FitResult) -> list[tuple[str, int, Floats, Floats, float]]:
         name = pairs[0][2] if pairs else channel
         if np.isfinite(measured).sum() >= 2:
             error = float(problem.noise.sigma[column]) / math.sqrt(max(1.0, pairs[0][3]))
-            found.append((name, column, measured, predicted, error))
-    return found
+            quantities.append((name, column, measured, predicted, error))
+    return quantities
 
 
 def _level(fit: FitResult, k: int, column: int) -> tuple[float, float, str, float]:
@@ -166,10 +166,10 @@ def _moves(change: float, *, kelvin: bool = False) -> str:
     return "stays the same" if abs(change) < least else f"{'rises' if change > 0.0 else 'falls'} {shown}"
 
 
-def sentence(found: Sequence[Trend], notable: float = 5.0) -> str:
+def sentence(seen: Sequence[Trend], notable: float = 5.0) -> str:
     """The most wrong direction in one sentence; empty when none is wrong."""
-    wrong = [trend for trend in found if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
-    worst = wrong or [trend for trend in found if abs(trend.z) > notable and trend.matters]
+    wrong = [trend for trend in seen if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
+    worst = wrong or [trend for trend in seen if abs(trend.z) > notable and trend.matters]
     if not worst:
         return ""
     text = worst[0].text

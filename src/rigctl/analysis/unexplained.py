@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.linearisation import Linearisation, own_rows, slopes_at
+from rigctl.analysis.linearisation import Linearisation, record_local_rows, slopes_at
 from rigctl.analysis.nuisance_projection import HIDDEN
 from rigctl.analysis.score_test import cone
 from rigctl.model.fit.problem import Problem
@@ -58,12 +58,12 @@ class Unexplained:
     def cosines(self, left: Floats) -> dict[str, float]:
         """How well each effect alone, of the right signs and any size, would explain what is left: 0 … 1."""
         length = float(np.linalg.norm(left))
-        found: dict[str, float] = {}
+        by_name: dict[str, float] = {}
         for index, candidate in enumerate(self.candidates):
             gain, _ = self._explained(index, left)
             share = min(1.0, float(np.sqrt(gain)) / length) if length > 0.0 else 0.0
-            found[candidate.name] = max(share, found.get(candidate.name, 0.0))
-        return found
+            by_name[candidate.name] = max(share, by_name.get(candidate.name, 0.0))
+        return by_name
 
     def share_of(self, effect: str, left: Floats) -> tuple[Candidate, Floats] | None:
         """An effect in the shape that explains most of what is left, and (rows) what it explains; None where
@@ -84,10 +84,10 @@ class Unexplained:
         if not used.size:
             return 0.0, np.zeros_like(left)
         chosen = matrix[:, used]
-        gain, sizes = cone(
+        gain, amplitudes = cone(
             (left @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
         )
-        return float(gain[0]), np.asarray(chosen @ sizes[0])
+        return float(gain[0]), np.asarray(chosen @ amplitudes[0])
 
 
 def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
@@ -104,7 +104,7 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
     slopes = slopes_at(problem, fit, linearisation.nuisances, linearisation.candidates, local)
     record_local, nuisance, signatures = [], [], []
     for k, whitener in enumerate(problem.whiteners):
-        basis = own_rows(problem, k, slopes, local[k], fit.outputs[fit.fitted[k]])[0]
+        basis = record_local_rows(problem, k, slopes, local[k], fit.outputs[fit.fitted[k]])[0]
         record_local.append(basis)
         nuisance.append(_off_record_local(whitener(slopes.nuisance[k]), basis))
         signatures.append(_off_record_local(whitener(slopes.signatures[k]), basis))
@@ -113,7 +113,7 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
     stacked = np.vstack([*signatures, np.zeros((weight.shape[0], signatures[0].shape[1]))])
     left = stacked - shared @ (shared.T @ stacked)
     lengths = np.linalg.norm(left, axis=0)
-    seen = lengths > HIDDEN * np.where(linearisation.sizes > 0.0, linearisation.sizes, np.inf)
+    seen = lengths > HIDDEN * np.where(linearisation.full_lengths > 0.0, linearisation.full_lengths, np.inf)
     return Unexplained(
         problem=problem,
         candidates=linearisation.candidates,

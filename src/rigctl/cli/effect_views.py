@@ -47,8 +47,8 @@ def offer_documents(family: ModelFamily) -> list[dict[str, Any]]:
     return [
         {
             "family": family.name,
-            "slot": offer.place.slot.name,
-            "unit": offer.place.slot.unit,
+            "slot": offer.role.slot.name,
+            "unit": offer.role.slot.unit,
             "effects": [effect.name for effect in offer.effects],
             "why_not": offer.why_not,
         }

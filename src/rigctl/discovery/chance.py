@@ -42,8 +42,8 @@ def span(projected: Projected, chosen: slice) -> Floats:
     columns = projected.signatures[:, chosen][:, usable]
     if not columns.shape[1]:
         return np.empty((columns.shape[0], 0))
-    sizes = projected.linearisation.sizes[chosen][usable]
-    left, values, _ = np.linalg.svd(columns / sizes, full_matrices=False)
+    full = projected.linearisation.full_lengths[chosen][usable]
+    left, values, _ = np.linalg.svd(columns / full, full_matrices=False)
     return np.asarray(left[:, values > max(_RANK * values[0], HIDDEN)])
 
 
@@ -122,7 +122,7 @@ def _least(
     draw: Callable[[int], Floats], ends: NDArray[np.intp], known: int, rng: np.random.Generator
 ) -> Floats:
     dofs = np.diff([0, *ends])
-    found = np.empty(DRAWS)
+    explained = np.empty(DRAWS)
     for first in range(0, DRAWS, _BATCH):
         squares = np.square(draw(_BATCH))
         sums = np.add.reduceat(squares, [0, *ends[:-1]], axis=1)
@@ -132,8 +132,8 @@ def _least(
         for dof in np.unique(dofs):
             largest = sums[:, dofs == dof].max(axis=1)
             least = np.minimum(least, _p_values(largest, int(dof), known))
-        found[first : first + _BATCH] = least
-    return np.sort(found)
+        explained[first : first + _BATCH] = least
+    return np.sort(explained)
 
 
 def _p_values(statistic: Floats, dof: int, known: int) -> Floats:

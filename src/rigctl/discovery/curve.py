@@ -129,14 +129,14 @@ def curves_of(
         first, *others = one.factors
         asked.append((one.slot, first.argument.driver, others[0] if others else None))
     asked += [(one.slot, one.over[0], None) for one in located if len(one.over) == 1]
-    found: dict[tuple[str, str, str], Curve] = {}
+    curves: dict[tuple[str, str, str], Curve] = {}
     for slot, over, beside in asked:
         key = (slot.name, over.name, "" if beside is None else beside.argument.driver.name)
-        if key not in found and len(found) < most:
+        if key not in curves and len(curves) < most:
             curve = curve_of(opened, slot, over, beside)
             if curve is not None:
-                found[key] = curve
-    return tuple(found.values())
+                curves[key] = curve
+    return tuple(curves.values())
 
 
 def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:

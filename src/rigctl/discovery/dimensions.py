@@ -62,14 +62,14 @@ def tier_of(formula: Formula, model: Model) -> Tier:
         for kind, x in zip(one.form.scales, one.scales, strict=True)
         if kind in DISTANCES or not one.argument.point
     ]
-    found = [_group(value, of, model) for value, of in [(size, dimension), *scales]]
-    known = [one for one in found if one is not None]
-    if len(known) == len(found):
+    groups = [_group(value, of, model) for value, of in [(size, dimension), *scales]]
+    known = [one for one in groups if one is not None]
+    if len(known) == len(groups):
         (number, text), *others = known
         said = f"{number:.3g} times {text}" if text else f"the pure number {number:.3g}"
         more = "".join(f", scale {value:.3g} times {group}" for value, group in others if group)
         return Tier("A", number, text, f"no number with a dimension of its own: {said}{more}")
-    missing = "its size" if found[0] is None else "a scale of it"
+    missing = "its size" if groups[0] is None else "a scale of it"
     return Tier(
         "B",
         size,
@@ -125,9 +125,9 @@ def _products(dimension: Dimension, model: Model) -> Iterator[tuple[int, float, 
 
 def _parameters(model: Model) -> Mapping[str, tuple[float, Dimension]]:
     """Positive parameters with a dimension, by name: value and dimension."""
-    found: dict[str, tuple[float, Dimension]] = {}
+    parameters: dict[str, tuple[float, Dimension]] = {}
     for one in model.family.parameters:
         value, dimension = model.values.get(one.name, one.value), parse_unit(one.unit).dimension
         if value > 0.0 and not dimension.dimensionless:
-            found[one.name] = (value, dimension)
-    return found
+            parameters[one.name] = (value, dimension)
+    return parameters

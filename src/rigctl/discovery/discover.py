@@ -71,10 +71,10 @@ def discover(
     require_slot(model.family, slot)
     compared = compare(runs, [model], hold_out=hold_out, only=only, on_progress=on_progress)
     (before,) = compared.models
-    found = diagnose_comparison(
+    diagnosis = diagnose_comparison(
         before, compared.runs, compared.held_out, compared.notes, on_progress=on_progress
     )
-    return discover_beside(found, slot=slot, on_progress=on_progress)
+    return discover_beside(diagnosis, slot=slot, on_progress=on_progress)
 
 
 def require_slot(family: ModelFamily, slot: str | None) -> None:
@@ -94,7 +94,7 @@ def require_slot(family: ModelFamily, slot: str | None) -> None:
 
 @one_thread()
 def discover_beside(
-    found: Diagnosis, *, slot: str | None = None, on_progress: OnProgress | None = None
+    diagnosis: Diagnosis, *, slot: str | None = None, on_progress: OnProgress | None = None
 ) -> Discovery:
     """Look for a formula where a diagnosis found nothing that is sure.
 
@@ -104,14 +104,16 @@ def discover_beside(
         the model cannot be simulated at its fit.
     """
     said = on_progress or (lambda _: None)
-    before, gate = found.before, gate_of(found)
-    result = Discovery(found.runs, found.model, gate, None, (), (), 0, gate.statement, found.notes, found)
+    before, gate = diagnosis.before, gate_of(diagnosis)
+    result = Discovery(
+        diagnosis.runs, diagnosis.model, gate, None, (), (), 0, gate.statement, diagnosis.notes, diagnosis
+    )
     if not gate.open:
         return result
     samples = Search(before, before.whole).samples
     opened = open_slots(before, progress=said)
     searched = locate(opened, samples, slot, said)
-    result = replace(result, searched=searched, notes=(*found.notes, *_notes(before, searched)))
+    result = replace(result, searched=searched, notes=(*diagnosis.notes, *_notes(before, searched)))
     if not searched.sure:
         return replace(result, statement=_too_weak(searched))
     said("Scoring formulas")
@@ -181,11 +183,13 @@ def _parameters(one: Fitted, model: Model) -> Iterator[tuple[str, FormulaParamet
     formula = one.formula
     yield "size", parameter(formula.size, one.size_std, formula.slot.unit)
     for scale in scale_parameters(formula, model.family):
-        own = scale.factor.argument
+        argument = scale.factor.argument
         std = one.trial.value(qualified(formula.name, scale.name))[1]
         yield (
             scale.name,
-            parameter(scale.value, std, own.driver.unit, point=own.point and scale.kind not in DISTANCES),
+            parameter(
+                scale.value, std, argument.driver.unit, point=argument.point and scale.kind not in DISTANCES
+            ),
         )
 
 
@@ -217,31 +221,31 @@ def _too_weak(searched: Map) -> str:
     )
 
 
-def _statement(found: Discovery) -> str:
-    best = found.located[0]
+def _statement(made: Discovery) -> str:
+    best = made.located[0]
     also = f" (or {', '.join(best.alike)}, where it would do the same)" if best.alike else ""
     where = f"A term is missing at {best.slot.name}{also} over {' and '.join(d.name for d in best.over)}"
-    if not found.formulas:
+    if not made.formulas:
         return (
-            f"{where}; none of {found.tried} formulas pays for itself there: its curve is what these data say"
+            f"{where}; none of {made.tried} formulas pays for itself there: its curve is what these data say"
         )
-    first, count = found.formulas[0], len(found.formulas)
+    first, count = made.formulas[0], len(made.formulas)
     where = f"A term is missing at {first.slot} over {' and '.join(row[0] for row in first.valid)}"
     if first.slot == best.slot.name:
         where = where.replace(first.slot, f"{first.slot}{also}", 1)
     same = "one formula" if count == 1 else f"{count} formulas that these data do not tell apart"
-    text = f"{where}: {same} of {found.tried}, first {first.term}"
+    text = f"{where}: {same} of {made.tried}, first {first.term}"
     if first.alike:
         text += f" ({len(first.alike)} more do the same here)"
-    places = {one.slot for one in found.formulas}
-    others = [one.name for one in found.rivals if one.slot.name not in places]
+    places = {one.slot for one in made.formulas}
+    others = [one.name for one in made.rivals if one.slot.name not in places]
     if others:
         more = f" (and at {len(others) - _RIVALS} more places)" if len(others) > _RIVALS else ""
         text += f". The place is not sure: a term at {', or '.join(others[:_RIVALS])}{more} explains as much"
     if first.left > STAND_IN:
         over = " and ".join(row[0] for row in first.valid)
         return (
-            f"Something is missing, and no formula is it: the nearest of {found.tried} acts at {first.slot} "
+            f"Something is missing, and no formula is it: the nearest of {made.tried} acts at {first.slot} "
             f"over {over} and leaves {share_text(first.left)} of the misfit. What is missing may go with the "
             "time or with what is not recorded, or act at several places"
         )

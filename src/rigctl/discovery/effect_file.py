@@ -38,8 +38,8 @@ class ScaleParameter:
 
     def text(self) -> str:
         """Its line in the file."""
-        own = self.factor.argument
-        start, low, high = (own.amount(self.kind, one) for one in (self.value, self.low, self.high))
+        argument = self.factor.argument
+        start, low, high = (argument.amount(self.kind, one) for one in (self.value, self.low, self.high))
         return f"{{start: {start}, bounds: [{low}, {high}], meaning: {_MEANINGS[self.kind]}}}"
 
 
@@ -54,35 +54,35 @@ _MEANINGS = {
 def scale_parameters(formula: Formula, family: ModelFamily) -> tuple[ScaleParameter, ...]:
     """The parameters besides the size, with names that mean nothing else in the model."""
     taken = {*taken_names(family), "size"}
-    found = []
+    parameters = []
     for factor in formula.factors:
-        own = factor.argument
+        argument = factor.argument
         for kind, x in zip(factor.form.scales, factor.scales, strict=True):
             name, number = kind, 2
             while name in taken:
                 name, number = f"{kind}_{number}", number + 1
             taken.add(name)
-            value = own.scale_si(kind, x)
+            value = argument.scale_si(kind, x)
             if kind in DISTANCES:
-                least = max(abs(own.low - own.zero), abs(own.high - own.zero)) / _LARGEST
+                least = max(abs(argument.low - argument.zero), abs(argument.high - argument.zero)) / _LARGEST
                 steep = factor.form.name in ("growth", "decay")
                 low, high = max(value / _SCALE, least if steep else 0.0), value * _SCALE
             else:
-                beyond = _BEYOND * (own.high - own.low)
-                low, high = own.low - beyond, own.high + beyond
+                beyond = _BEYOND * (argument.high - argument.low)
+                low, high = argument.low - beyond, argument.high + beyond
             value = min(max(value, low), high)
-            found.append(ScaleParameter(name, factor, kind, value, low, high))
-    return tuple(found)
+            parameters.append(ScaleParameter(name, factor, kind, value, low, high))
+    return tuple(parameters)
 
 
 def factor_text(factor: Factor) -> str:
     """One factor with its scales as numbers: ``tanh(velocity/(0.002 m/s))``."""
-    own = factor.argument
+    argument = factor.argument
     scales = [
-        f"({own.amount(kind, own.scale_si(kind, x))})"
+        f"({argument.amount(kind, argument.scale_si(kind, x))})"
         for kind, x in zip(factor.form.scales, factor.scales, strict=True)
     ]
-    return factor.form.text(own, scales)
+    return factor.form.text(argument, scales)
 
 
 def term_of(formula: Formula, scales: Sequence[ScaleParameter]) -> str:
@@ -98,14 +98,14 @@ def effect_of(formula: Formula, family: ModelFamily) -> Effect:
     """The effect; its scales are fitted once it is in the model."""
     text = "\n".join([f"effect: {formula.name}", f"family: {family.name}", *_body(formula, family)])
     if family.name in FAMILIES:
-        found = parse_effect(text)
+        effect = parse_effect(text)
     else:
         with using_families(family):
-            found = parse_effect(text)
+            effect = parse_effect(text)
     return replace(
-        found,
+        effect,
         own_family=None if family.name in FAMILIES else family,
-        parameters=tuple(replace(one, refined=one.shape) for one in found.parameters),
+        parameters=tuple(replace(one, refined=one.shape) for one in effect.parameters),
     )
 
 

@@ -105,12 +105,12 @@ class Formula:
 
     def with_scales(self, scales: Sequence[float]) -> Formula:
         """The same with other scales."""
-        left, found = list(scales), []
+        left, chosen = list(scales), []
         for one in self.factors:
             count = len(one.scales)
-            found.append(replace(one, scales=tuple(left[:count])))
+            chosen.append(replace(one, scales=tuple(left[:count])))
             left = left[count:]
-        return replace(self, factors=tuple(found))
+        return replace(self, factors=tuple(chosen))
 
     def price(self, samples: float, tried: int) -> float:
         """What it has to explain to pay for itself, in χ²."""
@@ -144,8 +144,8 @@ class _Basis:
     def weights(self, chosen: Sequence[Factor]) -> Floats:
         """The splines' coefficients of a product of factors, one of each variable."""
         parts = []
-        for own, grid, follow in zip(self.arguments, self.grids, self.follow, strict=True):
-            (factor,) = (one for one in chosen if one.argument is own)
+        for wanted, grid, follow in zip(self.arguments, self.grids, self.follow, strict=True):
+            (factor,) = (one for one in chosen if one.argument is wanted)
             parts.append(follow @ factor.of(grid))
         return parts[0] if len(parts) == 1 else np.outer(parts[0], parts[1]).ravel()
 
@@ -182,10 +182,10 @@ def score_formulas(opened: OpenSlots, located: Sequence[Located], samples: float
     def priced(formula: Formula) -> Formula:
         return replace(formula, cost=formula.price(samples, tried) - formula.gain)
 
-    found = sorted(
+    scored = sorted(
         ((priced(formula), basis) for formula, basis in best.values()), key=lambda one: one[0].cost
     )
-    first = [(priced(_refined(formula, basis)), basis) for formula, basis in found[:_FIRST]]
+    first = [(priced(_refined(formula, basis)), basis) for formula, basis in scored[:_FIRST]]
     first.sort(key=lambda one: one[0].cost)
     return Scored(tuple(_merged(opened, first)), tried)
 
@@ -239,9 +239,9 @@ def _every(basis: _Basis) -> Iterator[Formula]:
 
 def _choices(arguments: Sequence[Argument]) -> Iterator[tuple[Factor, ...]]:
     """A form of the one variable, or of either of two with a factor of the other."""
-    for place, own in enumerate(arguments):
-        inner = list(_factors(own, forms))
-        outer = list(_factors(arguments[1 - place], factors)) if len(arguments) == 2 else []
+    for index, chosen in enumerate(arguments):
+        inner = list(_factors(chosen, forms))
+        outer = list(_factors(arguments[1 - index], factors)) if len(arguments) == 2 else []
         for one in inner:
             if not outer:
                 yield (one,)
@@ -250,11 +250,11 @@ def _choices(arguments: Sequence[Argument]) -> Iterator[tuple[Factor, ...]]:
                     yield (one, other)
 
 
-def _factors(own: Argument, kinds: Callable[[float, float], Iterator[Form]]) -> Iterator[Factor]:
-    ends = own.of(np.array([own.low, own.high]))
+def _factors(argument: Argument, kinds: Callable[[float, float], Iterator[Form]]) -> Iterator[Factor]:
+    ends = argument.of(np.array([argument.low, argument.high]))
     for form in kinds(float(ends[0]), float(ends[1])):
         for scales in form.starts:
-            yield Factor(own, form, scales)
+            yield Factor(argument, form, scales)
 
 
 def _refined(formula: Formula, basis: _Basis) -> Formula:
@@ -284,20 +284,20 @@ def _refined(formula: Formula, basis: _Basis) -> Formula:
     return replace(better, gain=gain, size=size)
 
 
-def _merged(opened: OpenSlots, found: Sequence[tuple[Formula, _Basis]]) -> Iterator[Formula]:
+def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iterator[Formula]:
     """One of all that do the same to the data: ``|cos| > 0.99``, the simplest, which names the others."""
-    if not found:
+    if not scored:
         return
     readings: list[list[Floats]] = []
     order: list[int] = []
-    for key in dict.fromkeys(id(basis) for _, basis in found):
-        places = [k for k, (_, basis) in enumerate(found) if id(basis) == key]
-        basis = found[places[0]][1]
+    for key in dict.fromkeys(id(basis) for _, basis in scored):
+        places = [k for k, (_, basis) in enumerate(scored) if id(basis) == key]
+        basis = scored[places[0]][1]
         slot = basis.located.slot
         splines = (
             splines_at([(slot, basis.known[0])]) if len(basis.known) == 1 else products_at(slot, *basis.known)
         )
-        weights = np.column_stack([basis.weights(found[k][0].factors) for k in places])
+        weights = np.column_stack([basis.weights(scored[k][0].factors) for k in places])
         readings.append([one @ weights for one in opened.readings(splines)])
         order += places
     projected = opened.project([np.concatenate(parts, axis=2) for parts in zip(*readings, strict=True)])
@@ -305,16 +305,16 @@ def _merged(opened: OpenSlots, found: Sequence[tuple[Formula, _Basis]]) -> Itera
     unit = projected.signatures / lengths
     cosines = np.empty((len(order), len(order)))
     cosines[np.ix_(order, order)] = np.abs(unit.T @ unit)
-    left = list(range(len(found)))
+    left = list(range(len(scored)))
     while left:
         leader = left.pop(0)
         same = [leader, *(k for k in left if cosines[leader, k] > SAME)]
         left = [k for k in left if k not in same]
-        near = [k for k in same if found[k][0].cost < found[leader][0].cost + _SIMPLER]
-        plain = min(near, key=lambda k: (found[k][0].parameters, found[k][0].complexity, found[k][0].cost))
-        others = [found[k][0] for k in same if k != plain]
+        near = [k for k in same if scored[k][0].cost < scored[leader][0].cost + _SIMPLER]
+        plain = min(near, key=lambda k: (scored[k][0].parameters, scored[k][0].complexity, scored[k][0].cost))
+        others = [scored[k][0] for k in same if k != plain]
         yield replace(
-            found[plain][0],
+            scored[plain][0],
             alike=tuple(one.name for one in others),
             alike_keys=tuple(one.key for one in others),
         )

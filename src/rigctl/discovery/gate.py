@@ -40,23 +40,24 @@ class Gate:
         return {"open": self.open, "reason": self.reason, "statement": self.statement}
 
 
-def gate_of(found: Diagnosis) -> Gate:
+def gate_of(diagnosis: Diagnosis) -> Gate:
     """The gate of a diagnosed model."""
-    before = found.before
-    if found.verdict is Verdict.ADEQUATE:
+    before = diagnosis.before
+    if diagnosis.verdict is Verdict.ADEQUATE:
         if before.adequacy.below_noise:
             return Gate(False, "undecided", f"Nothing is looked for: {before.statement}")
-        return Gate(False, "adequate", f"There is nothing to discover: {found.statement}")
-    if found.doubt:
+        return Gate(False, "adequate", f"There is nothing to discover: {diagnosis.statement}")
+    if diagnosis.doubt:
         return Gate(
             False,
             "undecided",
-            f"Nothing is looked for, as these data do not tell whether anything is missing: {found.doubt}",
+            f"Nothing is looked for, as these data do not tell whether anything is missing: "
+            f"{diagnosis.doubt}",
         )
-    if found.verdict is Verdict.MISSING_EFFECT or (
-        found.verdict is Verdict.AMBIGUOUS and (found.indistinguishable or _sure(found))
+    if diagnosis.verdict is Verdict.MISSING_EFFECT or (
+        diagnosis.verdict is Verdict.AMBIGUOUS and (diagnosis.indistinguishable or _sure(diagnosis))
     ):
-        return Gate(False, "library", _library(found))
+        return Gate(False, "library", _library(diagnosis))
     differ = _replicates_differ(before)
     if differ:
         return Gate(False, "replicates", differ)
@@ -67,21 +68,21 @@ def gate_of(found: Diagnosis) -> Gate:
     )
 
 
-def _sure(found: Diagnosis) -> bool:
+def _sure(diagnosis: Diagnosis) -> bool:
     """Whether a class of effects is sure; else what is nearest fails on records left out, or is unusual."""
-    return any(one.place_sure for one in found.levels)
+    return any(one.place_sure for one in diagnosis.levels)
 
 
-def _library(found: Diagnosis) -> str:
-    names = " and ".join(found.effects)
-    if found.verdict is Verdict.AMBIGUOUS:
-        others = sorted({name for group in found.classes for name in group} - set(found.effects))
+def _library(diagnosis: Diagnosis) -> str:
+    names = " and ".join(diagnosis.effects)
+    if diagnosis.verdict is Verdict.AMBIGUOUS:
+        others = sorted({name for group in diagnosis.classes for name in group} - set(diagnosis.effects))
         which = f" (or {', '.join(others)})" if others else ""
         return (
             f"Nothing is looked for: the library explains it by {names}{which}, and what is not known is "
             "which of these it is: 'rigctl diagnose' says what would tell"
         )
-    if found.remainder is not None:
+    if diagnosis.remainder is not None:
         return (
             f"Nothing is looked for yet: {names} is missing for sure, and it is not all: add it "
             "('rigctl diagnose … --apply'), then look for what is left beside it"
@@ -95,10 +96,10 @@ def _replicates_differ(before: ModelComparison) -> str:
     The whitened residuals of each phase and channel are summed, ``z ~ N(0, 1)`` each; what these differ by
     between the records of one condition no term of the model's variables explains.
     """
-    found = replicate_test(before.linearisation)
-    if found is None:
+    tested = replicate_test(before.linearisation)
+    if tested is None:
         return ""
-    p_value, share = found
+    p_value, share = tested
     if p_value >= ALPHA or share < _IRREPRODUCIBLE:
         return ""
     return (
@@ -118,14 +119,14 @@ def replicate_test(lin: Linearisation) -> tuple[float, float] | None:
     between, dof = 0.0, 0
     total, whole = 0.0, 0
     for group in np.unique(groups):
-        own = sums[groups == group]
-        if own.shape[0] < 2:
+        of_group = sums[groups == group]
+        if of_group.shape[0] < 2:
             continue
-        seen = np.any(own != 0.0, axis=0)
-        between += float(np.square(own - own.mean(axis=0))[:, seen].sum())
-        dof += int(seen.sum()) * (own.shape[0] - 1)
-        total += float(np.square(own)[:, seen].sum())
-        whole += int(seen.sum()) * own.shape[0]
+        seen = np.any(of_group != 0.0, axis=0)
+        between += float(np.square(of_group - of_group.mean(axis=0))[:, seen].sum())
+        dof += int(seen.sum()) * (of_group.shape[0] - 1)
+        total += float(np.square(of_group)[:, seen].sum())
+        whole += int(seen.sum()) * of_group.shape[0]
     if not dof:
         return None
     of_records, of_all = between / dof - 1.0, total / whole - 1.0  # per degree of freedom, beyond the noise

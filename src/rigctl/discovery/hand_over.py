@@ -28,7 +28,7 @@ def require_folder(folder: Path | None) -> None:
         raise RigctlError("effect files go into a folder, and this is a file", where=Location(folder))
 
 
-def write_files(found: Discovery, folder: Path) -> Discovery:
+def write_files(discovery: Discovery, folder: Path) -> Discovery:
     """Each accepted formula as an effect file in `folder`; what lies there already stays.
 
     Raises
@@ -37,24 +37,26 @@ def write_files(found: Discovery, folder: Path) -> Discovery:
         the folder is a file, or cannot be written.
     """
     require_folder(folder)
-    model = found.diagnosis.before.fit.problem.model
+    model = discovery.diagnosis.before.fit.problem.model
     taken = {*library(model.family), *(effect.name for effect in model.own_effects)}
     if folder.is_dir():
         taken |= {name for path in folder.glob("*.y*ml") if (name := name_in_file(path)) is not None}
     written = []
-    for one in found.formulas:
+    for one in discovery.formulas:
         if one.accepted:
-            path = _write(one, found, model, folder, taken)
+            path = _write(one, discovery, model, folder, taken)
             written.append(replace(one, file=path))
         else:
             written.append(one)
-    return replace(found, formulas=tuple(written))
+    return replace(discovery, formulas=tuple(written))
 
 
-def _write(one: FoundFormula, found: Discovery, model: Model, folder: Path, taken: Collection[str]) -> Path:
+def _write(
+    one: FoundFormula, discovery: Discovery, model: Model, folder: Path, taken: Collection[str]
+) -> Path:
     origin = Origin(
-        runs=found.runs,
-        model=found.model,
+        runs=discovery.runs,
+        model=discovery.model,
         date=date.today().isoformat(),  # noqa: DTZ011 - the day on the user's calendar
         tier=one.tier.letter,
         statement=one.tier.statement,

@@ -144,12 +144,12 @@ def locate(
     pairs = _pairs(opened, seen, samples)
     on_progress("Drawing what chance alone would show")
     chance = replace(seen_at.chance(seen), more=len(pairs))
-    found = [
+    located = [
         replace(one, p_value=chance.family_wise(one.chance_alone))
         for one in sorted([*seen, *pairs], key=lambda one: one.cost(samples))
     ]
     return Map(
-        located=tuple(found),
+        located=tuple(located),
         hidden=tuple(one for one in singles if not one.dof),
         tests=chance.tests + chance.more,
         independent=chance.independent,
@@ -197,8 +197,8 @@ def _at_slots(opened: OpenSlots, slots: Sequence[Slot], seen_at: _Thinned) -> It
     for k, slot in enumerate(slots):
         readings = [one[:, :, k * width : (k + 1) * width] for one in every]
         projected = opened.project(readings)
-        for place, (driver, _) in enumerate(asked):
-            chosen = slice(place * FUNCTIONS, (place + 1) * FUNCTIONS)
+        for index, (driver, _) in enumerate(asked):
+            chosen = slice(index * FUNCTIONS, (index + 1) * FUNCTIONS)
             seen_at.keep(slot, (driver,), [one[:, :, chosen] for one in readings])
             yield _located(projected, chosen, slot, (driver,))
 
@@ -217,8 +217,8 @@ def _one_place_each(tried: Sequence[Located]) -> list[Located]:
     for one in tried:
         by_slot.setdefault(one.slot.name, {})[one.over] = one
     leaders: dict[str, list[str]] = {}
-    for name, own in by_slot.items():
-        same = next((other for other in leaders if _same(own, by_slot[other])), None)
+    for name, of_slot in by_slot.items():
+        same = next((other for other in leaders if _same(of_slot, by_slot[other])), None)
         if same is None:
             leaders[name] = []
         else:
@@ -226,11 +226,11 @@ def _one_place_each(tried: Sequence[Located]) -> list[Located]:
     return [replace(one, alike=tuple(leaders[one.slot.name])) for one in tried if one.slot.name in leaders]
 
 
-def _same(own: dict[tuple[Driver, ...], Located], other: dict[tuple[Driver, ...], Located]) -> bool:
+def _same(of_slot: dict[tuple[Driver, ...], Located], other: dict[tuple[Driver, ...], Located]) -> bool:
     return all(
         one.dof == other[over].dof
         and abs(one.statistic - other[over].statistic) <= _ALIKE * (one.statistic + one.dof)
-        for over, one in own.items()
+        for over, one in of_slot.items()
     )
 
 
@@ -243,21 +243,21 @@ def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> lis
     best: dict[str, Located] = {}
     for one in singles:
         best.setdefault(one.slot.name, one)
-    found: dict[tuple[str, frozenset[Driver]], Located] = {}
+    pairs: dict[tuple[str, frozenset[Driver]], Located] = {}
 
     def look(place: Located, driver: Driver) -> None:
         for one in _with_every_other(opened, place, driver):
-            found.setdefault((one.slot.name, frozenset(one.over)), one)
+            pairs.setdefault((one.slot.name, frozenset(one.over)), one)
 
     for one in list(best.values())[:PLACES]:
         look(one, one.over[0])
-    first = sorted(found.values(), key=lambda one: one.cost(samples))
+    first = sorted(pairs.values(), key=lambda one: one.cost(samples))
     wanted: dict[str, Located] = {}
     for one in first:
         wanted.setdefault(one.slot.name, one)
     for one in list(wanted.values())[:AGAIN]:
         look(one, one.over[1])
-    return list(found.values())
+    return list(pairs.values())
 
 
 def _with_every_other(opened: OpenSlots, place: Located, driver: Driver) -> Iterator[Located]:
@@ -274,9 +274,9 @@ def _with_every_other(opened: OpenSlots, place: Located, driver: Driver) -> Iter
     projected = opened.project(every)
     for k, other in enumerate(others):
         chosen = slice(k * FEW * FEW, (k + 1) * FEW * FEW)
-        found = _located(projected, chosen, place.slot, (driver, other))
-        if found.dof:
-            yield replace(found, alike=place.alike)
+        located = _located(projected, chosen, place.slot, (driver, other))
+        if located.dof:
+            yield replace(located, alike=place.alike)
 
 
 def _needed(chance: Chance) -> float:

@@ -48,11 +48,11 @@ class OpenSlots:
     problem: Problem = field(repr=False)
     slots: tuple[Slot, ...]
     drivers: tuple[Driver, ...]
-    found: Trajectories = field(repr=False)
+    trajectories: Trajectories = field(repr=False)
 
     def values(self, driver: Driver) -> Floats:
         """(samples of all records) of a driver, SI."""
-        return np.concatenate(courses(self.problem, self.found, driver))
+        return np.concatenate(courses(self.problem, self.trajectories, driver))
 
     def unit_of(self, driver: Driver) -> str:
         """The unit that this bench shows a variable in."""
@@ -61,7 +61,7 @@ class OpenSlots:
 
     def knots(self, driver: Driver, functions: int) -> Floats | None:
         """Of splines over a driver, between which lie as many samples; None where it is constant."""
-        return knots_of(courses(self.problem, self.found, driver), functions)
+        return knots_of(courses(self.problem, self.trajectories, driver), functions)
 
     def columns(self, asked: Sequence[tuple[Slot, SplineArgument]]) -> Projected:
         """The columns of every spline of each argument at its slot, the fitted unknowns projected off.
@@ -76,19 +76,19 @@ class OpenSlots:
     def readings(self, splines: SplineColumns) -> list[Floats]:
         """(n, channels, columns) of each record: the derivatives of what is read."""
         problem, local = self.problem, self.fit.local
-        found: list[Floats] = []
+        columns: list[Floats] = []
         for part in problem.parts(len(splines.columns)):
             some = problem.only(part)
             slopes = some.simulate(np.empty(0), [local[k] for k in part], splines=splines).require()
-            found += [np.take(array, problem.channels, axis=1) for array in slopes.sensitivities]
-        return found
+            columns += [np.take(array, problem.channels, axis=1) for array in slopes.sensitivities]
+        return columns
 
     def project(self, readings: Sequence[Floats]) -> Projected:
         """Columns of readings, of every record, the fitted unknowns projected off."""
         names = [str(k) for k in range(readings[0].shape[2])]
         with switched_off():  # large, and asked for once
-            found = linearise(self.fit, self.fit.problem, (), (names, readings))
-        return project(found.rearranged((), (), shaped=True))
+            linearised = linearise(self.fit, self.fit.problem, (), (names, readings))
+        return project(linearised.rearranged((), (), shaped=True))
 
     def chosen(self, samples: int) -> list[NDArray[np.intp]]:
         """About so many samples of each record: enough to say which columns are alike."""
@@ -109,8 +109,8 @@ class OpenSlots:
 def splines_at(asked: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
     """Every spline of each argument as a term at its slot."""
     columns = [
-        SplineColumn({level(slot): 1.0}, (place, k))
-        for place, (slot, argument) in enumerate(asked)
+        SplineColumn({level(slot): 1.0}, (index, k))
+        for index, (slot, argument) in enumerate(asked)
         for k in range(argument.knots.size - 4)
     ]
     return SplineColumns(tuple(argument for _, argument in asked), tuple(columns))
@@ -120,8 +120,8 @@ def products_at(slot: Slot, first: SplineArgument, *others: SplineArgument) -> S
     """All products of a spline of one argument and one of each other as terms at a slot, first by first."""
     count = first.knots.size - 4
     columns = [
-        SplineColumn({level(slot): 1.0}, (0, i), (1 + place, j))
-        for place in range(len(others))
+        SplineColumn({level(slot): 1.0}, (0, i), (1 + index, j))
+        for index in range(len(others))
         for i in range(count)
         for j in range(count)
     ]
@@ -142,15 +142,15 @@ def open_slots(before: ModelComparison, progress: Progress | None = None) -> Ope
     slots = tuple(slot for slot in inner.model.family.slots if slot in (*moving, *reading))
     compiled = compile_system(disturbed_system(inner, (), slots, 0), progress=progress)
     problem = with_system(inner, fit, compiled, 1.0)
-    found = problem.simulate(np.empty(0), list(fit.local)).require()
-    return OpenSlots(fit, problem, slots, tuple(_different(problem, found)), found)
+    simulated = problem.simulate(np.empty(0), list(fit.local)).require()
+    return OpenSlots(fit, problem, slots, tuple(_different(problem, simulated)), simulated)
 
 
-def _different(problem: Problem, found: Trajectories) -> Iterator[Driver]:
+def _different(problem: Problem, simulated: Trajectories) -> Iterator[Driver]:
     """The drivers that change in these data; of those that are straight lines of each other the first."""
     known: list[Floats] = []
     for driver in _drivers(problem):
-        values = courses(problem, found, driver)
+        values = courses(problem, simulated, driver)
         if knots_of(values) is None:
             continue
         course = np.concatenate(values)

@@ -14,7 +14,7 @@ from rigctl.analysis.shape_tolerance import courses
 from rigctl.discovery.formulas import Formula
 from rigctl.discovery.open_slots import OpenSlots
 from rigctl.effects.drivers import Driver
-from rigctl.effects.generic.places import Balance, places
+from rigctl.effects.generic.slot_roles import Balance, slot_roles
 from rigctl.errors import RigctlError
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ def passivity(formula: Formula, opened: OpenSlots) -> str:
     """``takes energy out``, ``puts energy in``, ``takes and puts energy``, or "" where that says nothing."""
     family = opened.problem.model.family
     try:
-        place = next((one for one in places(family) if one.slot.name == formula.slot.name), None)
+        place = next((one for one in slot_roles(family) if one.slot.name == formula.slot.name), None)
     except RigctlError:
         return ""
     if not isinstance(place, Balance):
@@ -49,5 +49,5 @@ def passivity(formula: Formula, opened: OpenSlots) -> str:
 def _above(place: Balance, opened: OpenSlots) -> Floats:
     name = place.surroundings
     weights = [(place.state.name, 1.0)] if name is None else [(place.state.name, 1.0), (name, -1.0)]
-    found = courses(opened.problem, opened.found, Driver(tuple(weights), place.state.unit))
-    return np.asarray(np.concatenate(found) - (place.reference if name is None else 0.0))
+    along = courses(opened.problem, opened.trajectories, Driver(tuple(weights), place.state.unit))
+    return np.asarray(np.concatenate(along) - (place.reference if name is None else 0.0))

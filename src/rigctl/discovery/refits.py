@@ -69,24 +69,24 @@ def refit_formulas(
     samples: N_eff; `tried` how many formulas were looked at.
     """
     chosen = _chosen(formulas)
-    found: list[Fitted] = []
+    fitted: list[Fitted] = []
     began = monotonic()
-    for place, formula in enumerate(chosen):
-        left = (monotonic() - began) / place * (len(chosen) - place) if place else 0.0
-        on_progress(f"Refitting with formula {place + 1} of {len(chosen)}{_left_text(left)}: {formula.name}")
+    for index, formula in enumerate(chosen):
+        left = (monotonic() - began) / index * (len(chosen) - index) if index else 0.0
+        on_progress(f"Refitting with formula {index + 1} of {len(chosen)}{_left_text(left)}: {formula.name}")
         one = _refitted(fit, formula, formula, samples, tried)
-        found += [] if one is None else [one]
-    found.sort(key=lambda one: one.cost)
+        fitted += [] if one is None else [one]
+    fitted.sort(key=lambda one: one.cost)
     again: list[Fitted] = []
-    for one in found[:SEVERAL]:
-        near = one.cost - found[0].cost < _APART + _BEHIND * formulas[0].gain
+    for one in fitted[:SEVERAL]:
+        near = one.cost - fitted[0].cost < _APART + _BEHIND * formulas[0].gain
         better = [one]
         for start in _other_scales(one.formula) if near else ():
             on_progress(f"Refitting {one.formula.name} from other scales")
             other = _refitted(fit, one.formula, start, samples, tried)
             better += [] if other is None else [other]
         again.append(min(better, key=lambda each: each.cost))
-    return tuple(sorted([*again, *found[SEVERAL:]], key=lambda one: one.cost))
+    return tuple(sorted([*again, *fitted[SEVERAL:]], key=lambda one: one.cost))
 
 
 def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
@@ -129,13 +129,13 @@ def _refitted(fit: FitResult, formula: Formula, start: Formula, samples: float, 
 def _other_scales(formula: Formula) -> Iterator[Formula]:
     """The same begun at a half and twice of each distance, and a tenth of the range beside each place."""
     kinds = [(kind, one.argument) for one in formula.factors for kind in one.form.scales]
-    for place, (kind, argument) in enumerate(kinds):
+    for index, (kind, argument) in enumerate(kinds):
         for sign in (-1.0, 1.0):
             scales = list(formula.scales)
-            scales[place] = (
-                scales[place] * 2.0**sign
+            scales[index] = (
+                scales[index] * 2.0**sign
                 if kind in DISTANCES
-                else scales[place] + 0.1 * sign * argument.length
+                else scales[index] + 0.1 * sign * argument.length
             )
             yield formula.with_scales(scales)
 

@@ -182,11 +182,11 @@ class Discovery:
             return ()
         best = self.located[0]
         enough = best.statistic - max(LEAST_DIFFERENCE, _AS_MUCH * best.statistic)
-        found: dict[str, Located] = {}
+        by_slot: dict[str, Located] = {}
         for one in self.located:
             if one.statistic >= enough and one.slot.name != best.slot.name:
-                found.setdefault(one.slot.name, one)
-        return tuple(found.values())
+                by_slot.setdefault(one.slot.name, one)
+        return tuple(by_slot.values())
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""

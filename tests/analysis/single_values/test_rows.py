@@ -66,8 +66,8 @@ def test_beside_it_stands_the_law_with_the_constants_of_the_fit_and_of_the_file(
 
 def test_the_row_that_no_fit_saw_is_said_so(fitted: FitResult) -> None:
     rows = of_kinematic(fitted)
-    assert [row.place for row in rows if not row.fitted] == [HELD_OUT]
-    assert [row.document()["held_out"] for row in rows] == [row.place == HELD_OUT for row in rows]
+    assert [row.record for row in rows if not row.fitted] == [HELD_OUT]
+    assert [row.document()["held_out"] for row in rows] == [row.record == HELD_OUT for row in rows]
 
 
 def test_sigmas_and_shares_are_of_model_less_measurement() -> None:

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Exclusion
 from rigctl.analysis.levels import LEAST_DIFFERENCE
-from rigctl.analysis.refit import Alone, at_sizes
+from rigctl.analysis.refit import Alone, at_amplitudes
 from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.analysis.trends import Trend, trends
 from rigctl.model.fit.fit import FitResult
@@ -51,7 +51,7 @@ def exclusions(
     trend = main_trend(before)
     if not before.rows or before.adequate or trend is None or not _missed(trend):
         return ()
-    found = []
+    excluded = []
     for name, tried in alone.items():
         if name in kept or tried is None:
             continue
@@ -59,16 +59,16 @@ def exclusions(
         only = _only(before, trend, tried.fit)
         if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
             worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
-            held = () if only or reached >= _TURNS else at_sizes(before, tried, chi2)
+            held = () if only or reached >= _TURNS else at_amplitudes(before, tried, chi2)
             at_most = max([reached, *(_reached(trend, one) for one in held)])
-            found.append(Exclusion(name, reached, only, worse, at_most))
-    return tuple(sorted(found, key=lambda one: (bool(one.only), one.effect)))
+            excluded.append(Exclusion(name, reached, only, worse, at_most))
+    return tuple(sorted(excluded, key=lambda one: (bool(one.only), one.effect)))
 
 
-def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
+def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
     """Which effects change nothing or the wrong way, which do so in places, and which fit less well."""
-    never = [one.effect for one in found if not one.only and one.at_most < _TURNS]
-    unfit = [one.effect for one in found if not one.only and one.reached < _TURNS <= one.at_most]
+    never = [one.effect for one in excluded if not one.only and one.at_most < _TURNS]
+    unfit = [one.effect for one in excluded if not one.only and one.reached < _TURNS <= one.at_most]
     want = "rise" if trend.measured > 0.0 else "fall"
     ends = trend.text.partition(", the model")[0].partition(" from ")[2]
     change = f"make the {trend.quantity} {want} from {ends} as it does"
@@ -83,10 +83,10 @@ def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
         )
     sentences += [
         f"excluded, because alone it explains {' and '.join(one.only)} only: {one.effect}"
-        for one in found
+        for one in excluded
         if one.only
     ]
-    less = [one for one in found if not one.only and one.reached >= _TURNS]
+    less = [one for one in excluded if not one.only and one.reached >= _TURNS]
     if less:
         named = ", ".join(f"{one.effect} (by {one.worse:.1f} sigma)" for one in less)
         sentences.append(f"excluded, because alone they fit less well than the best: {named}")
@@ -95,8 +95,8 @@ def exclusion_text(found: Sequence[Exclusion], trend: Trend) -> list[str]:
 
 def _reached(trend: Trend, fit: FitResult) -> float:
     """The share of the missing change that a fit makes."""
-    found = {(one.quantity, one.variable): one for one in trends(fit)}
-    with_it = found.get((trend.quantity, trend.variable))
+    trend_of = {(one.quantity, one.variable): one for one in trends(fit)}
+    with_it = trend_of.get((trend.quantity, trend.variable))
     if with_it is None:  # with the effect there is no such change to speak of
         return 0.0
     return (with_it.predicted - trend.predicted) / (trend.measured - trend.predicted)
@@ -120,7 +120,7 @@ def _changes(
     records = before.fit.problem.records
     groups: dict[str, list[tuple[float, TableRow]]] = {}
     for row in rows:
-        condition = records[row.place].condition
+        condition = records[row.record].condition
         at = condition.get(trend.variable)
         if at is None or row.quantity != trend.quantity:
             continue
@@ -129,8 +129,8 @@ def _changes(
         index = list(condition).index(trend.variable)
         label = ", ".join(text for k, text in enumerate(shown) if k != index) if others else ""
         groups.setdefault(label, []).append((at, row))
-    found = {}
+    changes = {}
     for label, members in groups.items():
         low, high = min(members, key=lambda one: one[0])[1], max(members, key=lambda one: one[0])[1]
-        found[label] = (high.measured - low.measured, high.predicted - low.predicted)
-    return found
+        changes[label] = (high.measured - low.measured, high.predicted - low.predicted)
+    return changes

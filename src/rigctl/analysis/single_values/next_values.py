@@ -60,19 +60,19 @@ def next_channels(
     if len(members) < 2 or trend is None or problem.model.family.standard_record is None:
         return []
     parts = _parts(before, trend, members)
-    found = [
+    lines = [
         _part_text(part, part.channel in problem.measurements.outputs)
         for part in parts
         if len(part.groups) > 1
     ]
-    return found + _never_parted(parts, list(members), trend.quantity)
+    return lines + _never_parted(parts, list(members), trend.quantity)
 
 
 def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[_Part]:
     """Of every channel that the bench could have, by the change over the trend's variable."""
     channels = _channels(before.fit.problem)
     changes = {name: _changes(fit, trend, channels) for name, fit in members.items()}
-    found = []
+    parts = []
     for index, output in enumerate(channels):
         noise = _noise(before, output, [change[:, :, index] for change in changes.values()])
         apart = {
@@ -81,8 +81,8 @@ def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResul
             for other in members
         }
         groups = _groups(list(members), {pair: value > _PLAIN * noise for pair, value in apart.items()})
-        found.append(_Part(output, groups, max(apart.values()), _unit(before, output)))
-    return found
+        parts.append(_Part(output, groups, max(apart.values()), _unit(before, output)))
+    return parts
 
 
 def _channels(problem: Problem) -> tuple[str, ...]:
@@ -110,12 +110,12 @@ def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
     local = [
         np.array([unknown.start for unknown in record_local]) for record_local in problem.local_unknowns()
     ]
-    found = course.simulate(fit.values, local).require()
+    simulated = course.simulate(fit.values, local).require()
     system = problem.compiled.system
     states = [system.state_names.index(name) for name in channels[len(system.output_names) :]]
     outputs = [
         np.concatenate([output, state[:, states]], axis=1)
-        for output, state in zip(found.outputs, found.states, strict=True)
+        for output, state in zip(simulated.outputs, simulated.states, strict=True)
     ]
     pairs: dict[tuple[float, ...], dict[float, int]] = {}
     for index, record in enumerate(records):
@@ -201,16 +201,16 @@ _MOST_REPEATS = 20
 
 def next_against_chance(before: ModelComparison) -> list[str]:
     """Sentences on readings that would tell what brings a model closer to a table, though as chance does."""
-    found = []
+    lines = []
     for score in near_chance(before.screening):
-        found += _elsewhere(before, score)
+        lines += _elsewhere(before, score)
         repeats = _repeats(before, score)
         if repeats:
-            found.append(
+            lines.append(
                 f"read each condition {repeats} times: {score.effect}, if it is as large as it seems, would "
                 f"then stand out by {score.z * math.sqrt(repeats):.1f} sigma"
             )
-    return found
+    return lines
 
 
 def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
@@ -227,18 +227,18 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
     output, units = problem.measurements.outputs[0], variable_units(problem.measurements)
     (name,) = problem.measurements.variables
     middle = float(np.mean([record.condition[name] for record in problem.records]))
-    found = []
+    lines = []
     for side in (1.0, -1.0):  # beyond the upper end, and below the lower one
         chosen = [k for k, point in enumerate(points) if side * (point[name] - middle) > 0.0]
         index = max(chosen, key=lambda k: abs(apart[k]), default=None)
         if index is not None and abs(apart[index]) > _SEEN:
             change = 100.0 * (with_it[index] / without[index] - 1.0)
-            found.append(
+            lines.append(
                 f"read {problem.measurements.titles.get(output, output)} at "
                 f"{short_condition(points[index], units)} too: {score.effect} changes it there by "
                 f"{change:+.0f} %, {abs(apart[index]):.0f} sigma of a reading"
             )
-    return found
+    return lines
 
 
 def _other_points(problem: Problem) -> list[dict[str, float]]:
@@ -300,17 +300,17 @@ def next_rows(before: ModelComparison) -> list[str]:
     """Sentences on rows that would say more of any effect."""
     measurements = before.fit.problem.measurements
     units = variable_units(measurements)
-    found = []
+    lines = []
     conditions = [record.condition for record in measurements.records]
     for name in dict.fromkeys(name for condition in conditions for name in condition):
         points = sorted({condition[name] for condition in conditions if name in condition})
         if len(points) == 1:
-            found.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
+            lines.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
         if len(points) == 2:
             low, high = (show(point, units[name], digits=3) for point in points)
-            found.append(
+            lines.append(
                 f"take more values of {name} than {low} and {high}: with two, any course in between fits"
             )
     if any(channel.guessed for channel in before.fit.problem.noise.channels):
-        found.append("repeat each condition three times: so far the noise is only guessed")
-    return found
+        lines.append("repeat each condition three times: so far the noise is only guessed")
+    return lines

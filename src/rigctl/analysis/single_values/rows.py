@@ -26,7 +26,7 @@ class TableRow:
 
     Attributes
     ----------
-    place: of its record; fitted: the fit saw it.
+    record: its index; fitted: the fit saw it.
     condition: where it was read, e.g. ``60 degC, 30 bar``.
     quantity: the file's column.
     measured, predicted: by the table and by the model; `noise` the standard deviation of the reading.
@@ -34,7 +34,7 @@ class TableRow:
     beside: other columns of the file that speak of the same quantity, e.g. somebody else's law.
     """
 
-    place: int
+    record: int
     fitted: bool
     condition: str
     quantity: str
@@ -82,7 +82,7 @@ def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
         return ()
     units = variable_units(measurements)
     unfitted = unfitted_outputs(fit)
-    found = []
+    rows = []
     for column, (output, unit_name) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
         unit, title = parse_unit(unit_name), measurements.titles.get(output, output)
         for index, record in enumerate(fit.problem.records):
@@ -91,9 +91,9 @@ def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
                 continue
             moment = int(at[-1])
             before = None if unfitted is None else float(unfitted[index][moment, column])
-            found.append(
+            rows.append(
                 TableRow(
-                    place=index,
+                    record=index,
                     fitted=index in fit.fitted,
                     condition=short_condition(record.condition, units) or f"record {record.index}",
                     quantity=title,
@@ -109,7 +109,7 @@ def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
                     },
                 )
             )
-    return tuple(_of_one_kind(found))
+    return tuple(_of_one_kind(rows))
 
 
 def _of_one_kind(rows: Sequence[TableRow]) -> list[TableRow]:
@@ -132,8 +132,8 @@ def _of_one_kind(rows: Sequence[TableRow]) -> list[TableRow]:
 
 def shows_unfitted(rows: Sequence[TableRow]) -> bool:
     """Whether the parameters of the model's file are worth showing: they were no mere start for the fit."""
-    sizes = [abs(row.z_unfitted) if row.z_unfitted is not None else math.inf for row in rows]
-    return max(sizes, default=math.inf) < _START
+    scores = [abs(row.z_unfitted) if row.z_unfitted is not None else math.inf for row in rows]
+    return max(scores, default=math.inf) < _START
 
 
 def unfitted_outputs(fit: FitResult) -> tuple[Floats, ...] | None:
@@ -145,10 +145,10 @@ def unfitted_outputs(fit: FitResult) -> tuple[Floats, ...] | None:
     shared = np.array([known.get(unknown.name, unknown.start) for unknown in problem.shared])
     levels = np.array([unknown.name in problem.level.setting_names for unknown in problem.shared], dtype=bool)
     record_local = [np.array([unknown.start for unknown in one]) for one in problem.local_unknowns()]
-    found = problem.simulate(np.where(levels, 0.0, shared), record_local)
-    if not found.ok:
+    simulated = problem.simulate(np.where(levels, 0.0, shared), record_local)
+    if not simulated.ok:
         return None
-    return tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
+    return tuple(np.take(array, problem.channels, axis=1) for array in simulated.outputs)
 
 
 def short_condition(condition: Mapping[str, float], units: Mapping[str, str]) -> str:

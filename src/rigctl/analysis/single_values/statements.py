@@ -56,19 +56,19 @@ def table_findings(
     linearisation: Linearisation, adequacy: Adequacy, screening: Screening, every: Sequence[TableRow]
 ) -> tuple[str, ...]:
     """Sentences on the ends of the table, on the model as its file has it, and on what cannot be told."""
-    fit, found = linearisation.fit, []
+    fit, lines = linearisation.fit, []
     rows = [row for row in every if row.fitted]
     for quantity in dict.fromkeys(row.quantity for row in rows):
         of_quantity = [row for row in rows if row.quantity == quantity]
-        found += _ends(fit, of_quantity)
-        found += _before(of_quantity)
-    found += end_left_out(linearisation, rows)
-    found += _held_out([row for row in every if not row.fitted])
-    found += _levels(fit)
-    found += _power(fit, rows)
+        lines += _ends(fit, of_quantity)
+        lines += _before(of_quantity)
+    lines += end_left_out(linearisation, rows)
+    lines += _held_out([row for row in every if not row.fitted])
+    lines += _levels(fit)
+    lines += _power(fit, rows)
     if adequacy.adequate:
-        found += _undecided(screening)
-    return tuple(found)
+        lines += _undecided(screening)
+    return tuple(lines)
 
 
 def off(row: TableRow, predicted: float) -> str:
@@ -81,9 +81,9 @@ def _how_far(row: TableRow, predicted: float, value: str = "value") -> str:
     """In words, e.g. ``3.0 % (0.29 cSt) below the measured value``."""
     side = "above" if predicted > row.measured else "below"
     share = row.share(predicted)
-    size = f"{100 * abs(share):.1f} %" if abs(share) < 10.0 else ""
+    share_shown = f"{100 * abs(share):.1f} %" if abs(share) < 10.0 else ""
     absolute = f"{abs(predicted - row.measured):.2g} {row.unit}"
-    how_much = absolute if not size else f"{size} ({absolute})"
+    how_much = absolute if not share_shown else f"{share_shown} ({absolute})"
     return f"{how_much} {side} the measured {value}"
 
 
@@ -92,7 +92,7 @@ def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
     over = curve_variable(fit.problem.measurements)
     if over is None or len(fit.problem.measurements.variables) > 1:
         return []
-    points = [fit.problem.records[row.place].condition.get(over, math.nan) for row in rows]
+    points = [fit.problem.records[row.record].condition.get(over, math.nan) for row in rows]
     low, high = rows[int(np.nanargmin(points))], rows[int(np.nanargmax(points))]
     model = "the fitted model" if fit.solution is not None else "the model"
     said = [
@@ -110,7 +110,7 @@ def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list
     fit, records = linearisation.fit, linearisation.records
     over = curve_variable(fit.problem.measurements)
     count = max(2, len(rows) // 4)
-    at = {fit.fitted.index(row.place): row for row in rows}
+    at = {fit.fitted.index(row.record): row for row in rows}
     single = all(one.residual.size == 1 for one in records) and len(records) == len(rows) == len(at)
     if fit.solution is None or over is None or not single or len(rows) < 2 * count + 2:
         return []
@@ -118,7 +118,7 @@ def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list
         return []
     # rows stand quantity by quantity, the linearisation record by record
     by_record = [at[k] for k in range(len(records))]
-    points = [fit.problem.records[row.place].condition[over] for row in by_record]
+    points = [fit.problem.records[row.record].condition[over] for row in by_record]
     order = np.argsort(points, kind="stable").tolist()
     return [_end_off(linearisation, by_record, end) for end in (order[-count:], order[:count])]
 
@@ -190,15 +190,15 @@ def _levels(fit: FitResult) -> list[str]:
     if fit.solution is None or not problem.level.settings:
         return []
     values = {u.name: float(value) for u, value in zip(problem.shared, fit.values, strict=True)}
-    found = [values[name] for name in problem.level.setting_names if name in values]
-    if len(found) < len(problem.level.settings):
+    parts = [values[name] for name in problem.level.setting_names if name in values]
+    if len(parts) < len(problem.level.settings):
         return []
     name = set_variable(problem.measurements)
     unit = variable_units(problem.measurements).get(name, "Pa")
-    mean = float(np.mean(found))
+    mean = float(np.mean(parts))
     said = ", ".join(
         f"{show(point, unit)} {100 * (value - mean):+.1f} %"
-        for point, value in zip(problem.level.settings, found, strict=True)
+        for point, value in zip(problem.level.settings, parts, strict=True)
     )
     return [
         f"The rows of one {name} have a level of their own, as if it had been set off by so much of what was "

@@ -22,7 +22,7 @@ from rigctl.effects.generic.common import (
     sign,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import Balance
+from rigctl.effects.generic.slot_roles import Balance
 from rigctl.engine.symbols import Scalar, absolute, constant_like, exp, power
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
@@ -35,17 +35,17 @@ _FLOW = "White, Fluid Mechanics"
 _STANDSTILL = 0.05
 
 
-def at_balance(family: ModelFamily, place: Balance, sizes: Magnitudes) -> Iterator[Effect]:
+def at_balance(family: ModelFamily, role: Balance, sizes: Magnitudes) -> Iterator[Effect]:
     """The effects that may act at a balance."""
-    name = place.state.name
+    name = role.state.name
     at = _At(
         family,
-        place,
+        role,
         span=sizes.state(name),
-        size=sizes.rate(name) / place.gain,
+        size=sizes.rate(name) / role.gain,
         time=sizes.time(name),
     )
-    yield from _of_motion(at) if place.moves else _of_store(at)
+    yield from _of_motion(at) if role.moves else _of_store(at)
     yield _offset(at)
     yield _drift(at)
 
@@ -55,7 +55,7 @@ class _At:
     """A balance with its typical sizes: the state's range, that of a term, and the time of a change."""
 
     family: ModelFamily
-    place: Balance
+    role: Balance
     span: float
     size: float
     time: float
@@ -63,30 +63,30 @@ class _At:
     @property
     def unit(self) -> str:
         """Of a term."""
-        return self.place.slot.unit
+        return self.role.slot.unit
 
     @property
     def state_unit(self) -> str:
-        return self.place.state.unit
+        return self.role.state.unit
 
     def x(self, m: Scope) -> Scalar:
-        return m[self.place.state.name]
+        return m[self.role.state.name]
 
     def above(self, m: Scope) -> Scalar:
         """The state above what it is counted from."""
         x = self.x(m)
-        if self.place.surroundings is not None:
-            return x - m[self.place.surroundings]
-        return x - constant_like(self.place.reference, x) if self.place.reference else x
+        if self.role.surroundings is not None:
+            return x - m[self.role.surroundings]
+        return x - constant_like(self.role.reference, x) if self.role.reference else x
 
     def direction(self, m: Scope) -> Scalar:
         """The sign of a speed."""
         x = self.x(m)
-        return sign(x, constant_like(_STANDSTILL * self.place.state.scale, x))
+        return sign(x, constant_like(_STANDSTILL * self.role.state.scale, x))
 
     def against(self, value: Scalar) -> Scalar:
         """A term that opposes a rising state."""
-        return -value if self.place.direction > 0.0 else value
+        return -value if self.role.direction > 0.0 else value
 
     def effect(
         self,
@@ -105,9 +105,9 @@ class _At:
     ) -> Effect:
         return placed(
             self.family,
-            self.place.slot.name,
+            self.role.slot.name,
             kind,
-            f"_on_{self.place.label}",
+            f"_on_{self.role.label}",
             summary=summary,
             equation=equation,
             source=source,
@@ -122,7 +122,7 @@ class _At:
 
 
 def _of_motion(at: _At) -> Iterator[Effect]:
-    name, per_speed = at.place.state.name, quotient(at.unit, at.state_unit)
+    name, per_speed = at.role.state.name, quotient(at.unit, at.state_unit)
     size = one_sign("size", at.unit, 0.05 * at.size, "F, while it slides")
     yield at.effect(
         "coulomb",
@@ -173,7 +173,7 @@ def _of_motion(at: _At) -> Iterator[Effect]:
         f"w = −k·{name}·|{name}|",
         _FLOW + ": turbulent drag goes with the square",
         lambda m, p: at.against(
-            p.coefficient * at.x(m) * absolute(at.x(m), constant_like(at.place.state.scale, at.x(m)))
+            p.coefficient * at.x(m) * absolute(at.x(m), constant_like(at.role.state.scale, at.x(m)))
         ),
         (
             one_sign(
@@ -188,12 +188,12 @@ def _of_motion(at: _At) -> Iterator[Effect]:
         needs="several speeds",
     )
     yield _hysteresis(at)
-    if at.place.position is not None:
-        yield from _of_position(at, at.place.position)
+    if at.role.position is not None:
+        yield from _of_position(at, at.role.position)
 
 
 def _hysteresis(at: _At) -> Effect:
-    name = at.place.state.name
+    name = at.role.state.name
     distance = quotient(at.state_unit, "1/s")
 
     def rate(m: Scope, p: Own) -> Scalar:
@@ -251,12 +251,12 @@ def _of_position(at: _At, position: str) -> Iterator[Effect]:
 
 
 def _of_store(at: _At) -> Iterator[Effect]:
-    name = at.place.state.name
-    around = at.place.surroundings or ("where it starts" if at.place.reference else "0")
+    name = at.role.state.name
+    around = at.role.surroundings or ("where it starts" if at.role.reference else "0")
     base = (
-        f"({name} − {at.place.surroundings})"
-        if at.place.surroundings
-        else (f"({name} − {at.place.reference:g})" if at.place.reference else name)
+        f"({name} − {at.role.surroundings})"
+        if at.role.surroundings
+        else (f"({name} − {at.role.reference:g})" if at.role.reference else name)
     )
     yield at.effect(
         "leak",
@@ -271,7 +271,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
 
     def power_law(m: Scope, p: Own) -> Scalar:
         x = at.above(m)
-        relative = absolute(x, constant_like(at.place.state.scale, x)) / constant_like(at.span, x)
+        relative = absolute(x, constant_like(at.role.state.scale, x)) / constant_like(at.span, x)
         return at.against(p.coefficient * x * power(relative, p.exponent - 1.0))
 
     yield at.effect(
@@ -314,23 +314,23 @@ def _of_store(at: _At) -> Iterator[Effect]:
 
 
 def _limit(at: _At) -> EffectParameter:
-    typical = at.place.state.start + 0.5 * at.span
+    typical = at.role.state.start + 0.5 * at.span
     far = 100.0 * at.span + abs(typical)
     return shape(
         "limit",
         at.state_unit,
         typical,
         "where it begins",
-        within=at.place.state.name,
+        within=at.role.state.name,
         shares=(0.2, 0.4, 0.6, 0.75, 0.9),
         low=-far,
         high=far,
-        difference=at.place.state.difference,
+        difference=at.role.state.difference,
     )
 
 
 def _storage(at: _At) -> Effect:
-    name = at.place.state.name
+    name = at.role.state.name
 
     def rate(m: Scope, p: Own) -> Scalar:
         return m.rate(name) - p.difference / p.time
@@ -345,7 +345,7 @@ def _storage(at: _At) -> Effect:
             one_sign(
                 "capacity",
                 quotient(at.unit, quotient(at.state_unit, "s")),
-                0.1 / at.place.gain,
+                0.1 / at.role.gain,
                 "C; where the slot is the rate itself, as a share of the first store",
             ),
             shape(
@@ -361,7 +361,7 @@ def _storage(at: _At) -> Effect:
         f"{name} changes fast at first and slowly afterwards, as with two time constants.",
         states=(
             EffectState(
-                "difference", at.state_unit, at.place.state.scale, rate, f"y, {name} less the second store"
+                "difference", at.state_unit, at.role.state.scale, rate, f"y, {name} less the second store"
             ),
         ),
         confused=("leak",),
@@ -372,20 +372,20 @@ def _storage(at: _At) -> Effect:
 def _offset(at: _At) -> Effect:
     return at.effect(
         "offset",
-        f"Something adds to {at.place.state.name} at a constant rate.",
+        f"Something adds to {at.role.state.name} at a constant rate.",
         "w = c",
         "constant disturbance",
         lambda m, p: p.size,
         (either_sign("size", at.unit, 0.05 * at.size, "c"),),
         "Everything is shifted the same way, whatever is commanded.",
-        confused=("drift", "coulomb" if at.place.moves else "leak"),
+        confused=("drift", "coulomb" if at.role.moves else "leak"),
     )
 
 
 def _drift(at: _At) -> Effect:
     return at.effect(
         "drift",
-        f"What acts on {at.place.state.name} changes with time.",
+        f"What acts on {at.role.state.name} changes with time.",
         "w = k·t",
         "first term of a slow change",
         lambda m, p: p.rate * p.elapsed,

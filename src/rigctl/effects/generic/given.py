@@ -17,7 +17,7 @@ from rigctl.effects.generic.common import (
     shown_quotient,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import (
+from rigctl.effects.generic.slot_roles import (
     Given,
     Late,
     counted_from,
@@ -33,15 +33,15 @@ _RESOLUTION = 1e-3
 _TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
 
 
-def at_input(family: ModelFamily, place: Given, sizes: Magnitudes) -> Iterator[Effect]:
+def at_input(family: ModelFamily, role: Given, sizes: Magnitudes) -> Iterator[Effect]:
     """The effects that may act at an input: all of a command, an offset alone of the surroundings."""
-    made = _Made(family, place, sizes)
+    made = _Made(family, role, sizes)
     yield made.offset()
-    if place.surroundings:
+    if role.surroundings:
         return
     yield made.gain()
     yield made.quadratic()
-    if not is_point_on_scale(place.input):  # 0 K is no rest from which it would be limited
+    if not is_point_on_scale(role.input):  # 0 K is no rest from which it would be limited
         yield made.saturation()
         yield made.dead_band()
     if family.states:  # without time nothing is late
@@ -49,9 +49,9 @@ def at_input(family: ModelFamily, place: Given, sizes: Magnitudes) -> Iterator[E
         yield made.lag()
 
 
-def at_switches(family: ModelFamily, place: Late, sizes: Magnitudes) -> Iterator[Effect]:
+def at_switches(family: ModelFamily, role: Late, sizes: Magnitudes) -> Iterator[Effect]:
     """A dead time."""
-    name = place.input.name
+    name = role.input.name
     yield Effect(
         name=f"dead_time_of_{name}",
         family=family.name,
@@ -59,7 +59,7 @@ def at_switches(family: ModelFamily, place: Late, sizes: Magnitudes) -> Iterator
         equation="w = τ, switches act at t + τ",
         source="Åström & Hägglund, Advanced PID Control: dead time",
         looks_like="After every switch nothing happens for a while.",
-        terms=((place.slot.name, lambda m, p: p.time),),
+        terms=((role.slot.name, lambda m, p: p.time),),
         parameters=(one_sign("time", "s", 0.05 * sizes.shortest, "τ"),),
         confused_with=(f"lag_of_{name}",),
         needs="switches within records",
@@ -68,16 +68,16 @@ def at_switches(family: ModelFamily, place: Late, sizes: Magnitudes) -> Iterator
 
 
 class _Made:
-    def __init__(self, family: ModelFamily, place: Given, sizes: Magnitudes) -> None:
-        self.family, self.place, self.sizes = family, place, sizes
-        self.name = place.input.name
-        self.unit = place.slot.unit
-        self.shown = place.input.shown or self.unit
+    def __init__(self, family: ModelFamily, role: Given, sizes: Magnitudes) -> None:
+        self.family, self.role, self.sizes = family, role, sizes
+        self.name = role.input.name
+        self.unit = role.slot.unit
+        self.shown = role.input.shown or self.unit
         self.interval = interval(self.shown)
         self.span = sizes.input(self.name)
         outputs = {output.name for output in family.outputs}
         self.label = f"{self.name}_input" if self.name in outputs else self.name
-        self.reference = point_of_reference(place.input)
+        self.reference = point_of_reference(role.input)
         self.counted = counted_from(self.name, self.reference)
 
     def effect(
@@ -95,7 +95,7 @@ class _Made:
     ) -> Effect:
         return placed(
             self.family,
-            self.place.slot.name,
+            self.role.slot.name,
             kind,
             f"_of_{self.label}",
             summary=summary,
@@ -121,7 +121,7 @@ class _Made:
         return constant_like(CORNER * self.span, x)
 
     def limit(self, meaning: str, shares: tuple[float, ...]) -> EffectParameter:
-        point = is_point_on_scale(self.place.input)
+        point = is_point_on_scale(self.role.input)
         within = f"travel of {self.name}" if point else f"|{self.name}|"
         return shape("limit", self.interval, 0.5 * self.span, meaning, within=within, shares=shares)
 
@@ -216,7 +216,7 @@ class _Made:
             "After a reversal nothing happens for a part of the way.",
             states=(
                 EffectState(
-                    "follower", self.unit, CORNER * self.span, rate, "z", start=self.place.input.value
+                    "follower", self.unit, CORNER * self.span, rate, "z", start=self.role.input.value
                 ),
             ),
             confused=("dead_band", "lag"),
@@ -246,7 +246,7 @@ class _Made:
                     CORNER * self.span,
                     rate,
                     "what acts, unweighted",
-                    start=self.place.input.value,
+                    start=self.role.input.value,
                 ),
             ),
             confused=("dead_time", "backlash"),

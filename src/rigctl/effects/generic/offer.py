@@ -11,17 +11,17 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.generic.balance import at_balance
 from rigctl.effects.generic.given import at_input, at_switches
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import (
+from rigctl.effects.generic.reading import at_reading
+from rigctl.effects.generic.slot_roles import (
     Balance,
     Given,
     Late,
     Nowhere,
-    Place,
     Reading,
+    Role,
     is_point_on_scale,
-    places,
+    slot_roles,
 )
-from rigctl.effects.generic.reading import at_reading
 from rigctl.physics.family import ModelFamily
 
 #: families whose effects are remembered
@@ -34,7 +34,7 @@ _making = Lock()
 class Offer:
     """What is offered at a slot, and why other effects are not."""
 
-    place: Place
+    role: Role
     effects: tuple[Effect, ...]
     why_not: str = ""
 
@@ -73,50 +73,50 @@ def offers(family: ModelFamily) -> tuple[Offer, ...]:
 
 def _offers(family: ModelFamily) -> Iterator[Offer]:
     sizes = Magnitudes(family)
-    found = [(place, tuple(_at(family, place, sizes))) for place in places(family)]
+    found = [(role, tuple(_at(family, role, sizes))) for role in slot_roles(family)]
     names = {effect.name for _, effects in found for effect in effects}
     taken: set[str] = set()
-    for place, effects in found:
+    for role, effects in found:
         unique = []
         for effect in effects:
             if effect.name not in taken:
                 taken.add(effect.name)
                 known = tuple(name for name in effect.confused_with if name in names)
                 unique.append(replace(effect, confused_with=known))
-        yield Offer(place, tuple(unique), _why_not(place))
+        yield Offer(role, tuple(unique), _why_not(role))
 
 
-def _at(family: ModelFamily, place: Place, sizes: Magnitudes) -> Iterator[Effect]:
-    match place:
+def _at(family: ModelFamily, role: Role, sizes: Magnitudes) -> Iterator[Effect]:
+    match role:
         case Balance():
-            yield from at_balance(family, place, sizes)
+            yield from at_balance(family, role, sizes)
         case Reading():
-            yield from at_reading(family, place, sizes)
+            yield from at_reading(family, role, sizes)
         case Given():
-            yield from at_input(family, place, sizes)
+            yield from at_input(family, role, sizes)
         case Late():
-            yield from at_switches(family, place, sizes)
+            yield from at_switches(family, role, sizes)
         case Nowhere():
             return
 
 
-def _why_not(place: Place) -> str:
-    match place:
+def _why_not(role: Role) -> str:
+    match role:
         case Nowhere():
-            return place.why
+            return role.why
         case Balance(moves=True):
             return "no leak, power law, threshold or second store: it is a speed, which nothing stores"
         case Balance():
             return "no friction: it is no speed"
-        case Reading() if not place.slopes and not place.inputs:
+        case Reading() if not role.slopes and not role.inputs:
             return "no gain, lag, saturation or hysteresis: it reads no state"
         case Given():
-            return _why_not_of_input(place)
+            return _why_not_of_input(role)
         case _:
             return ""
 
 
-def _why_not_of_input(place: Given) -> str:
-    if place.surroundings:
+def _why_not_of_input(role: Given) -> str:
+    if role.surroundings:
         return "an offset alone: it is not commanded"
-    return "no saturation or dead band: 0 K is no rest" if is_point_on_scale(place.input) else ""
+    return "no saturation or dead band: 0 K is no rest" if is_point_on_scale(role.input) else ""

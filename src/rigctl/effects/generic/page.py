@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from rigctl.effects.declaration import Effect
 from rigctl.effects.generic.offer import offers
-from rigctl.effects.generic.places import Balance, Given, Late, Reading
+from rigctl.effects.generic.slot_roles import Balance, Given, Late, Reading
 
 #: one of everything: a speed with its position, a store beside its surroundings, a command, a reading
 _EXAMPLE = """
@@ -96,13 +96,13 @@ def _example_effects() -> Iterable[tuple[str, Effect]]:
     from rigctl.physics.user import parse_family
 
     for offer in offers(parse_family(_EXAMPLE)):
-        place = offer.place
-        match place:
+        role = offer.role
+        match role:
             case Balance(moves=True):
                 title = _SECTIONS[0][0]
             case Balance():
                 title = _SECTIONS[1][0]
-            case Given(surroundings=False) | Late() if place.input.name == "command":
+            case Given(surroundings=False) | Late() if role.input.name == "command":
                 title = _SECTIONS[2][0]
             case Reading():
                 title = _SECTIONS[3][0]
@@ -110,7 +110,7 @@ def _example_effects() -> Iterable[tuple[str, Effect]]:
                 continue
         yield from ((title, effect) for effect in offer.effects)
     for offer in offers(parse_family(_TABLE)):
-        if isinstance(offer.place, Reading):
+        if isinstance(offer.role, Reading):
             yield from ((_SECTIONS[4][0], effect) for effect in offer.effects if "_with_" in effect.name)
 
 

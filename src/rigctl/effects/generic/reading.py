@@ -19,7 +19,7 @@ from rigctl.effects.generic.common import (
     sign,
 )
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.places import (
+from rigctl.effects.generic.slot_roles import (
     Reading,
     counted_from,
     is_point_on_scale,
@@ -37,32 +37,32 @@ _RESOLUTION = 1e-3
 _SHARP = 5
 
 
-def at_reading(family: ModelFamily, place: Reading, sizes: Magnitudes) -> Iterator[Effect]:
+def at_reading(family: ModelFamily, role: Reading, sizes: Magnitudes) -> Iterator[Effect]:
     """The effects that may act at a reading: of what it reads, or of the settings where there is no time."""
-    made = _Made(family, place, sizes)
+    made = _Made(family, role, sizes)
     yield made.offset()
     if family.states:
         yield made.drift()
-    if place.slopes:
+    if role.slopes:
         yield made.gain()
         yield made.lag()
         yield made.saturation()
         yield made.hysteresis()
-    for name in place.inputs:
+    for name in role.inputs:
         yield from made.with_input(name)
 
 
 class _Made:
-    def __init__(self, family: ModelFamily, place: Reading, sizes: Magnitudes) -> None:
-        self.family, self.place, self.sizes = family, place, sizes
-        self.name = place.output.name
-        self.unit = place.slot.unit
-        self.shown = place.output.shown or self.unit
+    def __init__(self, family: ModelFamily, role: Reading, sizes: Magnitudes) -> None:
+        self.family, self.role, self.sizes = family, role, sizes
+        self.name = role.output.name
+        self.unit = role.slot.unit
+        self.shown = role.output.shown or self.unit
         self.interval = interval(self.shown)
-        self.span = sum(abs(slope) * sizes.state(state) for state, slope in place.slopes.items()) or (
+        self.span = sum(abs(slope) * sizes.state(state) for state, slope in role.slopes.items()) or (
             sizes.reading(self.name) or 1.0
         )
-        self.time = min((sizes.time(state) for state in place.slopes), default=sizes.shortest)
+        self.time = min((sizes.time(state) for state in role.slopes), default=sizes.shortest)
 
     def effect(
         self,
@@ -78,11 +78,11 @@ class _Made:
         needs: str | None = None,
         of: str = "",
     ) -> Effect:
-        label, sensor = self.place.label, self.place.slot.kind == "sensor"
+        label, sensor = self.role.label, self.role.slot.kind == "sensor"
         ending = f"_{'of' if sensor else 'on'}_{label}" + (f"_with_{of}" if of else "")
         return placed(
             self.family,
-            self.place.slot.name,
+            self.role.slot.name,
             kind,
             ending,
             summary=summary,
@@ -98,7 +98,7 @@ class _Made:
         )
 
     def _signed(self, value: Scalar) -> Scalar:
-        return value if self.place.direction > 0.0 else -value
+        return value if self.role.direction > 0.0 else -value
 
     def offset(self) -> Effect:
         return self.effect(
@@ -125,7 +125,7 @@ class _Made:
         )
 
     def gain(self) -> Effect:
-        reference = show(self.place.reference, self.shown) if self.place.reference else ""
+        reference = show(self.role.reference, self.shown) if self.role.reference else ""
         base = f"({self.name} − {reference})" if reference else self.name
         return self.effect(
             "gain",
@@ -141,7 +141,7 @@ class _Made:
         resolution = max(_RESOLUTION * self.sizes.shortest, 1e-9)
 
         def rate(m: Scope, p: Own) -> Scalar:
-            return deviation_rate(p.deviation, p.lag, constant_like(resolution, p.lag), self.place.rate(m))
+            return deviation_rate(p.deviation, p.lag, constant_like(resolution, p.lag), self.role.rate(m))
 
         return self.effect(
             "lag",
@@ -160,10 +160,10 @@ class _Made:
 
     def saturation(self) -> Effect:
         def term(m: Scope, p: Own) -> Scalar:
-            x = self.place.truth(m)
+            x = self.role.truth(m)
             return -(p.share * beyond(x, p.limit, constant_like(CORNER * self.span, x)))
 
-        typical = self.place.reference + 0.7 * self.span
+        typical = self.role.reference + 0.7 * self.span
         far = 100.0 * self.span + abs(typical)
         return self.effect(
             "saturation",
@@ -197,7 +197,7 @@ class _Made:
             return p.play + p.side
 
         def rate(m: Scope, p: Own) -> Scalar:
-            speed = self.place.rate(m)
+            speed = self.role.rate(m)
             size = speed * sign(speed, constant_like(1e-3 * pace, speed))
             return (speed - size * side(p) ** _SHARP) / p.distance
 
@@ -231,7 +231,7 @@ class _Made:
         unit, point = item.shown or item.unit, is_point_on_scale(item)
         per = interval(unit)
         span = self.sizes.input(name)
-        label = self.place.label
+        label = self.role.label
         reference = point_of_reference(item)
         counted = counted_from(name, reference)
 
@@ -302,5 +302,5 @@ class _Made:
         )
 
     def _above(self, m: Scope) -> Scalar:
-        x = self.place.truth(m)
-        return x - constant_like(self.place.reference, x) if self.place.reference else x
+        x = self.role.truth(m)
+        return x - constant_like(self.role.reference, x) if self.role.reference else x

@@ -90,16 +90,16 @@ def _descend(
         if not _NEAR < misfit < math.inf:
             break
         at = np.array([one.start for one in begun])
-        found = least_squares(
+        result = least_squares(
             _blurred(_part(evaluate, at, moved), misfit * max(1.0, math.sqrt(count / _WEIGHT))),
             [_held(begun[k]) for k in moved],
             record_local,
             options=_OPTIONS,
             progress=progress,
         )
-        at[list(moved)] = found.values
+        at[list(moved)] = result.values
         next_begun = started(begun, at)
-        next_local = [started(each, values) for each, values in zip(record_local, found.local, strict=True)]
+        next_local = [started(each, values) for each, values in zip(record_local, result.local, strict=True)]
         fallen, _ = _misfit(evaluate, next_begun, next_local)
         if fallen >= misfit:
             break

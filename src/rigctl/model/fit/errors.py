@@ -44,7 +44,7 @@ def channel_errors(
     problem: Problem, outputs: Sequence[Floats], indices: Sequence[int]
 ) -> dict[str, ChannelError]:
     """By channel, over the records at `indices`; a channel without a reading there is left out."""
-    found = {}
+    errors = {}
     white = {index: whitened_residual(problem, outputs[index], index) for index in indices}
     for column, name in enumerate(problem.measurements.outputs):
         pieces, readings, squares, sigmas = [], [], [], []
@@ -57,8 +57,8 @@ def channel_errors(
             squares.append(white[index][problem.whiteners[index].rows[:, 1] == column] ** 2)
         error, values, square, sigma = (np.concatenate(part) for part in (pieces, readings, squares, sigmas))
         if error.size:
-            found[name] = _error(error, values, square, sigma, float(problem.noise.sigma[column]))
-    return found
+            errors[name] = _error(error, values, square, sigma, float(problem.noise.sigma[column]))
+    return errors
 
 
 def whitened_residual(problem: Problem, outputs: Floats, index: int) -> Floats:

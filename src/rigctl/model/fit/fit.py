@@ -91,15 +91,15 @@ class FitResult:
     def model(self) -> Model:
         """The model with the values found, their standard deviations and the runs they come from."""
         known = set(self.problem.model.fitted) if self.solution is not None else set()
-        found = {
+        changes = {
             unknown.name: float(value)
             for unknown, value in zip(self.problem.shared, self.values, strict=True)
             if unknown.name in known
         }
-        std = {name: value for name, value in self.std.items() if name in found and 0.0 < value < math.inf}
+        std = {name: value for name, value in self.std.items() if name in changes and 0.0 < value < math.inf}
         runs = ", ".join(self.problem.measurements.runs)
         source = f"fitted {datetime.now(UTC):%Y-%m-%d} to {runs}"
-        return self.problem.model.with_values(found, std=std, source=source)
+        return self.problem.model.with_values(changes, std=std, source=source)
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -119,10 +119,10 @@ class FitResult:
             np.array([unknown.start for unknown in record_local])
             for record_local in self.problem.local_unknowns()
         ]
-        found = self.problem.simulate(self.values, expected)
-        if not found.ok:
+        simulated = self.problem.simulate(self.values, expected)
+        if not simulated.ok:
             return self.outputs
-        return tuple(np.take(array, self.problem.channels, axis=1) for array in found.outputs)
+        return tuple(np.take(array, self.problem.channels, axis=1) for array in simulated.outputs)
 
     @cached_property
     def errors(self) -> dict[str, ChannelError]:
@@ -199,9 +199,9 @@ def fit(
     """
     options = Options(cost=cost, largest_step=largest_step, rival=rival)
     plan = _Plan(refit, starts, seed, options, progress)
-    found = _fit(problem, hold_out, plan, local)
-    sized = _sized(problem, found)
-    return found if sized is None else _fit(sized, hold_out, plan, found.local)
+    result = _fit(problem, hold_out, plan, local)
+    sized = _sized(problem, result)
+    return result if sized is None else _fit(sized, hold_out, plan, result.local)
 
 
 @dataclass(frozen=True)
@@ -230,15 +230,17 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     fitted = tuple(index for index in range(len(problem.records)) if index not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
-    found = kept(
+    result = kept(
         "fit",
         (problem.content, fitted, plan.refit, plan.starts, plan.seed, plan.options, local),
         _Fitted,
         lambda: _fitted(problem, fitted, plan, local),
     )
-    if found.silent:
-        problem = problem.with_shared([one for one in problem.shared if one.name not in found.silent])
-    return FitResult(problem, fitted, found.solution, found.values, found.local, found.outputs, found.silent)
+    if result.silent:
+        problem = problem.with_shared([one for one in problem.shared if one.name not in result.silent])
+    return FitResult(
+        problem, fitted, result.solution, result.values, result.local, result.outputs, result.silent
+    )
 
 
 def _fitted(
@@ -270,8 +272,8 @@ def _fitted(
     rest = [index for index in range(count) if index not in record_local]
     record_local |= _local_unknowns(problem, values, rest, local)
     everything = tuple(record_local[index] for index in range(count))
-    found = problem.simulate(values, everything).require()
-    outputs = tuple(np.take(array, problem.channels, axis=1) for array in found.outputs)
+    simulated = problem.simulate(values, everything).require()
+    outputs = tuple(np.take(array, problem.channels, axis=1) for array in simulated.outputs)
     return _Fitted(silent, solution, values, everything, outputs)
 
 
@@ -280,38 +282,38 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
     has driven far from what is known of it; both made coarsely, then the better one to its end."""
     begun, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
-    found = least_squares(problem.evaluate, begun, record_local, options=coarse, progress=plan.progress)
-    back = brought_back(begun, found.values)
+    result = least_squares(problem.evaluate, begun, record_local, options=coarse, progress=plan.progress)
+    back = brought_back(begun, result.values)
     if back is not None:
         with suppress(RigctlError):  # the model has no value there: the first fit stands
             again = least_squares(
                 problem.evaluate, back, record_local, options=coarse, progress=plan.progress
             )
-            found = again if again.cost < found.cost else found
-    freedom = max(1, found.residual_count - found.parameter_count)
-    far = 2.0 * found.cost - freedom > _MISFIT * math.sqrt(2.0 * freedom)
+            result = again if again.cost < result.cost else result
+    freedom = max(1, result.residual_count - result.parameter_count)
+    far = 2.0 * result.cost - freedom > _MISFIT * math.sqrt(2.0 * freedom)
     return least_squares(
         problem.evaluate,
-        started(begun, found.values),
-        [started(each, values) for each, values in zip(record_local, found.local, strict=True)],
+        started(begun, result.values),
+        [started(each, values) for each, values in zip(record_local, result.local, strict=True)],
         options=replace(plan.options, cost=max(plan.options.cost, _ROUGH)) if far else plan.options,
         progress=plan.progress,
     )
 
 
-def _sized(problem: Problem, found: FitResult) -> Problem | None:
+def _sized(problem: Problem, fitted: FitResult) -> Problem | None:
     """The problem with its noise as a fit says, begun there; None where nothing changes.
 
     Noise may be a share of the value, and what varies beside it acts as the model says.
     """
-    at = {u.name: float(value) for u, value in zip(found.problem.shared, found.values, strict=True)}
+    at = {u.name: float(value) for u, value in zip(fitted.problem.shared, fitted.values, strict=True)}
     sized = problem
     if problem.scatter is None and problem.extra is None:
         # what acts on nothing is no unknown of the fit
         values = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
-        sized = with_input_noise(problem.scattered(values, found.local), values, found.local)
+        sized = with_input_noise(problem.scattered(values, fitted.local), values, fitted.local)
     if problem.sizes is None:
-        sized = sized.sized(found.outputs)
+        sized = sized.sized(fitted.outputs)
     if sized is problem:
         return None
     return sized.with_shared([replace(u, start=at.get(u.name, u.start)) for u in sized.shared])
@@ -372,8 +374,8 @@ def _local_unknowns(
     if not any(unknowns):
         return {index: np.empty(0) for index in indices}
     options = Options(cost=_COST)
-    found = with_best_switches(inner, least_squares(inner.evaluate, (), unknowns, options=options), options)
-    return dict(zip(indices, found.local, strict=True))
+    result = with_best_switches(inner, least_squares(inner.evaluate, (), unknowns, options=options), options)
+    return dict(zip(indices, result.local, strict=True))
 
 
 def _check_enough(problem: Problem) -> None:

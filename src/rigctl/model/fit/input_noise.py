@@ -42,10 +42,10 @@ def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) 
             more = generator.standard_normal(record.lines.shape) * sigma
             records.append(replace(record, lines=record.lines + more))
         moved = replace(problem, measurements=replace(measurements, records=tuple(records)))
-        found = moved.simulate(shared, local)
-        if not (plain.ok and found.ok):
+        simulated = moved.simulate(shared, local)
+        if not (plain.ok and simulated.ok):
             return problem
-        for index, (before, after) in enumerate(zip(plain.outputs, found.outputs, strict=True)):
+        for index, (before, after) in enumerate(zip(plain.outputs, simulated.outputs, strict=True)):
             squares[index] += np.square((after - before)[:, problem.channels]).mean(axis=0) / _DRAWS
     extra = [
         np.where(np.sqrt(square) > _SHARE * sigma.mean(axis=0), np.sqrt(square), 0.0)

@@ -120,12 +120,16 @@ class Problem:
     @cached_property
     def local_names(self) -> tuple[str, ...]:
         """Every record-level unknown that some record has, each once, the starts left out."""
-        return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.kind != "start"))
+        return tuple(
+            dict.fromkeys(one.name for unknowns in self.local for one in unknowns if one.kind != "start")
+        )
 
     @cached_property
     def initial_names(self) -> tuple[str, ...]:
         """Every state whose start some record has as an unknown, each once."""
-        return tuple(dict.fromkeys(one.name for own in self.local for one in own if one.kind == "start"))
+        return tuple(
+            dict.fromkeys(one.name for unknowns in self.local for one in unknowns if one.kind == "start")
+        )
 
     def rebuilt(self, model: Model, *, library: bool = False, progress: Progress | None = None) -> Problem:
         """The same data for another model; with `library`, every other effect is there at its null.
@@ -193,8 +197,8 @@ class Problem:
             if not names:
                 columns.append(np.empty((*self.records[index].values.shape, 0)))
                 continue
-            found = self.only([index]).simulate(shared, [local[index]], names).require()
-            columns.append(self._seen(found.sensitivities)[0] * std)
+            simulated = self.only([index]).simulate(shared, [local[index]], names).require()
+            columns.append(self._seen(simulated.sensitivities)[0] * std)
         return replace(self, scatter=tuple(columns)).whitened()
 
     def whitened(self) -> Problem:
@@ -259,7 +263,7 @@ class Problem:
 
     def local_unknowns(self) -> list[list[Unknown]]:
         """The records' own unknowns, as `least_squares` takes them."""
-        return [[one.unknown for one in own] for own in self.local]
+        return [[one.unknown for one in unknowns] for unknowns in self.local]
 
     def simulate(
         self,
@@ -274,26 +278,26 @@ class Problem:
         records' starts."""
         moving = tuple(name for name in columns if moves_switches(name))
         plain = tuple(name for name in columns if not moves_switches(name))
-        excitations = [self._excitation(index, shared, own, moving) for index, own in enumerate(local)]
+        excitations = [self._excitation(index, shared, values, moving) for index, values in enumerate(local)]
         starts = self.initial_names if initial else ()
-        found = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
-        for record, slopes in zip(self.records, found.sensitivities, strict=True):
-            recorded = [found.columns.index(name) for name in self._recorded(record) if name in plain]
+        simulated = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
+        for record, slopes in zip(self.records, simulated.sensitivities, strict=True):
+            recorded = [simulated.columns.index(name) for name in self._recorded(record) if name in plain]
             slopes[:, :, recorded] = 0.0
-        return found
+        return simulated
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by so many columns are held at once."""
-        found: list[list[int]] = []
+        shares: list[list[int]] = []
         room = 0
         for index, record in enumerate(self.records):
             wanted = record.times.size * len(self.compiled.system.outputs) * max(columns, 1)
-            if not found or wanted > room:
-                found.append([])
+            if not shares or wanted > room:
+                shares.append([])
                 room = _ROOM
-            found[-1].append(index)
+            shares[-1].append(index)
             room -= wanted
-        return found
+        return shares
 
     def evaluate(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         """Whitened residuals ``W(f − y)`` and their derivatives; for `least_squares`."""
@@ -302,13 +306,13 @@ class Problem:
         blocks: list[Block] = []
         for part in self.parts(len(columns) + len(self.initial_names)):
             inner = self if len(part) == len(self.records) else self.only(part)
-            found = inner.simulate(shared, [local[index] for index in part], columns, initial=derivatives)
-            if not found.ok:
-                return Refused(found.summary())
+            simulated = inner.simulate(shared, [local[index] for index in part], columns, initial=derivatives)
+            if not simulated.ok:
+                return Refused(simulated.summary())
             blocks += [
-                self._block(index, outputs, slopes, found.columns, names, derivatives)
+                self._block(index, outputs, slopes, simulated.columns, names, derivatives)
                 for index, outputs, slopes in zip(
-                    part, self._seen(found.outputs), self._seen(found.sensitivities), strict=True
+                    part, self._seen(simulated.outputs), self._seen(simulated.sensitivities), strict=True
                 )
             ]
         return blocks
@@ -323,15 +327,17 @@ class Problem:
     def sigma(self) -> tuple[Floats, ...]:
         """(n, outputs) of each record, the standard deviation of each reading, SI."""
         sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
-        found = list(self.grown or [self.noise.sigma_at(size) for size in sizes])
+        sigmas = list(self.grown or [self.noise.sigma_at(size) for size in sizes])
         if self.extra is not None:
-            found = [np.hypot(sigma, more) for sigma, more in zip(found, self.extra, strict=True)]
-        return tuple(found)
+            sigmas = [np.hypot(sigma, more) for sigma, more in zip(sigmas, self.extra, strict=True)]
+        return tuple(sigmas)
 
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [np.take(array, self.channels, axis=1) for array in arrays]
 
-    def _excitation(self, index: int, shared: Floats, own: Floats, moving: Sequence[str] = ()) -> Excitation:
+    def _excitation(
+        self, index: int, shared: Floats, values: Floats, moving: Sequence[str] = ()
+    ) -> Excitation:
         """The record as the engine takes it; `moving` are the unknowns whose shifts are wanted."""
         record, system = self.records[index], self.compiled.system
         parameters, start = self.base.copy(), self.starts[index].copy()
@@ -340,7 +346,7 @@ class Problem:
         for unknown, value in zip(self.shared, shared, strict=True):
             if unknown.name not in recorded:
                 parameters[self._index[unknown.name]] = value
-        for one, value in zip(self.local[index], own, strict=True):
+        for one, value in zip(self.local[index], values, strict=True):
             if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
             elif one.kind == "switch":
@@ -380,8 +386,8 @@ class Problem:
             return Block(residual)
         white = whitener(slopes)
         at = {name: k for k, name in enumerate(columns)}
-        own = [at[one.name] for one in self.local[index]]
-        return Block(residual, white[:, [at[name] for name in names]], white[:, own])
+        record_local = [at[one.name] for one in self.local[index]]
+        return Block(residual, white[:, [at[name] for name in names]], white[:, record_local])
 
 
 def make_problem(
@@ -447,12 +453,12 @@ def make_problem(
             *unrecorded_unknowns(measurements),
         ),
         local=tuple(
-            local_unknowns(level, record, measurements, found)
-            for record, found in zip(records, starts, strict=True)
+            local_unknowns(level, record, measurements, start)
+            for record, start in zip(records, starts, strict=True)
         ),
         whiteners=tuple(whiteners),
         base=np.array(system.nominal, dtype=float),
-        starts=tuple(np.array([found[name] for name in system.state_names]) for found in starts),
+        starts=tuple(np.array([start[name] for name in system.state_names]) for start in starts),
         grown=grown,
     )
 

@@ -37,7 +37,7 @@ def simulate_soundly(
     splines: SplineColumns = NO_SPLINES,
 ) -> Trajectories:
     """As `simulate`; records whose derivatives are spoilt have those of a tight integration."""
-    found = simulate(
+    simulated = simulate(
         compiled,
         excitations,
         columns=columns,
@@ -45,9 +45,9 @@ def simulate_soundly(
         shift_columns=shift_columns,
         splines=splines,
     )
-    spoilt = spoilt_records(found) if found.ok and found.columns else []
+    spoilt = spoilt_records(simulated) if simulated.ok and simulated.columns else []
     if not spoilt:
-        return found
+        return simulated
     again = simulate(
         compiled,
         [excitations[index] for index in spoilt],
@@ -57,18 +57,18 @@ def simulate_soundly(
         splines=splines,
         tolerance=TIGHT,
     )
-    slopes = list(found.sensitivities)
-    for index, own, failure in zip(spoilt, again.sensitivities, again.failures, strict=True):
+    slopes = list(simulated.sensitivities)
+    for index, sensitivities, failure in zip(spoilt, again.sensitivities, again.failures, strict=True):
         if failure is None:
-            slopes[index] = own
-    return replace(found, sensitivities=tuple(slopes))
+            slopes[index] = sensitivities
+    return replace(simulated, sensitivities=tuple(slopes))
 
 
-def spoilt_records(found: Trajectories) -> list[int]:
+def spoilt_records(simulated: Trajectories) -> list[int]:
     """The places of records whose derivatives are far beyond the others', in several columns at once."""
-    if len(found.sensitivities) < _FEWEST:
+    if len(simulated.sensitivities) < _FEWEST:
         return []
-    sizes = np.array([_sizes(slopes) for slopes in found.sensitivities])
+    sizes = np.array([_sizes(slopes) for slopes in simulated.sensitivities])
     median = np.median(sizes, axis=0)
     beyond = np.any((sizes > _SPOILT * median) & (median > 0.0), axis=1)
     wanted = min(_TOGETHER, sizes.shape[2])

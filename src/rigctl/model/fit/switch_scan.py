@@ -40,7 +40,7 @@ _SCANS = 3
 _HELD = 1e-4
 
 
-def with_best_switches(problem: Problem, found: LeastSquaresResult, options: Options) -> LeastSquaresResult:
+def with_best_switches(problem: Problem, result: LeastSquaresResult, options: Options) -> LeastSquaresResult:
     """The fit made again from the times of switches that a scan prefers, as long as that makes it better.
 
     Parameters
@@ -49,19 +49,19 @@ def with_best_switches(problem: Problem, found: LeastSquaresResult, options: Opt
     options: of the fits made here.
     """
     if not any(one.kind == "switch" for record_local in problem.local for one in record_local):
-        return found
+        return result
     for _ in range(_SCANS):
-        values, local, moved = scanned_switches(problem, found.values, found.local)
+        values, local, moved = scanned_switches(problem, result.values, result.local)
         try:
             again = _refitted(problem, values, local, options)
         except RigctlError:  # the model has no value there: the fit stands
             break
-        better = found.cost - again.cost
+        better = result.cost - again.cost
         if better > 0.0:
-            found = again
+            result = again
         if not moved or better < 0.5 * _BETTER:
             break
-    return found
+    return result
 
 
 def _refitted(
@@ -165,7 +165,7 @@ def _shared_out(
 def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
     """Record, place among its unknowns and ∂t/∂w (s) of each switch that `habit` moves; none where switches
     of several habits share an unknown."""
-    found = []
+    members = []
     for number, (record, record_local) in enumerate(zip(problem.records, problem.local, strict=True)):
         moved = switch_shifts(record, [habit])[:, 0] if habit in HABITS else np.zeros(0)
         if not moved.any():
@@ -175,8 +175,8 @@ def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
             index = indices.get(switch_name(int(k)))
             if index is None:
                 return []
-            found.append((number, index, float(moved[k])))
-    return found
+            members.append((number, index, float(moved[k])))
+    return members
 
 
 def _at(unknowns: Sequence[Unknown], values: Floats, index: int | None, share: float) -> Floats:

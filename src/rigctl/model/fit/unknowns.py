@@ -88,7 +88,7 @@ def setting_unknowns(level: RecordLevel, std: float) -> list[Unknown]:
 
 
 def local_unknowns(
-    level: RecordLevel, record: MeasuredRecord, measurements: Measurements, found: Mapping[str, float]
+    level: RecordLevel, record: MeasuredRecord, measurements: Measurements, starts: Mapping[str, float]
 ) -> tuple[LocalUnknown, ...]:
     """The unknowns of one record, with what is known of each before; `found` is where its states start."""
     unknowns = []
@@ -102,7 +102,7 @@ def local_unknowns(
     for start in level.starts:
         if record.row and start.how == "rest":  # what a row says is counted from there
             continue
-        one = _start(start, record, measurements, found)
+        one = _start(start, record, measurements, starts)
         if one is not None:
             unknowns.append(LocalUnknown(start.state, one, "start"))
     return tuple(unknowns)
@@ -114,11 +114,13 @@ def unrecorded_unknowns(measurements: Measurements) -> list[Unknown]:
     A record's own value is that and a deviation, ``u_i = m + d_i``. Independent values would each be drawn to
     the middle of the range, which many records that all stand at its end contradict.
     """
-    found = []
+    unknowns = []
     for name, (low, high) in measurements.unrecorded.items():
         prior = Prior(0.5 * (low + high), _spread(low, high))
-        found.append(Unknown(qualified(RECORD, name), prior.mean, low, high, scale=high - low, prior=prior))
-    return found
+        unknowns.append(
+            Unknown(qualified(RECORD, name), prior.mean, low, high, scale=high - low, prior=prior)
+        )
+    return unknowns
 
 
 def _deviations(record: MeasuredRecord) -> list[Unknown]:
@@ -150,14 +152,14 @@ def _quantity(quantity: Quantity, measurements: Measurements) -> Unknown:
 
 
 def _start(
-    start: Start, record: MeasuredRecord, measurements: Measurements, found: Mapping[str, float]
+    start: Start, record: MeasuredRecord, measurements: Measurements, starts: Mapping[str, float]
 ) -> Unknown | None:
     if start.how == "measured":
         reading = _first(start.state, record, measurements)
         if math.isfinite(reading):
             return Unknown(start.state, reading, scale=max(1.0, 0.01 * abs(reading)))
     if start.how != "set" and start.rest > 0.0:
-        mean = found[start.state]
+        mean = starts[start.state]
         return Unknown(start.state, mean, scale=start.rest, prior=Prior(mean, start.rest))
     if start.how == "set" and start.spread > 0.0:
         return _set(start, record, measurements)
@@ -193,20 +195,22 @@ def start_values(
     parameters: Mapping[str, float],
 ) -> dict[str, float]:
     """The state at the start of a record, where its unknowns do not say otherwise."""
-    found = dict(usual)
+    values = dict(usual)
     for start in level.starts:
-        if start.state not in found:
+        if start.state not in values:
             continue
         reading = _first(start.state, record, measurements)
         if start.how == "set":
-            found[start.state] = start.share * float(record.inputs[0, measurements.inputs.index(start.input)])
+            values[start.state] = start.share * float(
+                record.inputs[0, measurements.inputs.index(start.input)]
+            )
         elif start.how == "rest":
-            at_rest = 0.0 if start.at_rest is None else start.at_rest(found, parameters)
+            at_rest = 0.0 if start.at_rest is None else start.at_rest(values, parameters)
             away = np.isfinite(reading) and abs(reading) > start.rest
-            found[start.state] = reading if away else at_rest
+            values[start.state] = reading if away else at_rest
         elif np.isfinite(reading):
-            found[start.state] = reading
+            values[start.state] = reading
     unread = not np.isfinite(_first("oil_temperature", record, measurements))
-    if unread and "oil_temperature" in found and "oil_temperature" in record.condition:
-        found["oil_temperature"] = record.condition["oil_temperature"]
-    return found
+    if unread and "oil_temperature" in values and "oil_temperature" in record.condition:
+        values["oil_temperature"] = record.condition["oil_temperature"]
+    return values

@@ -206,7 +206,7 @@ class _OneChannel:
     """A channel, what a model leaves of it, and (n) σ of its readings, SI, record by record."""
 
     channel: ChannelNoise
-    place: int
+    index: int
     records: Sequence[MeasuredRecord]
     left: Sequence[LeftOver]
     sigma: Sequence[Floats]
@@ -224,7 +224,7 @@ class _OneChannel:
             or not self._error_below(_BELOW)
         ):
             return None
-        width = width_off_model(self.left, self.place)
+        width = width_off_model(self.left, self.index)
         shape = self.sigma if old.law else [np.ones(one.size) for one in self.sigma]
         if width is not None and width.law is not None:
             shape = self._by_law(width.law)
@@ -233,7 +233,7 @@ class _OneChannel:
         records = [
             NoiseRecord(
                 record.times,
-                (one.errors[:, self.place] / wide)[:, None],
+                (one.errors[:, self.index] / wide)[:, None],
                 record.group,
                 record.phase.astype(np.intp),
             )
@@ -256,7 +256,7 @@ class _OneChannel:
         known = self.sigma if old.law else None
         width = width_off_model(
             self.left,
-            self.place,
+            self.index,
             correlation=old.correlation,
             white=old.white,
             step=old.step,
@@ -275,7 +275,7 @@ class _OneChannel:
         old = self.channel
         if old.share or old.law or old.step or not old.degrees:
             return None
-        width = width_off_model(self.left, self.place, correlation=old.correlation, white=old.white)
+        width = width_off_model(self.left, self.index, correlation=old.correlation, white=old.white)
         if width is None or not _MORE * old.sigma < width.sigma < _MOST_BY_TAILS * old.sigma:
             return None
         found = replace(old, sigma=width.sigma, degrees=width.degrees, source="residuals")
@@ -286,16 +286,16 @@ class _OneChannel:
 
     def _error_below(self, share: float) -> bool:
         error = np.concatenate(
-            [one.errors[:, self.place] / sigma for one, sigma in zip(self.left, self.sigma, strict=True)]
+            [one.errors[:, self.index] / sigma for one, sigma in zip(self.left, self.sigma, strict=True)]
         )
         return bool(np.isfinite(error).any()) and float(np.sqrt(np.nanmean(error**2))) < share
 
     def _by_law(self, law: VarianceLaw) -> list[Floats]:
-        return [law.sigma(one.levels[:, self.place], np.zeros(1)) for one in self.left]
+        return [law.sigma(one.levels[:, self.index], np.zeros(1)) for one in self.left]
 
     def _typical(self, sigma: Sequence[Floats]) -> float:
         """The root of the mean square over the readings that count."""
-        good = [np.isfinite(one.errors[:, self.place]) for one in self.left]
+        good = [np.isfinite(one.errors[:, self.index]) for one in self.left]
         each = np.concatenate([one[here] for one, here in zip(sigma, good, strict=True)])
         return float(np.sqrt(np.mean(each**2)))
 

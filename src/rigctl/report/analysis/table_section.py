@@ -113,13 +113,13 @@ def _curves(model: ModelComparison, rows: Sequence[TableRow]) -> tuple[Floats, l
         x_title = f"{plain_name(name)} [{symbol(units[name])}]"
     found = []
     for number in np.unique(series):
-        joined = sorted((row for row in rows if series[row.place] == number), key=lambda row: x[row.place])
+        joined = sorted((row for row in rows if series[row.record] == number), key=lambda row: x[row.record])
         if not joined:
             continue
         condition = measurements.records[int(np.flatnonzero(series == number)[0])].condition
         others = {key: value for key, value in condition.items() if key != name}
         label = "" if name is None else prose(short_condition(others, units))
-        at = np.array([x[row.place] for row in joined])
+        at = np.array([x[row.record] for row in joined])
         found.append(_Curve(label, int(number), tuple(joined), at))
     return x, found, x_title
 
@@ -135,8 +135,8 @@ def _of_models(
     """Of each model one line through what is `shown` of its rows; all but the last are faint."""
     found = []
     for number, model in enumerate(models):
-        by_place = {row.place: row for row in _rows(model, curve.rows[0].quantity)}
-        values = np.array([shown(by_place[row.place]) for row in curve.rows])
+        by_record = {row.record: row for row in _rows(model, curve.rows[0].quantity)}
+        values = np.array([shown(by_record[row.record]) for row in curve.rows])
         name = f"{curve.prefix}{model.name if len(models) > 1 else 'model'}{what}"
         colour, faint = curve.hue if curve.label else number, model is not models[-1]
         # of several curves the marks and lines above have said which colour is which
@@ -210,13 +210,13 @@ def _text(
         head += [name, "model − measured", "in sigma"]
     head += ["as in its file", "in sigma"] if fitted and len(models) == 1 else []
     head += [plain_name(name.removeprefix(f"{quantity}_")) for name in beside]
-    by_model = [{row.place: row for row in _rows(model, quantity)} for model in models]
+    by_model = [{row.record: row for row in _rows(model, quantity)} for model in models]
     rows = []
     for row in own:
         cells = [prose(row.condition) + ("" if row.fitted else ", held out")]
         cells += [f"{row.measured:.5g}", f"{row.noise:.2g}"]
         for found in by_model:
-            one = found[row.place]
+            one = found[row.record]
             share = _shown(100.0 * one.share(one.predicted), "+.2f", " %")
             cells += [f"{one.predicted:.5g}", share, f"{one.z:+.1f}"]
         if fitted and len(models) == 1:

@@ -140,10 +140,10 @@ class Nowhere:
     why: str
 
 
-Place: TypeAlias = Balance | Reading | Given | Late | Nowhere
+Role: TypeAlias = Balance | Reading | Given | Late | Nowhere
 
 
-def places(family: ModelFamily) -> tuple[Place, ...]:
+def slot_roles(family: ModelFamily) -> tuple[Role, ...]:
     """What each slot of `family` changes, in the family's order.
 
     Raises
@@ -152,7 +152,7 @@ def places(family: ModelFamily) -> tuple[Place, ...]:
         an equation has the wrong dimension.
     """
     probed = _Probed(family)
-    return tuple(probed.place(slot) for slot in family.slots)
+    return tuple(probed.role(slot) for slot in family.slots)
 
 
 class _Probed:
@@ -215,7 +215,7 @@ class _Probed:
             at[f"what is added at {slot.name}"] = 0.0 if slot.combine == "sum" else 1.0
         return at
 
-    def place(self, slot: Slot) -> Place:
+    def role(self, slot: Slot) -> Role:
         probe = self._of(slot)
         states = [name for name, rate in self.rates.items() if probe in variables_of(rate)]
         if slot.combine == "product":
@@ -238,7 +238,7 @@ class _Probed:
             return Nowhere(slot, "it acts on several states" if states else "no equation uses it")
         return self._balance(slot, states[0])
 
-    def _balance(self, slot: Slot, name: str) -> Place:
+    def _balance(self, slot: Slot, name: str) -> Role:
         slope = evaluate(derivative(self.rates[name], self._of(slot)), self.at)
         if not slope or not math.isfinite(slope):
             return Nowhere(slot, "it does nothing where the family starts")
@@ -258,7 +258,7 @@ class _Probed:
             0.0 if moves else reference,
         )
 
-    def _reading(self, slot: Slot, output: OutputVariable) -> Place:
+    def _reading(self, slot: Slot, output: OutputVariable) -> Role:
         expr, probe = self.readings[output.name], self._of(slot)
         slope = derivative(expr, probe)
         if not slope.constant or abs(float(slope.value)) != 1.0 or slot.name in self.inside:
