@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import commands
+import rigctl
 from rigctl.effects import Effect
 from rigctl.effects.document import effect_document
 from rigctl.effects.user import parse_effect
@@ -141,6 +142,9 @@ def test_a_simulated_bench_says_once_when_it_leaves_the_range(
     (warning,) = found["warnings"]
     assert warning["message"].startswith("mine was learned for velocity from -50 mm/s to 50 mm/s, and it is ")
     assert warning["time"] > 0.0
+    events = rigctl.open_run(Path(found["path"])).events
+    (event,) = events[events["message"] == warning["message"]].to_dict("records")
+    assert (warning["time"], warning["record"]) == (event["time"], event["record"])
     inside = "valid: {velocity: [-5 m/s, 5 m/s]}\n"
     Path("mine.yaml").write_text(text(inside), encoding="utf-8")
     found = commands.answer("simulate", "procedures/quick-check.yaml", "--with", "mine.yaml", "--seed", "1")

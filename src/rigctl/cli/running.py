@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import getpass
-import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
 from rigctl.cli.echo import echo, echo_json
-from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.plan import Plan
@@ -75,7 +73,7 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
             "exit_code": int(result.exit_code),
             "unconfirmed": result.unconfirmed,
             "by_hand": result.by_hand,
-            "warnings": _departures(result),
+            "warnings": [asdict(one) for one in result.warnings],
         }
         echo_json(to_json(told))
     else:
@@ -86,26 +84,6 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
         said = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
         typer.secho(f"{said}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
-
-
-def _departures(result: RunResult) -> list[dict[str, object]]:
-    """Where a simulated bench left the ranges of its effects' laws."""
-    if result.folder is None:
-        return []
-    from rigctl.dataset import open_run
-
-    try:
-        events = open_run(result.folder).events
-    except RigctlError:  # it could not be closed: what it says of itself is in 'reason'
-        return []
-    notes = events[events["kind"] == "note"]
-    return [
-        {"time": float(time), "record": int(record), "message": str(message)}
-        for time, record, message, data in zip(
-            notes["time"], notes["record"], notes["message"], notes["data"], strict=True
-        )
-        if json.loads(data).get("warning") == "outside_validity"
-    ]
 
 
 def say_warnings(warnings: Sequence[str]) -> None:

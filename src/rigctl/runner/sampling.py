@@ -28,6 +28,15 @@ class _Awaited:
     give_up: float
 
 
+@dataclass(frozen=True)
+class RunWarning:
+    """Something that the bench warned of: when, s of bench time, and in which record; -1 between two."""
+
+    time: float
+    record: int
+    message: str
+
+
 class Sampling:
     """Every sample of a run passes here, whatever the run is doing.
 
@@ -49,6 +58,7 @@ class Sampling:
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[Happening] = deque(maxlen=12)
+        self.warnings: list[RunWarning] = []  #: that a simulated bench left the range of an effect's law
 
     @property
     def longest_silence(self) -> float:
@@ -148,6 +158,9 @@ class Sampling:
         for notice in self._backend.take_notices():
             self._bench.log(notice.time, notice.kind, message=notice.message, **notice.fields)
             self.note(notice.time, notice.kind, notice.message)
+            if "warning" in notice.fields:
+                record = self._bench.record_of(notice.time)
+                self.warnings.append(RunWarning(notice.time, record, notice.message))
             if notice.kind == "fault":
                 self._fault = notice.message
             if notice.kind == "gap":

@@ -24,7 +24,7 @@ from rigctl.runner.progress import progress_of
 from rigctl.runner.recorder import Recorder
 from rigctl.runner.requests import RESPONSE, Control
 from rigctl.runner.resume import Resume
-from rigctl.runner.sampling import Sampling
+from rigctl.runner.sampling import RunWarning, Sampling
 from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.view import View
@@ -53,6 +53,7 @@ class RunResult:
     unconfirmed: which outputs may still be on, since the bench could not be reached at the end; None when it
         has confirmed that they are safe.
     by_hand: what is to be done then.
+    warnings: where a simulated bench left the ranges of its effects' laws.
     """
 
     status: str
@@ -63,6 +64,7 @@ class RunResult:
     duration: float
     unconfirmed: str | None = None
     by_hand: str | None = None
+    warnings: tuple[RunWarning, ...] = ()
 
     def summary(self) -> str:
         """One line for the terminal."""
@@ -224,7 +226,8 @@ class _Session:
         if self._watching is not None:
             self._watching.close()
         records, folder = self._progress.records_done, self._writer.folder
-        return RunResult(status, reason, code, folder, records, duration, unconfirmed, by_hand)
+        warnings = tuple(self._sampling.warnings)
+        return RunResult(status, reason, code, folder, records, duration, unconfirmed, by_hand, warnings)
 
     def _arm(self, driver: Driver) -> None:
         """Read the bench and look at the interlocks before anything moves.

@@ -1,30 +1,29 @@
-"""Expressions as people read them: one line of text, or LaTeX."""
+"""Expressions as people and files have them: one line of text, LaTeX, or a further dialect of `Printer`."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import TypeAlias
 
 from rigctl.engine.symbols.expr import Expr
 
 # how tightly an operation binds: sums, products, powers, atoms
-_SUM, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4
+SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4
 
 _GREEK = re.compile(
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|phi|chi|psi|omega"
     "|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Phi|Psi|Omega"
 )
 
-Printed = tuple[str, int]
+#: a part that is written out, and how tightly what it ends in binds
+Printed: TypeAlias = tuple[str, int]
 
 
 def to_text(expr: Expr) -> str:
-    """One line in the syntax of a formula in a file: ``k*(pressure_a - pressure_b)/viscosity``."""
-    done: dict[int, Printed] = {}
-    for node in expr.graph.reachable([expr]):
-        done[node.index] = _text(node, [done[arg.index] for arg in _in_reading_order(node)])
-    return done[expr.index][0]
+    """One line in the syntax of Python: ``k*(pressure_a - pressure_b)/viscosity``."""
+    return Printer().text(expr)
 
 
 def to_latex(expr: Expr, names: Mapping[str, str] | None = None) -> str:
@@ -32,11 +31,103 @@ def to_latex(expr: Expr, names: Mapping[str, str] | None = None) -> str:
 
     Other names become symbols: ``mu`` a Greek letter, ``p_a`` a subscript, a word upright.
     """
-    known = names or {}
-    done: dict[int, Printed] = {}
-    for node in expr.graph.reachable([expr]):
-        done[node.index] = _latex(node, [done[arg.index] for arg in _in_reading_order(node)], known)
-    return done[expr.index][0]
+    return _Latex(names or {}).text(expr)
+
+
+class Printer:
+    """Writes expressions out with no more brackets than needed; as it is, in the syntax of Python.
+
+    Another dialect overrides how it writes what differs.
+    """
+
+    brackets = ("(", ")")
+    times = "*"
+
+    def text(self, expr: Expr) -> str:
+        """`expr`, whatever it shares with others written out where it stands."""
+        done: dict[int, Printed] = {}
+        for node in expr.graph.reachable([expr]):
+            done[node.index] = self._node(node, [done[arg.index] for arg in _in_reading_order(node)])
+        return done[expr.index][0]
+
+    def constant(self, node: Expr) -> Printed:
+        """A number."""
+        return number_digits(float(node.value)), ATOM if node.value >= 0 else SUM
+
+    def variable(self, node: Expr) -> Printed:
+        """A variable's name."""
+        return node.name, ATOM
+
+    def negative(self, part: Printed) -> Printed:
+        """The negative of a part."""
+        return f"-{self.within(part, PRODUCT)}", SUM
+
+    def quotient(self, above: Printed, below: Printed) -> Printed:
+        """One part over another."""
+        return f"{self.within(above, PRODUCT)}/{self.within(below, POWER)}", PRODUCT
+
+    def power(self, base: Printed, node: Expr) -> Printed:
+        """A power, whose exponent is `node`'s."""
+        exponent = plain_exponent(node)
+        safe = exponent if re.fullmatch(r"[\d.]+", exponent) else f"({exponent})"
+        return f"{self.within(base, ATOM)}**{safe}", POWER
+
+    def call(self, function: str, argument: str) -> Printed:
+        """A function of an argument."""
+        return f"{function}({argument})", ATOM
+
+    def within(self, part: Printed, level: int) -> str:
+        """A part in brackets, unless it binds at least as tightly as `level`."""
+        text, binds = part
+        return text if binds >= level else f"{self.brackets[0]}{text}{self.brackets[1]}"
+
+    def _node(self, node: Expr, args: list[Printed]) -> Printed:
+        match node.op:
+            case "constant":
+                return self.constant(node)
+            case "variable":
+                return self.variable(node)
+            case "+":
+                return f"{args[0][0]} + {self.within(args[1], SUM + args[1][0].startswith('-'))}", SUM
+            case "-":
+                return f"{args[0][0]} - {self.within(args[1], PRODUCT)}", SUM
+            case "*":
+                return self.times.join(self.within(part, PRODUCT) for part in args), PRODUCT
+            case "/":
+                return self.quotient(*args)
+            case "negative":
+                return self.negative(args[0])
+            case "power":
+                return self.power(args[0], node)
+            case function:
+                return self.call(function, args[0][0])
+
+
+class _Latex(Printer):
+    brackets = (r"\left(", r"\right)")
+    times = r" \, "
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        self._names = names
+
+    def constant(self, node: Expr) -> Printed:
+        mantissa, _, exponent = number_digits(float(node.value)).partition("e")
+        text = mantissa if not exponent else rf"{mantissa} \cdot 10^{{{int(exponent)}}}"
+        return text, SUM if node.value < 0 else ATOM if not exponent else PRODUCT
+
+    def variable(self, node: Expr) -> Printed:
+        return self._names.get(node.name) or _latex_name(node.name), ATOM
+
+    def quotient(self, above: Printed, below: Printed) -> Printed:
+        return rf"\frac{{{above[0]}}}{{{below[0]}}}", POWER
+
+    def power(self, base: Printed, node: Expr) -> Printed:
+        return f"{self.within(base, ATOM)}^{{{plain_exponent(node)}}}", POWER
+
+    def call(self, function: str, argument: str) -> Printed:
+        if function == "sqrt":
+            return rf"\sqrt{{{argument}}}", ATOM
+        return rf"\{'ln' if function == 'log' else function}\left({argument}\right)", ATOM
 
 
 def _in_reading_order(node: Expr) -> tuple[Expr, ...]:
@@ -48,80 +139,15 @@ def _in_reading_order(node: Expr) -> tuple[Expr, ...]:
     return node.args
 
 
-def _number(value: float) -> str:
+def number_digits(value: float) -> str:
+    """Twelve digits of a number, or all where these lose something."""
     text = f"{value:.12g}"
     return text if float(text) == value else repr(value)
 
 
-def _within(part: Printed, level: int, brackets: str = "()") -> str:
-    text, binds = part
-    return text if binds >= level else f"{brackets[0]}{text}{brackets[1]}"
-
-
-def _text(node: Expr, args: list[Printed]) -> Printed:
-    match node.op:
-        case "constant":
-            return _number(float(node.value)), _ATOM if node.value >= 0 else _SUM
-        case "variable":
-            return node.name, _ATOM
-        case "+":
-            return f"{args[0][0]} + {_within(args[1], _SUM + (args[1][0].startswith('-')))}", _SUM
-        case "-":
-            return f"{args[0][0]} - {_within(args[1], _PRODUCT)}", _SUM
-        case "*":
-            return f"{_within(args[0], _PRODUCT)}*{_within(args[1], _PRODUCT)}", _PRODUCT
-        case "/":
-            return f"{_within(args[0], _PRODUCT)}/{_within(args[1], _POWER)}", _PRODUCT
-        case "negative":
-            return f"-{_within(args[0], _PRODUCT)}", _SUM
-        case "power":
-            exponent = _exponent(node)
-            safe = exponent if re.fullmatch(r"[\d.]+", exponent) else f"({exponent})"
-            return f"{_within(args[0], _ATOM)}**{safe}", _POWER
-        case _:
-            return f"{node.op}({args[0][0]})", _ATOM
-
-
-def _exponent(node: Expr) -> str:
-    return str(node.value) if isinstance(node.value, Fraction) else _number(node.value)
-
-
-def _latex(node: Expr, args: list[Printed], names: Mapping[str, str]) -> Printed:
-    match node.op:
-        case "constant":
-            return _latex_number(float(node.value))
-        case "variable":
-            return names.get(node.name) or _latex_name(node.name), _ATOM
-        case "+":
-            return f"{args[0][0]} + {_latex_within(args[1], _SUM + (args[1][0].startswith('-')))}", _SUM
-        case "-":
-            return f"{args[0][0]} - {_latex_within(args[1], _PRODUCT)}", _SUM
-        case "*":
-            product = rf"{_latex_within(args[0], _PRODUCT)} \, {_latex_within(args[1], _PRODUCT)}"
-            return product, _PRODUCT
-        case "/":
-            return rf"\frac{{{args[0][0]}}}{{{args[1][0]}}}", _POWER
-        case "negative":
-            return f"-{_latex_within(args[0], _PRODUCT)}", _SUM
-        case "power":
-            return f"{_latex_within(args[0], _ATOM)}^{{{_exponent(node)}}}", _POWER
-        case "sqrt":
-            return rf"\sqrt{{{args[0][0]}}}", _ATOM
-        case "log":
-            return rf"\ln\left({args[0][0]}\right)", _ATOM
-        case _:
-            return rf"\{node.op}\left({args[0][0]}\right)", _ATOM
-
-
-def _latex_within(part: Printed, level: int) -> str:
-    text, binds = part
-    return text if binds >= level else rf"\left({text}\right)"
-
-
-def _latex_number(value: float) -> Printed:
-    mantissa, _, exponent = _number(value).partition("e")
-    text = mantissa if not exponent else rf"{mantissa} \cdot 10^{{{int(exponent)}}}"
-    return text, _SUM if value < 0 else _ATOM if not exponent else _PRODUCT
+def plain_exponent(node: Expr) -> str:
+    """The exponent of a power: ``1/3``, ``0.5``."""
+    return str(node.value) if isinstance(node.value, Fraction) else number_digits(node.value)
 
 
 def _latex_name(name: str) -> str:
