@@ -56,7 +56,7 @@ def one_start() -> dict[str, dict[str, float]]:
     start = time.perf_counter(), time.process_time()
     from numba.core.registry import cpu_target
 
-    # numba imports half of itself when it is first used
+    # numba, which compiles the integrator, imports half of itself when it is first used
     cpu_target.target_context.refresh()
 
     from benchmarks.engine import superset

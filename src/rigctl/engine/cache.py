@@ -1,7 +1,7 @@
-"""Compiled modules kept on disk: made once, found by every later process, never trusted blindly.
+"""Machine code kept on disk: made once, found by every later process, never trusted blindly.
 
-A module is a folder in the user's cache: its source, the machine code that numba keeps beside it, and a list
-of checksums. It is built in a folder of its own and put in place by one rename, so that another process sees
+What is kept is a folder in the user's cache: an object file, the names of its functions, and a list of
+checksums. It is built in a folder of its own and put in place by one rename, so that another process sees
 all of it or nothing. Its name holds everything it depends on; a checksum that does not fit means that it is
 built again.
 """
@@ -9,13 +9,11 @@ built again.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import json
 import logging
 import os
 import shutil
 import sys
-import tempfile
 import threading
 import time
 import uuid
@@ -23,8 +21,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+
+from rigctl.engine.machine_code import MachineCode, loaded
 
 logger = logging.getLogger(__name__)
 
@@ -32,12 +30,14 @@ logger = logging.getLogger(__name__)
 CACHE_VARIABLE = "RIGCTL_CACHE_DIR"
 
 _MANIFEST = "checksums.json"
-_MAIN = "compiled.py"
-#: modules of one kind; the ones that were used longest ago are deleted. Kinds are counted apart: many
+_CODE, _NAMES = "code.o", "names.json"
+#: folders of one kind; the ones that were used longest ago are deleted. Kinds are counted apart: many
 #: new models must not push out the kernels, which all of them need and which take longest to compile.
 _KEPT = 256
 _LOCK_SECONDS = 300.0
 _loading = threading.RLock()
+#: what this process has loaded, by the name of its folder
+_loaded: dict[str, Mapping[str, int]] = {}
 
 
 def cache_root() -> Path:
@@ -49,53 +49,71 @@ def cache_root() -> Path:
 
 
 def load_compiled(
-    name: str, files: Mapping[str, str], *, before_compiling: Callable[[], None] | None = None
-) -> ModuleType:
-    """The module whose source is ``files["compiled.py"]``, from the cache if it is there.
+    name: str,
+    source: str,
+    make: Callable[[], MachineCode],
+    *,
+    before_compiling: Callable[[], None] | None = None,
+) -> Mapping[str, int]:
+    """The addresses of compiled functions, from the cache if they are there.
 
     Parameters
     ----------
-    name: names the module among its kind.
-    files: its source and whatever lies beside it.
+    name: names the kind of what is compiled.
+    source: what tells it from others of its kind.
+    make: compiles it.
     before_compiling: called when it is not in the cache and will take time.
 
     A cache that cannot be written costs a warning in the log and the time to compile, nothing else.
     """
-    identity = hashlib.sha256(json.dumps([environment(), sorted(files.items())]).encode()).hexdigest()[:24]
-    module_name = f"rigctl_compiled_{name}_{identity}"
+    identity = hashlib.sha256(json.dumps([environment(), source]).encode()).hexdigest()[:24]
+    folder = cache_root() / f"{name}-{identity}"
     with _loading:
-        if module_name in sys.modules:
-            return sys.modules[module_name]
-        folder = cache_root() / f"{name}-{identity}"
-        try:
-            module = _from_cache(module_name, folder)
-            if module is None:
-                with _one_builder(folder):
-                    module = _from_cache(module_name, folder)
-                    if module is None:
-                        _announce(before_compiling)
-                        module = _build(module_name, folder, files)
-        except OSError as problem:
-            logger.warning("the cache of compiled models in %s cannot be used: %s", folder.parent, problem)
-            _announce(before_compiling)
-            with tempfile.TemporaryDirectory(prefix="rigctl-") as temporary:
-                module = _write_and_import(module_name, Path(temporary), files)
-        return module
+        if folder.name not in _loaded:
+            _loaded[folder.name] = _addresses(folder, make, before_compiling or _say_nothing)
+        return _loaded[folder.name]
+
+
+def _addresses(
+    folder: Path, make: Callable[[], MachineCode], before_compiling: Callable[[], None]
+) -> Mapping[str, int]:
+    try:
+        found = _from_cache(folder)
+        if found is None:
+            with _one_builder(folder):
+                found = _from_cache(folder)
+                if found is None:
+                    before_compiling()
+                    found = loaded(_build(folder, make()))
+    except OSError as problem:
+        logger.warning("the cache of compiled models in %s cannot be used: %s", folder.parent, problem)
+        before_compiling()
+        found = loaded(make())
+    return found
+
+
+def _say_nothing() -> None:
+    """Called where nobody is to be told."""
 
 
 @cache
 def environment() -> list[str]:
     """What machine code depends on besides its source: versions, the processor, the code that emits it."""
+    from importlib.metadata import version
+
     import llvmlite
     import llvmlite.binding
-    import numba
 
     here = Path(__file__).parent
-    emitters = [here / "straight_line.py", *sorted((here / "kernels").glob("*.py"))]
+    emitters = [
+        here / "machine_code.py",
+        here / "straight_line.py",
+        *sorted((here / "kernels").glob("*.py")),
+    ]
     features = llvmlite.binding.get_host_cpu_features().flatten()
     return [
         sys.implementation.cache_tag,
-        numba.__version__,
+        version("numba"),
         llvmlite.__version__,
         llvmlite.binding.get_process_triple(),
         llvmlite.binding.get_host_cpu_name(),
@@ -104,98 +122,53 @@ def environment() -> list[str]:
     ]
 
 
-def _announce(before_compiling: Callable[[], None] | None) -> None:
-    if before_compiling is not None:
-        before_compiling()
-
-
-def _from_cache(module_name: str, folder: Path) -> ModuleType | None:
-    """The module in `folder`, or None when there is none that is whole."""
+def _from_cache(folder: Path) -> Mapping[str, int] | None:
+    """The functions in `folder`, or None when there is none that is whole."""
     if not folder.is_dir():
         return None
     if _is_whole(folder):
         try:
-            module = _import_whole(module_name, folder)
+            found = loaded(_read(folder))
         except Exception as problem:  # noqa: BLE001 - whatever is wrong with a cached file, it is made anew
-            logger.warning("the compiled module %s is damaged and is built again: %r", folder, problem)
+            logger.warning("the machine code in %s is damaged and is built again: %r", folder, problem)
         else:
-            return module
+            with suppress(OSError):  # of a cache that can only be read nothing is deleted by its age
+                os.utime(folder)
+            return found
     else:
-        logger.warning("the compiled module %s is damaged and is built again", folder)
+        logger.warning("the machine code in %s is damaged and is built again", folder)
     _remove(folder)
     return None
 
 
-def _import_whole(module_name: str, folder: Path) -> ModuleType:
-    if os.access(folder, os.W_OK):
-        module = _import(module_name, folder)
-        os.utime(folder)
-        return module
-    # numba ignores machine code in a folder that it could not write to
-    with tempfile.TemporaryDirectory(prefix="rigctl-") as temporary:
-        copy = Path(shutil.copytree(folder, Path(temporary) / folder.name))
-        copy.chmod(0o700)
-        return _import(module_name, copy)
+def _read(folder: Path) -> MachineCode:
+    names = json.loads((folder / _NAMES).read_text(encoding="utf-8"))
+    return MachineCode((folder / _CODE).read_bytes(), tuple(names["defines"]), tuple(names["needs"]))
 
 
-def _build(module_name: str, folder: Path, files: Mapping[str, str]) -> ModuleType:
+def _build(folder: Path, code: MachineCode) -> MachineCode:
     building = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
     building.mkdir(parents=True)
+    names = json.dumps({"defines": code.defines, "needs": code.needs})
     try:
-        module = _write_and_import(module_name, building, files)
+        (building / _CODE).write_bytes(code.content)
+        (building / _NAMES).write_text(names, encoding="utf-8", newline="\n")
         _write_manifest(building)
         try:
             building.replace(folder)
         except OSError:
-            # another process was faster and its module is as good
+            # another process was faster and its machine code is as good
             if not folder.is_dir():
                 raise
     finally:
         shutil.rmtree(building, ignore_errors=True)
     _prune(folder.parent, folder.name.rpartition("-")[0])
-    return module
-
-
-def _write_and_import(module_name: str, folder: Path, files: Mapping[str, str]) -> ModuleType:
-    for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
-    return _import(module_name, folder)
-
-
-def _import(module_name: str, folder: Path) -> ModuleType:
-    """Import the folder's module; numba finds its machine code beside it, or compiles and leaves it there."""
-    specification = importlib.util.spec_from_file_location(module_name, folder / _MAIN)
-    if specification is None or specification.loader is None:
-        raise OSError(f"no module in {folder}")
-    module = importlib.util.module_from_spec(specification)
-    # numba looks a function's module up by name when it loads its machine code
-    sys.modules[module_name] = module
-    try:
-        with _cache_beside_source():
-            specification.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[module_name]
-        raise
-    return module
-
-
-@contextmanager
-def _cache_beside_source() -> Iterator[None]:
-    """Let numba keep machine code beside its source, whatever place a user chose for other programs."""
-    import numba
-
-    config: Any = numba.config
-    chosen = config.CACHE_DIR
-    config.CACHE_DIR = ""
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = chosen
+    return code
 
 
 @contextmanager
 def _one_builder(folder: Path) -> Iterator[None]:
-    """Let other processes that need the same module wait for this one rather than compile it too."""
+    """Let other processes that need the same machine code wait for this one rather than compile it too."""
     from filelock import FileLock, Timeout
 
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -214,7 +187,7 @@ def _checksums(folder: Path) -> dict[str, str]:
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != _MANIFEST and path.suffix != ".pyc"
+        if path.is_file() and path.name != _MANIFEST
     }
 
 
@@ -238,15 +211,15 @@ def _remove(folder: Path) -> None:
 
 
 def _prune(root: Path, kind: str) -> None:
-    """Delete modules of this kind not used for long, and what killed processes left half built or locked."""
+    """Delete what of this kind was not used for long, and what killed processes left half built or locked."""
     day_ago = time.time() - 86_400.0
     try:
         by_use = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
         left_behind = [path for path in by_use if path.name[0] == "." and path.stat().st_mtime < day_ago]
     except OSError:
         return  # another process is tidying up; it will do
-    modules = [path for path in by_use if path.name.rpartition("-")[0] == kind]
-    for path in modules[_KEPT:] + left_behind:
+    kept = [path for path in by_use if path.name.rpartition("-")[0] == kind]
+    for path in kept[_KEPT:] + left_behind:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:

@@ -12,39 +12,20 @@ from numpy.typing import NDArray
 
 from rigctl.engine.cache import load_compiled
 from rigctl.engine.guards import width
+from rigctl.engine.kernels.sizes import WORDS
+from rigctl.engine.machine_code import MachineCode, compiled
 from rigctl.engine.source import ARGUMENTS, Source, source_of
+from rigctl.engine.straight_line import module_of
 from rigctl.engine.system import System
+from rigctl.errors import ExitCode, RigctlError
 
 Integers = NDArray[np.int64]
 
 #: told what takes long, in words for a user
 Progress = Callable[[str], None]
 
-_MODEL = '''"""Made by rigctl from a system of equations; deleted and made again at will."""
-
-from pathlib import Path
-
-from numba import cfunc
-
-from rigctl.engine.straight_line import SIGNATURE, addresses_of
-
-_addresses = addresses_of((Path(__file__).parent / "straight_line.txt").read_text(encoding="utf-8"))
-
-
-@cfunc(SIGNATURE, cache=True, error_model="numpy")
-def addresses(into):
-    _addresses(into)
-'''
-_KERNEL = '''"""Made by rigctl: a kernel, compiled; deleted and made again at will."""
-
-from numba import njit
-
-from rigctl.engine.kernels.calling import OPTIONS, moved_to
-from rigctl.engine.kernels.{module} import {name} as written
-from rigctl.engine.kernels.signatures import {signature}
-
-{name} = njit({signature}, cache=True, **OPTIONS)(moved_to(written.py_func, __name__, __file__))
-'''
+#: an integrator that is compiled: it takes what `words_of` says of its arrays
+Kernel = Callable[[Integers], None]
 
 
 @dataclass(frozen=True)
@@ -65,13 +46,13 @@ class CompiledSystem:
     addresses: Integers = field(repr=False)
 
     @property
-    def integrate_record(self) -> Callable[..., Any]:
-        """The compiled kernel of `kernels.record`."""
+    def integrate_record(self) -> Kernel:
+        """The compiled kernel of `kernels.record`, which takes the words of its arrays."""
         return _kernel("record", width() > 0)
 
     @property
-    def step_to(self) -> Callable[..., Any]:
-        """The compiled kernel of `kernels.step`."""
+    def step_to(self) -> Kernel:
+        """The compiled kernel of `kernels.step`, likewise."""
         return _kernel("step", width() > 0)
 
     def __reduce__(self) -> tuple[Callable[[System], CompiledSystem], tuple[System]]:
@@ -89,19 +70,17 @@ def compile_system(
     """
     _kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
-    model = load_compiled("model", {"compiled.py": _MODEL, "straight_line.txt": source.text})
-    addresses = np.zeros(len(ARGUMENTS), dtype=np.int64)
-    model.addresses.ctypes(addresses.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)))
+    model = load_compiled("model", source.text, lambda: compiled(module_of(source.text), ARGUMENTS))
+    addresses = np.array([model[name] for name in ARGUMENTS], dtype=np.int64)
     return CompiledSystem(system, source, addresses)
 
 
 #: by module of the kernel, and whether its bounds are checked
-_loaded: dict[tuple[str, bool], Callable[..., Any]] = {}
-_NAMES = {"record": ("integrate_record", "RECORD"), "step": ("step_to", "STEP")}
+_kernels: dict[tuple[str, bool], Kernel] = {}
 
 
-def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Callable[..., Any]:
-    """A compiled kernel. Each is a module of its own: what integrates records never steps, and a compilation
+def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Kernel:
+    """A compiled kernel. Each is compiled by itself: what integrates records never steps, and a compilation
     takes seconds.
     """
 
@@ -109,10 +88,48 @@ def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Cal
         if progress is not None:
             progress("Compiling the integrator, once for this installation (about 10 s)")
 
-    if (module, checked) not in _loaded:
-        name, signature = _NAMES[module]
-        text = _KERNEL.format(module=module, name=name, signature=signature)
-        text += "# with bounds checked\n" if checked else ""
-        made = load_compiled(f"kernel-{module}", {"compiled.py": text}, before_compiling=announce)
-        _loaded[module, checked] = getattr(made, name)
-    return _loaded[module, checked]
+    if (module, checked) not in _kernels:
+        source = f"{module}, bounds checked" if checked else module
+        found = load_compiled(f"kernel-{module}", source, lambda: _made(module), before_compiling=announce)
+        (address,) = found.values()
+        _kernels[module, checked] = _caller(address)
+    return _kernels[module, checked]
+
+
+def _made(module: str) -> MachineCode:
+    from rigctl.engine.kernels.making import kernel_code
+
+    return kernel_code(module)
+
+
+def _caller(address: int) -> Kernel:
+    """The kernel as Python calls it, while other threads go on; see `kernels.making.SYMBOL`."""
+    pointer = ctypes.c_void_p
+    function = ctypes.CFUNCTYPE(ctypes.c_int32, pointer, pointer, pointer)(address)
+
+    def call(words: Integers) -> None:
+        result, error = ctypes.c_void_p(), ctypes.c_void_p()
+        if function(ctypes.byref(result), ctypes.byref(error), words.ctypes.data):
+            raise RigctlError("a kernel went past the end of an array", exit_code=ExitCode.FAILED)
+
+    return call
+
+
+def words_of(*arrays: NDArray[Any]) -> Integers:
+    """Where `arrays` are, and how long, as a kernel takes them; they have to be held while it runs.
+
+    Raises
+    ------
+    TypeError
+        an array is not what kernels take: doubles or 64-bit integers without gaps.
+    """
+    words: list[int] = []
+    for array in arrays:
+        if array.itemsize != 8 or array.dtype.kind not in "fi" or not array.flags.c_contiguous:
+            raise TypeError(f"a kernel cannot take an array of {array.dtype} with strides {array.strides}")
+        words += array.ctypes.data, *array.shape, *_NO_AXIS[array.ndim]
+    return np.array(words, dtype=np.int64)
+
+
+#: by the number of an array's axes, what fills its words up
+_NO_AXIS = [(0,) * (WORDS - 1 - axes) for axes in range(WORDS)]

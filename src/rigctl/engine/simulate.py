@@ -6,12 +6,12 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
 from rigctl.engine import guards
-from rigctl.engine.compile import CompiledSystem, Integers
+from rigctl.engine.compile import CompiledSystem, Integers, words_of
 from rigctl.engine.excitation import Excitation, Floats, Ramps, check_fits
 from rigctl.engine.failure import Failure, check_outputs, check_values, explain
 from rigctl.engine.guards import Result, Workspace
@@ -123,6 +123,18 @@ class _Plan:
     delays_active: Integers
     #: as the kernels take them: weights, knots, entries and scales of each packed ∂/∂q
     splines: tuple[Floats | Integers, ...]
+
+    @cached_property
+    def words(self) -> Integers:
+        """What the kernel is told of the arrays from `initial_columns` on, the same for every record."""
+        return words_of(
+            self.initial_columns,
+            self.delayed,
+            self.rhs_active,
+            self.outputs_active,
+            self.delays_active,
+            *self.splines,
+        )
 
 
 @dataclass(frozen=True)
@@ -254,7 +266,8 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     states, outputs, sensitivities = (result.values for result in results)
     inputs, shifts, ramps = _commands(excitation, int(sizes[sizing.SHIFTS]))
     counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
-    outcome, reached, done = plan.compiled.integrate_record(
+    returned = np.zeros(3)
+    given = words_of(
         plan.compiled.addresses,
         sizes,
         plan.tolerance,
@@ -267,25 +280,19 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
         ramps.values,
         ramps.inputs,
         excitation.times,
-        plan.initial_columns,
-        plan.delayed,
-        plan.rhs_active,
-        plan.outputs_active,
-        plan.delays_active,
-        *plan.splines,
-        workspace.floats,
-        workspace.integers,
-        states,
-        outputs,
-        sensitivities,
-        counters,
     )
+    filled = words_of(
+        workspace.floats, workspace.integers, states, outputs, sensitivities, counters, returned
+    )
+    plan.compiled.integrate_record(np.concatenate((given, plan.words, filled)))
+    outcome, reached, done = int(returned[0]), float(returned[1]), int(returned[2])
     for checked in (workspace, *results):
         checked.check()
     failure = None
     if outcome != outcomes.DONE:
-        failure = explain(plan.compiled.system, int(outcome), float(reached), counters)
+        failure = explain(plan.compiled.system, outcome, reached, counters)
     else:
         failure = check_outputs(plan.compiled.system, excitation.times, outputs, sensitivities)
-    done = int(done) if failure is None else int(np.searchsorted(excitation.times[:done], failure.time))
+    if failure is not None:
+        done = int(np.searchsorted(excitation.times[:done], failure.time))
     return _Result(states[:done], outputs[:done], sensitivities[:done], failure, Statistics.of(counters))

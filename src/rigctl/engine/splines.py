@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.kernels.splines import DEGREE, MORE_KNOTS
+from rigctl.engine.kernels.sizes import DEGREE, MORE_KNOTS
 from rigctl.engine.source import Pattern
 from rigctl.engine.system import System
 from rigctl.errors import RigctlError, unknown_name

@@ -9,7 +9,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rigctl.engine.compile import CompiledSystem
+from rigctl.engine.compile import CompiledSystem, words_of
 from rigctl.engine.excitation import Floats
 from rigctl.engine.failure import explain
 from rigctl.engine.guards import Result, Workspace, width
@@ -77,6 +77,22 @@ class Stepper:
         self._acting = self._floats[acting : acting + self._commanded.size]
         self._acting[:] = self._commanded
         self._floats[commanded : commanded + self._commanded.size] = self._commanded
+        self._target, self._returned = np.array([float(time)]), np.zeros(2)
+        self._words = words_of(
+            compiled.addresses,
+            self._sizes,
+            self._tolerance,
+            self._parameters,
+            self._target,
+            self._commanded,
+            self._carried,
+            self._delayed,
+            self._floats,
+            self._integers,
+            self._outputs,
+            self._counters,
+            self._returned,
+        )
         self._advance(float(time))
 
     @property
@@ -163,20 +179,9 @@ class Stepper:
         self._advance(to_time)
 
     def _advance(self, target: float) -> None:
-        outcome, reached = self.compiled.step_to(
-            self.compiled.addresses,
-            self._sizes,
-            self._tolerance,
-            self._parameters,
-            target,
-            self._commanded,
-            self._carried,
-            self._delayed,
-            self._floats,
-            self._integers,
-            self._outputs,
-            self._counters,
-        )
+        self._target[0] = target
+        self.compiled.step_to(self._words)
+        outcome, reached = int(self._returned[0]), float(self._returned[1])
         self._workspace.check()
         self._seen.check()
         if outcome != outcomes.DONE:

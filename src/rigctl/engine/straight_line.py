@@ -7,64 +7,36 @@ docs/decisions) and the machine code is the same.
 
 from __future__ import annotations
 
-import inspect
-import math
-import operator
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
 from rigctl.engine.source import ARGUMENTS
 
-#: of `addresses`: a pointer to as many integers as there are functions
-SIGNATURE: Any = types.void(types.CPointer(types.int64))  # type: ignore[no-untyped-call]
-
 _BINARY = {"+": "fadd", "-": "fsub", "*": "fmul"}
+#: functions of one value that LLVM knows; the others are the C library's
+_INTRINSIC = frozenset({"fabs", "sqrt", "exp", "log", "sin", "cos"})
 
 
-def addresses_of(text: str) -> Any:
-    """What writes the addresses of the functions of the straight-line code `text`, for compiled code to call.
+def module_of(text: str) -> str:
+    """The functions of the straight-line code `text` in LLVM's language; each takes a pointer an array."""
+    from llvmlite import binding, ir
 
-    They are compiled with it, as one module: each by itself would go through the compiler's front end, which
-    takes longer than their machine code.
-    """
-
-    def generate(_typing: Any, addresses: Any) -> Any:
-        def build(context: Any, builder: Any, _signature: Any, args: Sequence[Any]) -> Any:
-            for index, name in enumerate(ARGUMENTS):
-                function = _function(context, builder, text, name)
-                place = builder.gep(args[0], [ir.Constant(ir.IntType(64), index)])
-                builder.store(builder.ptrtoint(function, ir.IntType(64)), place)
-            return context.get_dummy_value()
-
-        return types.void(addresses), build
-
-    # numba reads from the signature how many arguments the call takes
-    generate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [
-            inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-            for name in ("typingctx", "addresses")
-        ]
-    )
-    return intrinsic(generate)
+    module = ir.Module("straight_line")
+    module.triple = binding.get_process_triple()
+    for name in ARGUMENTS:
+        _add_function(module, text, name)
+    return str(module)
 
 
-def _function(context: Any, builder: Any, text: str, name: str) -> ir.Function:
-    """The function `name` of the code, in the module of `builder`; it takes a pointer for each array."""
+def _add_function(module: Any, text: str, name: str) -> None:
+    from llvmlite import ir
+
     doubles = [ir.DoubleType().as_pointer()] * len(ARGUMENTS[name])
-    module = builder.module
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), doubles), module.get_unique_name(name))
-    function.linkage = "internal"
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), doubles), name)
     within = ir.IRBuilder(function.append_basic_block("entry"))
-    _Emitter(context, within, dict(zip(ARGUMENTS[name], function.args, strict=True))).emit(
-        _lines_of(text, name)
-    )
+    _Emitter(within, dict(zip(ARGUMENTS[name], function.args, strict=True))).emit(_lines_of(text, name))
     within.ret_void()
-    return function
 
 
 def _lines_of(text: str, function: str) -> list[list[str]]:
@@ -76,8 +48,10 @@ def _lines_of(text: str, function: str) -> list[list[str]]:
 class _Emitter:
     """Writes instructions with `builder`; the arrays are pointers to doubles."""
 
-    def __init__(self, context: Any, builder: Any, arrays: dict[str, Any]) -> None:
-        self.context = context
+    def __init__(self, builder: Any, arrays: dict[str, Any]) -> None:
+        from llvmlite import ir
+
+        self.ir = ir
         self.builder = builder
         self.arrays = arrays
         self.values: list[Any] = []
@@ -108,7 +82,7 @@ class _Emitter:
             return self.builder.select(self.builder.fcmp_ordered(">", first, second), first, second)
         if operation == "beyond":  # 1 where the first is larger or either is not a number, else 0
             more = self.builder.fcmp_unordered(">", first, self.values[int(args[1])])
-            return self.builder.uitofp(more, ir.DoubleType())
+            return self.builder.uitofp(more, self.ir.DoubleType())
         if operation == "power":
             return self._power(first, args[1])
         return self._call(operation, first)
@@ -125,9 +99,8 @@ class _Emitter:
     def _power(self, base: Any, exponent: str) -> Any:
         """Products and roots where the exponent is a whole or a half number, else the library's pow."""
         if "." in exponent or "e" in exponent:
-            double = types.float64
-            function = self.context.get_function(operator.pow, double(double, double))
-            return function(self.builder, [base, self._constant(float(exponent))])
+            function = self.builder.module.declare_intrinsic("llvm.pow", [self.ir.DoubleType()])
+            return self.builder.call(function, [base, self._constant(float(exponent))])
         fraction = Fraction(exponent)
         if fraction.denominator == 2:
             base = self._call("sqrt", base)
@@ -145,11 +118,19 @@ class _Emitter:
         return result
 
     def _call(self, name: str, argument: Any) -> Any:
-        function = self.context.get_function(getattr(math, name), types.float64(types.float64))
-        return function(self.builder, [argument])
+        double, module = self.ir.DoubleType(), self.builder.module
+        if name in _INTRINSIC:
+            function = module.declare_intrinsic(f"llvm.{name}", [double])
+        else:
+            function = module.globals.get(name)
+            if function is None:
+                function = self.ir.Function(module, self.ir.FunctionType(double, [double]), name)
+                function.attributes.add("nounwind")
+                function.attributes.add("readonly")
+        return self.builder.call(function, [argument])
 
     def _place(self, array: str, index: str) -> Any:
-        return self.builder.gep(self.arrays[array], [ir.Constant(ir.IntType(64), int(index))])
+        return self.builder.gep(self.arrays[array], [self.ir.Constant(self.ir.IntType(64), int(index))])
 
     def _constant(self, value: float) -> Any:
-        return ir.Constant(ir.DoubleType(), value)
+        return self.ir.Constant(self.ir.DoubleType(), value)

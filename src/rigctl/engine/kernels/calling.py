@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
-from types import FunctionType
 from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 
 from rigctl.engine.guards import width
+from rigctl.engine.kernels.sizes import WORDS
 
 #: where the address of each function stands in the array of addresses
 RHS, RHS_JACOBIAN, RHS_TANGENT, OUTPUTS, OUTPUTS_TANGENT, DELAYS, DELAYS_TANGENT, FACTORISE, SOLVE = range(9)
@@ -24,17 +25,6 @@ RHS, RHS_JACOBIAN, RHS_TANGENT, OUTPUTS, OUTPUTS_TANGENT, DELAYS, DELAYS_TANGENT
 #: how every kernel is compiled: division by zero gives inf, other Python threads go on meanwhile, and
 #: indices of arrays are checked when `engine.guards` are on
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "boundscheck": width() > 0}
-
-
-def moved_to(function: FunctionType, module: str, file: str) -> FunctionType:
-    """The same function as one that stands in another module: numba keeps its machine code beside that file.
-
-    A second function that called it would do as well, and take a sixth longer to compile.
-    """
-    code = function.__code__.replace(co_filename=file, co_firstlineno=1)
-    copy = FunctionType(code, function.__globals__, function.__name__, function.__defaults__)
-    copy.__module__ = module
-    return copy
 
 
 @intrinsic
@@ -55,6 +45,46 @@ def offset(_typing, pointer, count):
         return builder.gep(args[0], [args[1]])
 
     return pointer(pointer, types.int64), build
+
+
+def _array_at(dtype: Any, dimensions: int) -> Any:
+    """A compiled function ``array(words, number)``: the array that they describe, see `sizes.WORDS`."""
+    kind = types.Array(dtype, dimensions, "C")
+
+    def generate(_typing: Any, words: Any, number: Any) -> Any:
+        def build(context: Any, builder: Any, _signature: Any, args: Sequence[Any]) -> Any:
+            word = ir.IntType(64)
+
+            def described(index: int) -> Any:
+                first = builder.mul(args[1], ir.Constant(word, WORDS))
+                return builder.load(builder.gep(args[0], [builder.add(first, ir.Constant(word, index))]))
+
+            shape = [described(1 + axis) for axis in range(dimensions)]
+            strides = [ir.Constant(word, 8)]
+            for length in reversed(shape[1:]):
+                strides.insert(0, builder.mul(strides[0], length))
+            array = make_array(kind)(context, builder)
+            data = builder.inttoptr(described(0), array.data.type)
+            populate_array(array, data, shape, strides, ir.Constant(word, 8), None)
+            return array._getvalue()  # noqa: SLF001 - numba's way to hand out a structure
+
+        return kind(words, number), build
+
+    # numba reads from the signature how many arguments the call takes
+    generate.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+            for name in ("typingctx", "words", "number")
+        ]
+    )
+    return intrinsic(generate)
+
+
+floats_1 = _array_at(types.float64, 1)
+floats_2 = _array_at(types.float64, 2)
+floats_3 = _array_at(types.float64, 3)
+integers_1 = _array_at(types.int64, 1)
+integers_2 = _array_at(types.int64, 2)
 
 
 def _caller(count: int) -> Any:

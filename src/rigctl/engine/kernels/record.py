@@ -13,6 +13,11 @@ from rigctl.engine.kernels.calling import (
     OUTPUTS_TANGENT,
     call_4,
     call_6,
+    floats_1,
+    floats_2,
+    floats_3,
+    integers_1,
+    integers_2,
     offset,
     pointer_to,
 )
@@ -238,3 +243,45 @@ def integrate_record(
         )
         if outcome != DONE:
             return outcome, t, samples
+
+
+def from_words(words):
+    """`integrate_record` of the arrays that `words` describe, see `sizes.WORDS`; the last one is filled with
+    what it returns."""
+    outcome, reached, done = integrate_record(
+        integers_1(words, 0),  # addresses
+        integers_1(words, 1),  # sizes
+        floats_1(words, 2),  # tolerance
+        floats_1(words, 3),  # y0
+        floats_1(words, 4),  # q
+        floats_1(words, 5),  # command_times
+        floats_2(words, 6),  # command_values
+        floats_2(words, 7),  # command_shifts
+        floats_1(words, 8),  # knots
+        floats_2(words, 9),  # ramps
+        integers_1(words, 10),  # ramped
+        floats_1(words, 11),  # sample_times
+        integers_1(words, 12),  # initial_columns
+        integers_1(words, 13),  # delayed
+        integers_2(words, 14),  # rhs_active
+        integers_2(words, 15),  # outputs_active
+        integers_2(words, 16),  # delays_active
+        floats_2(words, 17),  # spline_weights
+        floats_2(words, 18),  # spline_knots
+        integers_2(words, 19),  # rhs_splines
+        floats_1(words, 20),  # rhs_scales
+        integers_2(words, 21),  # outputs_splines
+        floats_1(words, 22),  # outputs_scales
+        integers_2(words, 23),  # delays_splines
+        floats_1(words, 24),  # delays_scales
+        floats_1(words, 25),  # floats
+        integers_1(words, 26),  # integers
+        floats_2(words, 27),  # states
+        floats_2(words, 28),  # outputs
+        floats_3(words, 29),  # sensitivities
+        integers_1(words, 30),  # counters
+    )
+    returned = floats_1(words, 31)
+    returned[0] = outcome
+    returned[1] = reached
+    returned[2] = done

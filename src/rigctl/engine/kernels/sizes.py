@@ -20,6 +20,12 @@ RAMPS, SHIFTS, GUARD = 12, 13, 14
 SPLINE_ARGUMENTS, SPLINE_FUNCTIONS, RHS_SPLINES, OUTPUTS_SPLINES, DELAYS_SPLINES = range(15, 20)
 SIZES = 20
 
+#: what a kernel is told of an array: its address, then its length along each of up to three axes
+WORDS = 4
+
+#: of cubic splines: the degree, and by how much knots outnumber the functions
+DEGREE, MORE_KNOTS = 3, 4
+
 
 def float_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
     """Name and length of each array of doubles, in the order in which `workspace.lay_out` cuts them."""

@@ -12,9 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from rigctl.engine.kernels.calling import OPTIONS
-
-#: of cubic splines: the degree, and by how much knots outnumber the functions
-DEGREE, MORE_KNOTS = 3, 4
+from rigctl.engine.kernels.sizes import DEGREE, MORE_KNOTS
 
 
 @njit(**OPTIONS)

@@ -5,7 +5,15 @@ from __future__ import annotations
 from numba import njit
 
 from rigctl.engine.kernels.advance import advance, restart
-from rigctl.engine.kernels.calling import OPTIONS, OUTPUTS, call_4, offset, pointer_to
+from rigctl.engine.kernels.calling import (
+    OPTIONS,
+    OUTPUTS,
+    call_4,
+    floats_1,
+    integers_1,
+    offset,
+    pointer_to,
+)
 from rigctl.engine.kernels.outcomes import DONE
 from rigctl.engine.kernels.switching import act, command, next_switch
 from rigctl.engine.kernels.workspace import lay_out
@@ -64,3 +72,25 @@ def step_to(
     call_4(functions[OUTPUTS], work.y, switches.u, parameters, pointer_to(outputs))
     carried[TIME], carried[NEXT_STEP], carried[STALE] = t, h, 1.0 if stale else 0.0
     return outcome, t
+
+
+def from_words(words):
+    """`step_to` of the arrays that `words` describe, see `sizes.WORDS`; the last one is filled with what it
+    returns."""
+    outcome, reached = step_to(
+        integers_1(words, 0),  # addresses
+        integers_1(words, 1),  # sizes
+        floats_1(words, 2),  # tolerance
+        floats_1(words, 3),  # q
+        floats_1(words, 4)[0],  # target
+        floats_1(words, 5),  # commanded
+        floats_1(words, 6),  # carried
+        integers_1(words, 7),  # delayed
+        floats_1(words, 8),  # floats
+        integers_1(words, 9),  # integers
+        floats_1(words, 10),  # outputs
+        integers_1(words, 11),  # counters
+    )
+    returned = floats_1(words, 12)
+    returned[0] = outcome
+    returned[1] = reached

@@ -1,0 +1,159 @@
+"""Machine code as a file: LLVM makes it and loads it; the compiler that wrote the kernels need not be there.
+
+numba takes half a second to be imported and to get ready, most of it for a compiler that a process with all
+of its machine code in the cache never uses. What is kept is therefore an ordinary object file with C
+functions in it, which LLVM loads by itself.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import sys
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+#: of LLVM's own operations, the functions of the C library that they may end as
+_LIBRARY = frozenset({"exp", "log", "pow", "sin", "cos", "memset", "memcpy", "memmove"})
+
+
+@dataclass(frozen=True)
+class MachineCode:
+    """Compiled functions that are not in memory yet.
+
+    Attributes
+    ----------
+    content: an object file for this processor.
+    defines: the functions in it.
+    needs: the functions of other libraries that it calls.
+    """
+
+    content: bytes
+    defines: tuple[str, ...]
+    needs: tuple[str, ...]
+
+
+def compiled(text: str, defines: Iterable[str]) -> MachineCode:
+    """The functions `defines` of a module in LLVM's language, optimised, as machine code.
+
+    Nothing is allowed that changes a number: no reordering, no fused multiplication.
+    """
+    import llvmlite.binding as llvm
+
+    module = llvm.parse_assembly(text)
+    module.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization, options.slp_vectorization = True, False
+    builder = llvm.create_pass_builder(host(), options)
+    builder.getModulePassManager().run(module, builder)
+    return emitted(module, defines)
+
+
+def emitted(module: Any, defines: Iterable[str]) -> MachineCode:
+    """The machine code of an LLVM module that has been optimised already."""
+    return MachineCode(host().emit_object(module), tuple(defines), tuple(sorted(set(_needs(module)))))
+
+
+def _needs(module: Any) -> Iterable[str]:
+    for function in module.functions:
+        if not function.is_declaration:
+            continue
+        if not function.name.startswith("llvm."):
+            yield function.name
+        elif function.name.split(".")[1] in _LIBRARY:
+            yield function.name.split(".")[1]
+    for variable in module.global_variables:
+        if variable.is_declaration:
+            yield variable.name
+
+
+def loaded(code: MachineCode) -> Mapping[str, int]:
+    """The address of each function that `code` defines; it stays in memory as long as the process lives.
+
+    Raises
+    ------
+    RuntimeError, OSError
+        it is no machine code, lacks a function, or needs one that is nowhere.
+    """
+    import llvmlite.binding as llvm
+
+    library = llvm.JITLibraryBuilder().add_object_img(code.content).add_current_process()
+    for name in code.needs:
+        library.import_symbol(name, _address(name))
+    for name in code.defines:
+        library.export_symbol(name)
+    tracker = library.link(_linker(), f"rigctl {next(_numbers)}")
+    _libraries.append(tracker)
+    return {name: tracker[name] for name in code.defines}
+
+
+#: functions are in memory as long as these are
+_libraries: list[Any] = []
+#: names for them that differ, those that could not be linked included
+_numbers = itertools.count()
+
+
+@cache
+def _linker() -> Any:
+    import llvmlite.binding as llvm
+
+    return llvm.create_lljit_compiler(_machine(), suppress_errors=True)
+
+
+def _address(name: str) -> int:
+    """Where a function of another library is: the one that this process uses already, of several."""
+    import llvmlite.binding as llvm
+
+    for library in _process():
+        with suppress(ValueError):
+            return ctypes.addressof(ctypes.c_char.in_dll(library, name))
+    _provide_all()
+    found = llvm.address_of_symbol(name)
+    if not found:
+        raise OSError(f"no library has the function {name}")
+    return int(found)
+
+
+@cache
+def _process() -> list[ctypes.CDLL]:
+    """The C library and Python."""
+    return [ctypes.cdll.ucrtbase, ctypes.pythonapi] if sys.platform == "win32" else [ctypes.CDLL(None)]
+
+
+@cache
+def _provide_all() -> None:
+    """Let numba say where its own functions are: kernels that check bounds hand their errors to them."""
+    from numba.core.registry import cpu_target
+
+    cpu_target.target_context.refresh()
+
+
+@cache
+def host() -> Any:
+    """What LLVM makes machine code for: this processor, with everything that it can do."""
+    return _machine()
+
+
+@cache
+def _target() -> tuple[Any, str, str]:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features().flatten()
+    return llvm.Target.from_default_triple(), llvm.get_host_cpu_name(), features
+
+
+def _machine() -> Any:
+    target, processor, features = _target()
+    return target.create_target_machine(
+        cpu=processor,
+        features=features,
+        opt=3,
+        reloc="static" if target.name.startswith("x86") else "default",
+        codemodel="jitdefault",
+        jit=True,
+    )
