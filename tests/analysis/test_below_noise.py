@@ -22,7 +22,7 @@ from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import Search
-from rigctl.analysis.text import verdict_text
+from rigctl.analysis.text import against_identity, verdict_text
 from rigctl.effects.registry import library
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult
@@ -88,7 +88,10 @@ def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() 
     assert _verdict(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
     assert _verdict(search, best, [], {}, left) is Verdict.AMBIGUOUS
     chosen: Any = [(SimpleNamespace(effect=LEAK), SimpleNamespace(parameters={}))]
-    said = verdict_text(Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {})
+    against = against_identity(best, {}, left)
+    said = verdict_text(
+        Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {}, against=against
+    )
     assert "the noise of these readings is not what it was taken for: " in said
     assert said.endswith("That is not all: 0.7 % of the misfit is left")
     assert left.document()["below_noise"] is True

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.identity import levels_of, same_cause
+from rigctl.analysis.identity import levels_of, same_cause, wanted_elsewhere
 from rigctl.analysis.shape_tolerance import FUNCTIONS, knots_of, prior_root
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
@@ -87,3 +87,23 @@ def test_a_level_is_claimed_where_the_whole_class_agrees_on_it() -> None:
     assert level(["coulomb_friction", "viscous_friction"]) == (True, False, False)
     assert level(["coulomb_friction", "spring_load"]) == (False, False, False)
     assert level(["coulomb_friction"], sure=False) == (False, False, False)
+
+
+def test_what_an_answer_leaves_takes_levels_away() -> None:
+    effects: dict[str, Effect] = {
+        name: find_effect(name, FAMILY) for name in ("spring_load", "constant_load", "pump_slip")
+    }
+
+    def levels(name: str, **known: object) -> tuple[bool, bool, bool]:
+        (one,) = levels_of([[name]], effects, sure=True, bent={}, **known)
+        return one.place_sure, one.driver_sure, one.law_sure
+
+    assert levels("spring_load", whole=False) == (True, True, False)
+    assert levels("spring_load", constant={"spring_load": ["position"]}) == (True, False, True)
+    assert levels("spring_load", constant={"spring_load": []}) == (True, True, True)
+    assert levels("constant_load", whole=False) == (True, False, False)  # what is left may be no constant
+    drifts = [effects["spring_load"], effects["constant_load"]]
+    assert wanted_elsewhere(drifts, "flow_p_to_tank")
+    assert not wanted_elsewhere(drifts, "load")
+    assert not wanted_elsewhere(drifts, "")
+    assert not wanted_elsewhere([effects["spring_load"]], "flow_p_to_tank")

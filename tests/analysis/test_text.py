@@ -18,6 +18,7 @@ from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.rivals import Differs, Rival, where_they_differ
 from rigctl.analysis.text import (
+    against_identity,
     drift_text,
     effect_text,
     evidence_for,
@@ -96,7 +97,10 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
     checks = {name: CrossValidation(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
-    return verdict_text(verdict, cast("ModelComparison", None), chosen, rivals, leaves(left), checks)
+    best: Any = SimpleNamespace(candidates=[pair[0] for pair in chosen], unusual={})
+    against = against_identity(best, checks, leaves(left))
+    before = cast("ModelComparison", None)
+    return verdict_text(verdict, before, chosen, rivals, leaves(left), checks, against=against)
 
 
 def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
@@ -202,7 +206,7 @@ def test_what_lies_beyond_the_usual_is_said_of_a_rival_and_of_what_leads() -> No
         [],
         leaves(0.02),
         {},
-        unusual={known.name: beyond},
+        against=[f"{known.name} has its {beyond}"],
     )
     assert f"as well as this, but viscous_friction has its {beyond}: " in said
     assert said.endswith("That is not all: 0.02 is left")

@@ -28,7 +28,7 @@ from rigctl.analysis.search import OnProgress, Search
 from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
-from rigctl.analysis.text import drift_text, evidence_for, verdict_text, whether_at_all
+from rigctl.analysis.text import against_identity, drift_text, evidence_for, verdict_text, whether_at_all
 from rigctl.dataset.run import Run
 from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD
@@ -100,6 +100,11 @@ def diagnose_comparison(
     ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
     left = remainder(search, best)
     verdict = _verdict(search, best, close, checks, left)
+    laws = _laws(search, best, verdict)
+    against = against_identity(best, checks, left)
+    undriven = [law.statement for law in laws if law.constant and law.effect in best.effects]
+    if undriven and verdict is Verdict.MISSING_EFFECT:
+        verdict = Verdict.AMBIGUOUS
     by_name = {one.effect: one for one in ranking}
     chosen = [(candidate, by_name[candidate.name]) for candidate in best.candidates]
     drift = _drift(before, best)
@@ -114,7 +119,7 @@ def diagnose_comparison(
     after = search.at(best) if best.candidates else None
     named = verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
     classes = classes_of(best, rivals) if named else ()
-    levels = _levels(search, best, classes, checks, left) if named else ()
+    levels = _levels(search, best, classes, checks, left, laws) if named else ()
     evidence += [one.statement for one in levels if one.statement]
     return Diagnosis(
         runs=tuple(runs),
@@ -131,7 +136,7 @@ def diagnose_comparison(
         or _shape_alone(search)
         or _shape_mostly(search, best)
         or verdict_text(
-            verdict, before, chosen, rivals, left, checks, seen, best.unusual, doubt, search.allowed
+            verdict, before, chosen, rivals, left, checks, seen, [*against, *undriven], doubt, search.allowed
         ),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
@@ -146,7 +151,7 @@ def diagnose_comparison(
         remainder=left,
         doubt=doubt,
         levels=levels,
-        laws=_laws(search, best, verdict),
+        laws=laws,
         outside=departures(best.fit),
     )
 
@@ -220,8 +225,7 @@ def _verdict(
         # several effects that neither explain all of it nor predict what they were not fitted on make up
         # together for one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
-    unsettled = left is not None and left.below_noise  # the noise is not what the tests take it for
-    if close or failed or best.unusual or unsettled:
+    if close or against_identity(best, checks, left):
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
 
@@ -237,12 +241,22 @@ def _levels(
     classes: Sequence[Sequence[str]],
     checks: Mapping[str, CrossValidation | None],
     left: Remainder | None,
+    laws: Sequence[LawAnswer],
 ) -> tuple[Levels, ...]:
     """How far the answer goes, of each member of the best set."""
-    sure = not (_failed(checks) or best.unusual or (left is not None and left.below_noise))
     bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
     effects = {name: search.effect(name) for names in classes for name in names}
-    return levels_of(classes, effects, sure=sure, bent=dict.fromkeys(effects, bent))
+    constant = {
+        name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
+    }
+    return levels_of(
+        classes,
+        effects,
+        sure=not against_identity(best, checks, left),
+        bent=dict.fromkeys(effects, bent),
+        whole=left is None,
+        constant=constant,
+    )
 
 
 def _shape_alone(search: Search) -> str:

@@ -2,12 +2,18 @@
 
 A level is claimed only where every effect that these data allow agrees on it. Two effects at one place with
 one driver are laws of one answer: dry friction and Stribeck's, a leak through a gap and through an orifice.
+
+What is missing need not be in the library, so what the answer leaves speaks too: a law that leaves anything
+is not the law, a constant that leaves anything may be none, a term that the data want constant is not driven
+by what its effect says, and several effects beside which something is wanted where none of them acts may only
+resemble what is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from rigctl.effects.declaration import Effect
@@ -62,12 +68,19 @@ def same_cause(one: Effect, other: Effect) -> bool:
     return set(one.slots) == set(other.slots) and driver_variables(one) == driver_variables(other)
 
 
+def wanted_elsewhere(effects: Sequence[Effect], slot: str) -> bool:
+    """Whether several effects leave something at a slot where none of them acts."""
+    return len(effects) > 1 and slot != "" and not any(slot in effect.slots for effect in effects)
+
+
 def levels_of(
     classes: Sequence[Sequence[str]],
     effects: Mapping[str, Effect],
     *,
     sure: bool,
     bent: Mapping[str, bool],
+    whole: bool = True,
+    constant: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> tuple[Levels, ...]:
     """The levels of each member of an answer.
 
@@ -77,20 +90,23 @@ def levels_of(
     effects: all of these by name.
     sure: whether anything is: the set is the right one by what it leaves and by what it predicts.
     bent: of each member, whether the data ask for another shape of its law.
+    whole: nothing is left that these data show.
+    constant: of members, the drivers with which the data want their terms not to change.
     """
     levels = []
     for names in classes:
         first, *others = (effects[name] for name in names)
         place = all(set(first.slots) == set(other.slots) for other in others)
-        driver = place and all(driver_variables(first) == driver_variables(other) for other in others)
+        variables = driver_variables(first)
+        driver = place and all(variables == driver_variables(other) for other in others)
         levels.append(
             Levels(
                 effect=first.name,
                 place=first.slots,
-                driver=tuple(sorted(driver_variables(first))),
+                driver=tuple(sorted(variables)),
                 place_sure=sure and place,
-                driver_sure=sure and driver,
-                law_sure=sure and not others and not bent.get(first.name, False),
+                driver_sure=sure and driver and not constant.get(first.name) and (whole or bool(variables)),
+                law_sure=sure and whole and not others and not bent.get(first.name, False),
             )
         )
     return tuple(levels)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.asked_laws import AskedLaw, asked_laws, chance_of, laws_of
 from rigctl.analysis.law_fit import PowerLaw, fit_power, shown_unit
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.levels import ALPHA, AT_LIMIT, SHAPE_TOLERANCE
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.errors import RigctlError
@@ -71,6 +71,15 @@ class LawAnswer:
     def formula(self) -> str | None:
         """The term that the data ask for, as an effect file has it; None where they ask for none."""
         return None if self.power is None else "; ".join(self.power.terms.values())
+
+    @property
+    def constant(self) -> bool:
+        """Whether the data do not want the term to change with the driver, as the assumed law does.
+
+        Its exponent is fitted, and is 0 within its uncertainty or within what laws may be bent.
+        """
+        fitted = self.power is not None
+        return fitted and _hardly_changes(self.assumed_exponent, self.exponent, self.exponent_std)
 
     @property
     def offered(self) -> Literal["power", "curve", ""]:
@@ -260,8 +269,18 @@ def _over(law: AskedLaw) -> str:
     return name if name.isidentifier() else f"({name})"
 
 
+def _hardly_changes(assumed: float | None, exponent: float, std: float) -> bool:
+    """Whether a power that is assumed to change with its driver is none: an exponent that may be 0."""
+    return bool(assumed) and abs(exponent) < max(SHAPE_TOLERANCE, AT_LIMIT * std)
+
+
 def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
     name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
+    if _hardly_changes(law.assumed_exponent, exponent, std):
+        return (
+            f"the data do not want the term at {law.slot} to change with {over}: of {name} the exponent "
+            f"is {n} there, not {law.assumed_exponent:.3g}"
+        )
     if law.assumed_exponent is None:
         said = f"{name} changes with {over} as its assumed law times {over}^({n})"
     else:

@@ -10,6 +10,7 @@ from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.identity import wanted_elsewhere
 from rigctl.analysis.levels import (
     ALIKE,
     ALPHA,
@@ -20,6 +21,7 @@ from rigctl.analysis.levels import (
     SHAPE,
     TOLERANCE,
 )
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, share_text
 from rigctl.analysis.rivals import Differs, Rival
 from rigctl.effects.declaration import Effect
@@ -54,7 +56,7 @@ def verdict_text(
     left: Remainder | None,
     checks: Mapping[str, CrossValidation | None],
     seen: Ranked | None = None,
-    unusual: Mapping[str, str] | None = None,
+    against: Sequence[str] = (),
     doubt: str = "",
     allowed: float = SHAPE,
 ) -> str:
@@ -65,7 +67,7 @@ def verdict_text(
     left: what the best set leaves.
     checks: those by leaving out, of each member of the best set.
     seen: where no set pays for itself, the effect that is seen nevertheless.
-    unusual: of the best set's effects, the parameters beyond their usual range, in words.
+    against: why the best set may not be what is missing, besides rivals; see `against_identity`.
     doubt: why these data cannot tell whether anything is missing at all; see `whether_at_all`.
     allowed: the share of the misfit that the right set may leave.
     """
@@ -80,7 +82,7 @@ def verdict_text(
         return text if left is None else f"{text}. That is not all: {left.statement}"
     if verdict is Verdict.AMBIGUOUS:
         close = _each_once([rival for rival in rivals if not rival.separable])
-        text = _ambiguous_text(described, close, checks, unusual or {}, left)
+        text = _ambiguous_text(described, close, against)
         return text if left is None else f"{text}. That is not all: {left.statement}"
     return _outside_text(described, left, checks, seen, doubt, allowed)
 
@@ -145,30 +147,36 @@ def _outside_text(
     return "Something is missing that no effect of the library explains"
 
 
-def _ambiguous_text(
-    described: str,
-    close: Sequence[Rival],
-    checks: Mapping[str, CrossValidation | None],
-    unusual: Mapping[str, str],
-    left: Remainder | None,
-) -> str:
-    """What is most probable, and why it is not sure: a rival that is close, a check that failed, a size that
-    nobody has seen, or a noise that is not what it was taken for."""
-    doubts = [f"{name} has its {text}" for name, text in unusual.items()]
-    failed = _failed_text(checks)
-    doubts += [failed] if failed else []
-    if left is not None and left.below_noise:
-        doubts.append(
-            "the error with it is below the noise and a test still rejects: the noise of these readings is "
-            "not what it was taken for"
-        )
+def _ambiguous_text(described: str, close: Sequence[Rival], against: Sequence[str]) -> str:
+    """What is most probable, and why it is not sure: a rival that is close, or what speaks against it."""
     if not close:
         return (
             "Something is missing. No other effect of the library explains it as well as this, but "
-            f"{', and '.join(doubts)}: {described}"
+            f"{', and '.join(against)}: {described}"
         )
     text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
-    return ". ".join([text, *(_begun_high(one) for one in (*map(rival_text, close), *doubts))])
+    return ". ".join([text, *(_begun_high(one) for one in (*map(rival_text, close), *against))])
+
+
+def against_identity(
+    best: RefittedSet, checks: Mapping[str, CrossValidation | None], left: Remainder | None
+) -> list[str]:
+    """Why the best set may not be what is missing, whatever else is like it: nothing where all speaks for it.
+
+    A size that nobody has seen, a prediction that failed, a noise that is not what the tests take it for, or
+    something that several effects leave where none of them acts.
+    """
+    reasons = [f"{name} has its {text}" for name, text in best.unusual.items()]
+    failed = _failed_text(checks)
+    reasons += [failed] if failed else []
+    if left is not None and left.below_noise:
+        reasons.append(
+            "the error with it is below the noise and a test still rejects: the noise of these readings is "
+            "not what it was taken for"
+        )
+    if left is not None and wanted_elsewhere([one.effect for one in best.candidates], left.slot):
+        reasons.append(f"what they leave is wanted at {left.slot}, where none of them acts")
+    return reasons
 
 
 def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
