@@ -49,6 +49,7 @@ from rigctl.analysis.score_test import Score, Screening, cone, screen
 from rigctl.analysis.separability import cosine, separation, softened
 from rigctl.analysis.shape_tolerance import ShapeColumns, shape_columns
 from rigctl.effects.declaration import Effect
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -281,6 +282,21 @@ def _name(projected: Projected, column: int) -> str:
     return lin.candidates[index].columns[column - lin.starts[index]]
 
 
+def effective_samples(fit: FitResult) -> float:
+    """Effective sample size: n/(1 + 2·Σρ_k) of each channel, ρ_k at lag k; records at least once each.
+
+    What acts between records only is paid for as dearly as what acts within them: by too much, never by
+    too little.
+    """
+    problem = fit.problem
+    total = 0.0
+    for c, channel in enumerate(problem.noise.channels):
+        count = sum(int(problem.ok[k][:, c].sum()) for k in fit.fitted)
+        together = (1.0 - channel.white) * channel.correlation / (1.0 - channel.correlation)
+        total += count / (1.0 + 2.0 * together)
+    return max(total, float(len(fit.fitted)), 2.0)
+
+
 #: told what is being done
 OnProgress = Callable[[str], None]
 
@@ -353,18 +369,8 @@ class Search:
 
     @cached_property
     def samples(self) -> float:
-        """Effective sample size: n/(1 + 2·Σρ_k) of each channel, ρ_k at lag k; records at least once each.
-
-        What acts between records only is paid for as dearly as what acts within them: by too much, never by
-        too little.
-        """
-        problem = self.before.fit.problem
-        total = 0.0
-        for c, channel in enumerate(problem.noise.channels):
-            count = sum(int(problem.ok[k][:, c].sum()) for k in self.before.fit.fitted)
-            together = (1.0 - channel.white) * channel.correlation / (1.0 - channel.correlation)
-            total += count / (1.0 + 2.0 * together)
-        return max(total, float(len(self.before.fit.fitted)), 2.0)
+        """The effective sample size of the data."""
+        return effective_samples(self.before.fit)
 
     def price(self, candidate: Candidate) -> float:
         """What mBIC asks of one effect more."""

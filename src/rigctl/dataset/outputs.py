@@ -30,6 +30,11 @@ def is_schema(head: bytes) -> bool:
     return head.lstrip().startswith(b"{") and b"$schema" in head
 
 
+def is_designed(head: bytes) -> bool:
+    """Whether a file that begins so is a procedure that was designed."""
+    return head.startswith(b"# Written by 'rigctl design'")
+
+
 def require_output(
     path: Path,
     *,

@@ -1,21 +1,48 @@
-"""Design the next experiment for a model on its runs."""
+"""Design the next experiment for a model on its runs.
+
+The explanations that a diagnosis leaves are linearised at their fits (`so_far`), records that the rig can
+make are looked for (`search`), and what the chosen ones promise is computed over draws (`promise`).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.search import OnProgress
 from rigctl.dataset.run import Run
-from rigctl.design.result import DesignResult
+from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
+from rigctl.design.procedure_text import Writer, called_so_far
+from rigctl.design.promise import Draws, Promise, promised
+from rigctl.design.recipe import Stage, lines_of
+from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
+from rigctl.design.rig_file import rig_reference
+from rigctl.design.rig_time import Ordered, RigTime, forecast
+from rigctl.design.rivals import Question, question_of
+from rigctl.design.scheme import schemes_of, stage_of
+from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
+from rigctl.design.so_far import Known, known_so_far
+from rigctl.design.words import header, reason, reason_of_record, statement
+from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.model import Model
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit
 
 #: records in a set when nobody says how many
 MOST_RECORDS = 4
+#: of sets that reach less, the most telling one is looked for, however long it takes
+_POOR = 0.5
+#: quantile of a normal distribution, of an interval that holds 95 %
+_HALF_WIDTH = 1.96
 
 
+@one_thread()
 def design_experiment(
     runs: Sequence[Run],
     model: Model,
@@ -49,7 +76,244 @@ def design_experiment(
         nothing is left to tell apart, or no such name; the budget is too small for any record; the bench's
         conditions cannot be set.
     """
+    tell = on_progress or (lambda _: None)
     found = diagnosis or diagnose(
-        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=on_progress
+        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=tell
     )
-    raise RigctlError(f"no record is proposed yet for {found.model}")
+    rig = _rig_of(found)
+    question = question_of(found, separate)
+    tell(f"Designing for {', '.join(one.name for one in question.rivals)}")
+    design = _Design.on(question, rig, rig_reference(runs, rig), seed)
+    chosen = design.chosen(records or MOST_RECORDS, budget, tell)
+    return design.result(found, chosen)
+
+
+def _rig_of(found: Diagnosis) -> Rig:
+    measurements = found.before.fit.problem.measurements
+    if measurements.table or measurements.rig is None:
+        raise RigctlError(
+            "a table of single values has no records to design",
+            value=found.model,
+            hint="'rigctl diagnose' says which row to measure next",
+        )
+    return measurements.rig
+
+
+@dataclass
+class _Design:
+    """Everything that a search and its promise stand on.
+
+    Attributes
+    ----------
+    tried: candidates that were simulated.
+    """
+
+    question: Question
+    known: Known
+    stage: Stage
+    writer: Writer
+    criterion: Criterion
+    draws: Draws
+    seed: int
+    tried: int = 0
+    pool: list[Proposal] = field(default_factory=list)
+
+    @classmethod
+    def on(cls, question: Question, rig: Rig, reference: str, seed: int) -> _Design:
+        """On the data that the rivals were fitted to."""
+        known = known_so_far(question.rivals)
+        fit = question.rivals[0].fit
+        stage = stage_of(fit, rig)
+        writer = Writer(rig, reference, called_so_far(fit.problem.records, stage))
+        made: dict[str, type[Discrimination | Detection | Precision]] = {
+            "discrimination": Discrimination,
+            "detection": Detection,
+            "precision": Precision,
+        }
+        criterion = made[question.aim](question, known)
+        return cls(
+            question,
+            known,
+            stage,
+            writer,
+            criterion,
+            Draws(question.rivals, known.information, known.covariances, seed),
+            seed,
+        )
+
+    @property
+    def clock(self) -> RigTime:
+        """Of the rig."""
+        return RigTime(self.stage.rig)
+
+    def chosen(self, records: int, budget: float | None, tell: OnProgress) -> list[Proposal]:
+        """The records, in the order in which they are taken.
+
+        Raises
+        ------
+        RigctlError
+            nothing sets the bench's conditions, or the budget is too small for any record.
+        """
+        workshop = Workshop(self.question.rivals, self.known, self.stage)
+        schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
+        tell("Simulating candidates with every rival")
+        self.pool = first_candidates(workshop, schemes, self.seed)
+        self._require_time(budget)
+        tell("Improving the best records")
+        limit = math.inf if budget is None else budget
+        search = Search(
+            workshop, self.criterion, self.clock, self.pool, records, limit, True, self._acceptable
+        )
+        found = search.best_set()
+        if not isinstance(self.criterion, Precision) and self._promise(found) < _POOR:
+            telling = replace(search, pool=search.pool, per_minute=False).best_set()
+            found = telling if self._promise(telling) > self._promise(found) else found
+        self.tried = workshop.tried
+        order = self.clock.quickest([one.recipe for one in found]).order if found else ()
+        return [found[k] for k in order]
+
+    def _require_time(self, budget: float | None) -> None:
+        if budget is None or not self.pool:
+            return
+        least = min(self.clock.rising([one.recipe]).seconds for one in self.pool)
+        if least > budget:
+            raise RigctlError(
+                "the budget is too small for any record",
+                value=f"{budget / 60.0:.3g} min",
+                expected=f"at least {math.ceil(least / 6.0) / 10.0:g} min, which the quickest record takes",
+            )
+
+    def _promise(self, chosen: Sequence[Proposal]) -> float:
+        return self.criterion.promise(together(chosen)) if chosen else 0.0
+
+    def _acceptable(self, proposal: Proposal) -> bool:
+        """Clear of every limit for every draw, and taken by the rig as a procedure."""
+        clear = self.draws.keeps_clear(self.stage.rig, proposal)
+        return clear and forecast(self.writer, [proposal.recipe]) is not None
+
+    # --- what is said of the records
+
+    def result(self, diagnosis: Diagnosis, chosen: Sequence[Proposal]) -> DesignResult:
+        """The answer."""
+        steps = [self._after(chosen[:count]) for count in range(len(chosen) + 1)]
+        timed = Ordered(tuple(range(len(chosen))), self.clock.in_order([one.recipe for one in chosen]))
+        records = tuple(
+            self._record(chosen, k, steps[k], steps[k + 1], timed.each[k]) for k in range(len(chosen))
+        )
+        made = DesignResult(
+            runs=diagnosis.runs,
+            model=diagnosis.model,
+            aim=self.question.aim,
+            rivals=tuple(rival.described() for rival in self.question.rivals),
+            outlooks=steps[-1].outlooks,
+            records=records,
+            separation=steps[-1].separation,
+            before=steps[0].probability,
+            after=steps[-1].probability,
+            duration=timed.seconds,
+            procedure="",
+            statement="",
+            sharpened=self._sharpened(chosen),
+            notes=(f"{self.tried} records were simulated with each of {len(self.question.rivals)} rivals",),
+            diagnosis=diagnosis,
+        )
+        made = replace(made, statement=statement(made))
+        reasons = [reason(made, number) for number in range(len(records))]
+        text = self.writer.text(
+            [one.recipe for one in chosen],
+            title=f"next for {made.model}",
+            description=f"{made.statement}.",
+            why=header(made),
+            reasons=reasons,
+        )
+        return replace(made, procedure=text if records else "")
+
+    def _after(self, chosen: Sequence[Proposal]) -> Promise:
+        """What records promise together."""
+        criterion = self.criterion
+        if isinstance(criterion, Discrimination):
+            return promised(criterion, self.draws, chosen)
+        if isinstance(criterion, Detection):
+            return self._detected(criterion, chosen)
+        worth = criterion.worth(together(chosen)) if chosen else 0.0
+        probability = self.question.rivals[0].weight
+        return Promise((), worth, probability)
+
+    def _detected(self, criterion: Detection, chosen: Sequence[Proposal]) -> Promise:
+        nothing = self.known.evidence.scaled(0.0)
+        evidence = together(chosen) if chosen else nothing
+        before, after = criterion.of_each(nothing), criterion.of_each(evidence)
+        sizes = criterion.noncentralities(evidence)
+        rivals = self.question.rivals
+        outlooks = tuple(
+            Outlook(rivals[k].name, rivals[criterion.none].name, 0.0, 0.0, sizes[k], 0.0, before[k], after[k])
+            for k in after
+        )
+        return Promise(outlooks, criterion.worth(evidence), criterion.promise(evidence))
+
+    def _record(
+        self, chosen: Sequence[Proposal], k: int, before: Promise, after: Promise, seconds: float
+    ) -> ProposedRecord:
+        proposal, rig = chosen[k], self.stage.rig
+        made = ProposedRecord(
+            settings=proposal.recipe.settings(rig),
+            steps=lines_of(proposal.recipe, rig),
+            why="",
+            separation=after.separation - before.separation,
+            of_repeat=self._of_repeat(chosen[:k]),
+            before=before.probability,
+            after=after.probability,
+            duration=seconds,
+            recorded=proposal.recipe.length,
+            rate=proposal.recipe.rate,
+            predictions=self._predictions(proposal),
+        )
+        return replace(made, why=reason_of_record(made))
+
+    def _of_repeat(self, others: Sequence[Proposal]) -> float:
+        """What the best repeat of a record taken already would add to these."""
+        repeats = [one for one in self.known.repeats if one is not None]
+        base = self.criterion.worth(together(others)) if others else 0.0
+        if isinstance(self.criterion, Detection) and not others:
+            base = self.criterion.worth(self.known.evidence.scaled(0.0))
+        whole = [one + together(others) if others else one for one in repeats]
+        return max((self.criterion.worth(one) - base for one in whole), default=0.0)
+
+    def _predictions(self, proposal: Proposal) -> tuple[Prediction, ...]:
+        scene = proposal.scene
+        measurements = self.question.rivals[0].fit.problem.measurements
+        found = []
+        for place, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
+            shown = parse_unit(unit)
+            by_rival = {
+                rival.name: (one.outputs[:, place] - shown.offset) / shown.factor
+                for rival, one in zip(self.question.rivals, scene.predicted, strict=True)
+            }
+            sigma = scene.sigma[:, place] / shown.factor
+            found.append(Prediction(name, unit, scene.record.times, by_rival, sigma))
+        return tuple(found)
+
+    def _sharpened(self, chosen: Sequence[Proposal]) -> tuple[Sharpened, ...]:
+        """How well the parameters of what has won are known, before and after."""
+        if not isinstance(self.criterion, Precision) or not chosen:
+            return ()
+        rival = self.question.rivals[0]
+        factor = math.sqrt(rival.overdispersion) * _HALF_WIDTH
+        before, after = (np.sqrt(np.diag(self.criterion.covariance(one))) for one in (None, together(chosen)))
+        names = [unknown.name for unknown in rival.fit.problem.shared]
+        units = {
+            column: candidate.parameter(column).unit
+            for candidate in rival.trial.candidates
+            for column in candidate.columns
+        }
+        return tuple(
+            Sharpened(
+                names[k],
+                units[names[k]],
+                *(
+                    factor * float(ends[at]) * rival.sizes[k] / parse_unit(units[names[k]]).factor
+                    for ends in (before, after)
+                ),
+            )
+            for at, k in enumerate(self.criterion.places)
+        )

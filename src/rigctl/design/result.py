@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -119,6 +120,29 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Apart:
+    """Where two rivals differ most in a record.
+
+    Attributes
+    ----------
+    sigmas: by how many standard deviations of a reading, at the most.
+    """
+
+    channel: str
+    first: str
+    second: str
+    sigmas: float
+
+    @property
+    def statement(self) -> str:
+        """In words."""
+        return (
+            f"{self.first} and {self.second} differ most in {self.channel}, by up to {self.sigmas:.1f} sigma "
+            "of a reading"
+        )
+
+
+@dataclass(frozen=True)
 class ProposedRecord:
     """A record to take.
 
@@ -145,6 +169,21 @@ class ProposedRecord:
     recorded: float
     rate: float
     predictions: tuple[Prediction, ...] = field(default=(), repr=False)
+
+    @property
+    def widest(self) -> Apart | None:
+        """Where two rivals differ most; None where there are not two."""
+        found = [
+            Apart(
+                one.channel,
+                first,
+                second,
+                float(np.max(np.abs(one.by_rival[first] - one.by_rival[second]) / one.sigma)),
+            )
+            for one in self.predictions
+            for first, second in combinations(one.by_rival, 2)
+        ]
+        return max(found, key=lambda one: one.sigmas, default=None)
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form, without the curves."""

@@ -278,7 +278,7 @@ class Problem:
         records' starts."""
         moving = tuple(name for name in columns if moves_switches(name))
         plain = tuple(name for name in columns if not moves_switches(name))
-        excitations = [self._excitation(index, shared, values, moving) for index, values in enumerate(local)]
+        excitations = [self.excitation(index, shared, values, moving) for index, values in enumerate(local)]
         starts = self.initial_names if initial else ()
         simulated = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
         for record, slopes in zip(self.records, simulated.sensitivities, strict=True):
@@ -335,7 +335,7 @@ class Problem:
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [np.take(array, self.channels, axis=1) for array in arrays]
 
-    def _excitation(
+    def excitation(
         self, index: int, shared: Floats, values: Floats, moving: Sequence[str] = ()
     ) -> Excitation:
         """The record as the engine takes it; `moving` are the unknowns whose shifts are wanted."""

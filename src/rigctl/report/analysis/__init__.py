@@ -1,6 +1,7 @@
-"""What a comparison, a diagnosis and a model's history show on the page."""
+"""What a comparison, a diagnosis, a designed experiment and a model's history show on the page."""
 
 from rigctl.report.analysis.comparison import comparison_sections
+from rigctl.report.analysis.design import design_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.discovery import discovery_sections
 from rigctl.report.analysis.history import history_sections
@@ -8,6 +9,7 @@ from rigctl.report.analysis.improvement import improvement_sections
 
 __all__ = [
     "comparison_sections",
+    "design_sections",
     "diagnosis_sections",
     "discovery_sections",
     "history_sections",

@@ -1,0 +1,188 @@
+"""`rigctl design`: what to measure next so that the explanations which are left are told apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.compare import Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
+
+if TYPE_CHECKING:
+    from rigctl.dataset import Run
+    from rigctl.design.result import DesignResult
+
+
+def design(
+    runs: Runs,
+    model: OneModel,
+    hold_out: HoldOut = None,
+    only: Only = None,
+    *,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Of the rig's time, heating and settling counted: 30m, 2h, '90 s'.",
+            show_default=False,
+        ),
+    ] = None,
+    records: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="At most so many records; 4 by default.")
+    ] = None,
+    separate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B",
+            help="Two effects to tell apart, or an effect and 'none', instead of what the diagnosis leaves.",
+            show_default=False,
+        ),
+    ] = None,
+    sensors: Annotated[
+        bool,
+        typer.Option("--sensors", help="Look also at the channels that the rig file says it could have."),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of candidates and draws.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Write the procedure into this file.", show_default=False
+        ),
+    ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let -o and --page replace a file that is none of ours.")
+    ] = False,
+    assume: Assume = None,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Design the records, or name the sensor, that would tell the explanations apart that are left.
+
+    Every candidate is a record that the rig can make. It is simulated with every explanation, each refitted
+    against the others, and none is proposed that comes near a limit of the rig for any of them. What is
+    promised is the probability that a diagnosis of old and new records names what is right alone.
+
+    Examples:
+
+      rigctl design latest --model models/hl32-textbook.yaml -o next.yaml
+
+      rigctl design latest --model models/hl32-textbook.yaml --budget 30m --records 2
+    """
+    from rigctl.cli.analysis_page import require_page
+    from rigctl.cli.compare import open_models, open_runs
+    from rigctl.cli.design_views import show_design
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.telling import telling
+    from rigctl.dataset.outputs import is_designed, require_output
+    from rigctl.design.design import design_experiment
+
+    seconds = None if budget is None else read_budget(budget)
+    pair = None if separate is None else read_pair(separate)
+    if output is not None:
+        require_output(output, replaces=is_designed, force=force)
+    require_page(page, force=force)
+    (opened,) = open_models([model])
+    measured = open_runs(runs, opened, assume)
+    with telling("nothing was saved") as on_progress:
+        found = design_experiment(
+            measured,
+            opened,
+            budget=seconds,
+            records=records,
+            separate=pair,
+            sensors=sensors,
+            seed=seed,
+            hold_out=hold_out,
+            only=only,
+            on_progress=on_progress,
+        )
+    if output is not None and found.procedure:
+        _write_procedure(output, found)
+    if page is not None:
+        _write_page(measured, page, found, force=force)
+    if as_json:
+        print_json(found.as_json())
+    else:
+        show_design(found)
+        _lead_on(found, runs, str(model), output)
+
+
+def read_budget(text: str) -> float:
+    """A time in s: ``30m`` are minutes here, as nobody has a budget of metres.
+
+    Raises
+    ------
+    RigctlError
+        no time, or none that is left.
+    """
+    from rigctl.errors import RigctlError
+    from rigctl.units import read_si
+
+    plain = text.strip()
+    minutes = plain[:-1].strip() if plain.endswith("m") else ""
+    try:
+        seconds = 60.0 * float(minutes) if minutes else read_si(plain, "s")
+    except (RigctlError, ValueError):
+        raise RigctlError("--budget: no time", value=text, expected="e.g. 30m, 2h or '90 s'") from None
+    if not 0.0 < seconds < float("inf"):
+        raise RigctlError("--budget: no time is left", value=text, expected="e.g. 30m, 2h or '90 s'")
+    return seconds
+
+
+def read_pair(text: str) -> tuple[str, str]:
+    """Two names with a comma between them.
+
+    Raises
+    ------
+    RigctlError
+        more or fewer.
+    """
+    from rigctl.errors import RigctlError
+
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or not all(names):
+        raise RigctlError("--separate: two names are needed", value=text, expected="A,B")
+    return names[0], names[1]
+
+
+def _write_procedure(output: Path, found: DesignResult) -> None:
+    from rigctl.cli.echo import echo
+    from rigctl.files.write import write_text
+
+    write_text(output, found.procedure)
+    echo(f"Wrote {output}", err=True)
+
+
+def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool) -> None:
+    """The design first, then the diagnosis that it began with."""
+    from rigctl.cli.analysis_page import write_page
+    from rigctl.report.analysis import design_sections, diagnosis_sections
+
+    sections = design_sections(found)
+    if found.diagnosis is not None:
+        sections += diagnosis_sections(found.diagnosis)
+    write_page(runs, page, sections, force=force)
+
+
+def _lead_on(found: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
+    """What to type next: write the procedure, look at it, or look for a sensor."""
+    from rigctl.cli.next_command import analysis, command, show_next
+
+    again = analysis("design", runs, model)
+    if not found.separable and found.aim != "precision" and not found.sensors:
+        show_next(f"{again} --sensors", "says which sensor would tell them apart")
+    elif not found.procedure:
+        show_next(analysis("diagnose", runs, model), "says what these data tell and what not")
+    elif output is None:
+        show_next(f"{again} -o next.yaml", "writes the procedure")
+    else:
+        show_next(command(["check", output.as_posix()]), "shows what it will do before anything moves")

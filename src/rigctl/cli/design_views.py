@@ -1,0 +1,127 @@
+"""How a designed experiment is printed."""
+
+from __future__ import annotations
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.cli.tables import console, table
+from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
+from rigctl.design.words import share
+from rigctl.planning.outline import clock_time
+from rigctl.report.bars import draw_bar
+
+_WIDTH = 12
+
+
+def show_design(found: DesignResult) -> None:
+    """The answer, the rivals, what is promised of each pair, the records, and the sensors."""
+    out = console()
+    good = found.separable or (found.aim == "precision" and bool(found.records))
+    out.print(
+        f"[bold {'green' if good else 'yellow'}]{_title(found)}[/]: {escape(found.statement)}.",
+        soft_wrap=True,
+    )
+    out.print(_rivals(found))
+    if found.outlooks:
+        out.print(_outlooks(found))
+    if found.sharpened:
+        out.print(_sharpened(found))
+    if found.records:
+        out.print(_records(found))
+    for number, one in enumerate(found.records, start=1):
+        _show_record(number, one)
+    if found.sensors:
+        out.print(_sensors(found))
+    for note in found.notes:
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+
+
+def _title(found: DesignResult) -> str:
+    if found.aim == "precision":
+        return "To know its size"
+    return "Next" if found.separable else "Not told apart"
+
+
+def _rivals(found: DesignResult) -> Table:
+    made = table("rival", "weight", "", "chi²/dof", "parameters")
+    made.columns[2].justify = made.columns[3].justify = "right"
+    for one in found.rivals:
+        values = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in one.parameters.items())
+        bar = f"[cyan]{draw_bar(one.weight, 1.0, width=_WIDTH)}[/]"
+        made.add_row(
+            escape(one.name), bar, f"{100.0 * one.weight:.1f} %", f"{one.chi2_reduced:.3f}", escape(values)
+        )
+    return made
+
+
+def _outlooks(found: DesignResult) -> Table:
+    made = table("were this right", "told from", "margin so far", "D", "±", "P now", "P then")
+    for column in made.columns[2:]:
+        column.justify = "right"
+    for one in found.outlooks:
+        made.add_row(
+            escape(one.truth),
+            escape(one.rival),
+            f"{one.margin:+.1f}",
+            f"{one.separation:.3g}",
+            f"{one.spread:.2g}",
+            share(one.before),
+            share(one.after),
+        )
+    return made
+
+
+def _sharpened(found: DesignResult) -> Table:
+    made = table("parameter", "± now", "± then", "unit")
+    made.columns[1].justify = made.columns[2].justify = "right"
+    for one in found.sharpened:
+        made.add_row(escape(one.name), f"{one.before:.3g}", f"{one.after:.3g}", escape(one.unit))
+    return made
+
+
+def _records(found: DesignResult) -> Table:
+    made = table("record", "at", "D", "of a repeat", "P before", "P after", "rig time")
+    for column in made.columns[2:]:
+        column.justify = "right"
+    precise = found.aim == "precision"
+    for number, one in enumerate(found.records, start=1):
+        settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
+        made.add_row(
+            str(number),
+            escape(settings),
+            f"{one.separation:.3g}",
+            f"{one.of_repeat:.2g}",
+            "" if precise else share(one.before),
+            "" if precise else share(one.after),
+            clock_time(one.duration),
+        )
+    return made
+
+
+def _show_record(number: int, one: ProposedRecord) -> None:
+    out = console()
+    out.print(f"  {number}: {escape('; '.join(one.steps))}", soft_wrap=True)
+    widest = one.widest
+    if widest is not None:
+        out.print(f"     {escape(widest.statement)}", soft_wrap=True)
+
+
+def _sensors(found: DesignResult) -> Table:
+    made = table("sensors", "price", "told apart", "D", "P")
+    for column in made.columns[1:]:
+        column.justify = "right"
+    for one in found.sensors:
+        made.add_row(
+            escape(" and ".join(one.channels)),
+            price_text(one),
+            f"{one.told} of {one.of}",
+            f"{one.separation:.3g}",
+            share(one.probability),
+        )
+    return made
+
+
+def price_text(one: SensorSet) -> str:
+    """What a set of sensors costs, as the rig file says it."""
+    return "–" if one.price is None else f"{one.price:g} {one.currency}".strip()

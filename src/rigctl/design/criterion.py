@@ -1,0 +1,204 @@
+"""What a set of records is worth: how far apart the rivals are, or how well the one that has won is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.information import Evidence
+from rigctl.design.power import Gain, seen, threshold_of, told_apart
+from rigctl.design.result import NONE
+from rigctl.design.rivals import Question, Rival
+from rigctl.design.so_far import Known
+
+Floats = NDArray[np.float64]
+
+
+class Criterion(Protocol):
+    """What is maximised, and what it promises before any draw is looked at."""
+
+    def worth(self, evidence: Evidence) -> float:
+        """Of all new records together."""
+        ...
+
+    def promise(self, evidence: Evidence) -> float:
+        """The probability that they answer the question, at the rivals' fits."""
+        ...
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far the data so far prefer one rival to another, and how far a verdict asks for.
+
+    Attributes
+    ----------
+    mbic: (k) of each rival.
+    chi2: (k) what each leaves.
+    none: the place of the model without any; None where it is no rival.
+    """
+
+    mbic: Floats
+    chi2: Floats
+    none: int | None
+
+    @classmethod
+    def of(cls, rivals: Sequence[Rival], none: int | None) -> Margins:
+        """Of rivals that are fitted to the data so far."""
+        return cls(np.array([one.mbic for one in rivals]), np.array([one.trial.chi2 for one in rivals]), none)
+
+    def margin(self, truth: int, rival: int) -> float:
+        """L₀: mBIC of the rival less that of the truth."""
+        return float(self.mbic[rival] - self.mbic[truth])
+
+    def threshold(self, truth: int, distances: Floats) -> float:
+        """t, where the truth explains what it does so far and its D from the model without it more."""
+        if self.none is None or self.none == truth:
+            return threshold_of(0.0)
+        so_far = float(self.chi2[self.none] - self.chi2[truth])
+        return threshold_of(max(so_far, 0.0) + float(distances[truth, self.none]))
+
+
+@dataclass(frozen=True)
+class Discrimination:
+    """``Σ w_i·min_j D_ij`` over the pairs that are to be told apart, each over its overdispersion."""
+
+    question: Question
+    known: Known
+
+    @cached_property
+    def margins(self) -> Margins:
+        """Of the rivals."""
+        names = [one.name for one in self.question.rivals]
+        return Margins.of(self.question.rivals, names.index(NONE) if NONE in names else None)
+
+    @cached_property
+    def rivals_of(self) -> dict[int, tuple[int, ...]]:
+        """By each possible truth, those it is to be told from."""
+        found: dict[int, tuple[int, ...]] = {}
+        for truth, rival in self.question.pairs:
+            found[truth] = (*found.get(truth, ()), rival)
+        return found
+
+    @cached_property
+    def weights(self) -> dict[int, float]:
+        """Of the possible truths, one together."""
+        raw = {truth: self.question.rivals[truth].weight for truth in self.rivals_of}
+        total = sum(raw.values()) or 1.0
+        return {truth: weight / total for truth, weight in raw.items()}
+
+    def distances(self, evidence: Evidence) -> Floats:
+        """(k, k) D in noise as wide as the truth's own fit leaves it."""
+        factors = np.array([one.overdispersion for one in self.question.rivals])
+        return np.asarray(evidence.distances(self.known.information) / factors[:, None])
+
+    def worth(self, evidence: Evidence) -> float:
+        """At the rivals' fits."""
+        found = self.distances(evidence)
+        return sum(
+            weight * min(float(found[truth, rival]) for rival in self.rivals_of[truth])
+            for truth, weight in self.weights.items()
+        )
+
+    def promise(self, evidence: Evidence) -> float:
+        """At the rivals' fits."""
+        found = self.distances(evidence)
+        return self.together(
+            {
+                pair: self.of_pair(pair, Gain(found[pair][None], found[pair][None]), found)
+                for pair in self.pairs
+            }
+        )
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Those to be told apart."""
+        return self.question.pairs
+
+    def of_pair(self, pair: tuple[int, int], gained: Gain, distances: Floats) -> float:
+        """P of one pair."""
+        truth, rival = pair
+        return told_apart(
+            gained,
+            self.margins.margin(truth, rival),
+            float(self.known.distances[truth, rival]),
+            self.margins.threshold(truth, distances),
+        )
+
+    def together(self, of_pairs: dict[tuple[int, int], float]) -> float:
+        """The chance that what is right is told from all its rivals: ``Σ w_i·min_j P_ij``."""
+        return sum(
+            weight * min(of_pairs[truth, rival] for rival in self.rivals_of[truth])
+            for truth, weight in self.weights.items()
+        )
+
+
+@dataclass(frozen=True)
+class Detection:
+    """``Σ w_i·λ_i²`` of effects at their usual size, each against the model without, with the old data."""
+
+    question: Question
+    known: Known
+
+    def noncentralities(self, evidence: Evidence) -> dict[int, float]:
+        """λ² by effect: D from the model without it, old and new data together."""
+        whole = (self.known.evidence + evidence).distances(self.known.prior)
+        factor = self.question.rivals[self.none].overdispersion
+        return {truth: float(whole[truth, self.none]) / factor for truth, _ in self.question.pairs}
+
+    @property
+    def none(self) -> int:
+        """The place of the model without any."""
+        return self.question.pairs[0][1]
+
+    def worth(self, evidence: Evidence) -> float:
+        """At the effects' usual sizes."""
+        found = self.noncentralities(evidence)
+        return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
+
+    def of_each(self, evidence: Evidence) -> dict[int, float]:
+        """The power by effect."""
+        return {
+            truth: seen(value, self.question.rivals[truth].trial.parameters, self.question.library)
+            for truth, value in self.noncentralities(evidence).items()
+        }
+
+    def promise(self, evidence: Evidence) -> float:
+        """The power, over the effects."""
+        found = self.of_each(evidence)
+        return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Ds: the logarithm of the ratio of the volumes that the effects' parameters are known to."""
+
+    question: Question
+    known: Known
+
+    @cached_property
+    def places(self) -> list[int]:
+        """Of the effects' parameters among the common unknowns."""
+        rival = self.question.rivals[0]
+        columns = {column for candidate in rival.trial.candidates for column in candidate.columns}
+        names = [unknown.name for unknown in rival.fit.problem.shared]
+        return [k for k, name in enumerate(names) if name in columns]
+
+    def covariance(self, evidence: Evidence | None = None) -> Floats:
+        """Of the effects' parameters, scaled, now or with new records."""
+        known = self.known.information[0]
+        whole = known if evidence is None else known + evidence.information[0]
+        return np.asarray(np.linalg.inv(whole), dtype=float)[np.ix_(self.places, self.places)]
+
+    def worth(self, evidence: Evidence) -> float:
+        """At the fit."""
+        before, after = (np.linalg.slogdet(self.covariance(one))[1] for one in (None, evidence))
+        return float(before - after)
+
+    def promise(self, evidence: Evidence) -> float:
+        """Never so sure that no further record is worth it."""
+        return 0.0

@@ -1,0 +1,141 @@
+"""How far apart two rivals are in a record once one of them has been refitted, and what a record teaches.
+
+With Δ the whitened difference of what two rivals predict, J the derivatives of the second one's common
+parameters and L those of what the record has of its own, scaled to one standard deviation of its prior,
+
+    P = 1 − L·(1 + LᵀL)⁻¹·Lᵀ            what the record's own unknowns leave
+    D = ΔᵀPΔ − bᵀ·(I + JᵀPJ)⁻¹·b,       b = JᵀPΔ
+
+with I the information that the data so far have on the second one. All of it adds up over records but for the
+last step, so that the D of any set of records is that of their sums (`Evidence`).
+
+Source: W. G. Hunter, A. M. Reiner, Technometrics 7 (1965) 307, for the difference; profiled over what is
+refitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Response:
+    """What one rival says of one record, whitened.
+
+    Attributes
+    ----------
+    predicted: (rows).
+    shared: (rows, p) derivatives by its common parameters, each times its typical size.
+    own: (rows, l) by what the record has of its own, each times the standard deviation of its prior.
+    """
+
+    predicted: Floats
+    shared: Floats
+    own: Floats
+
+    def left(self, columns: Floats) -> Floats:
+        """``P·columns``: what the record's own unknowns cannot imitate."""
+        if not self.own.shape[1]:
+            return columns
+        inner = np.eye(self.own.shape[1]) + self.own.T @ self.own
+        return columns - self.own @ np.linalg.solve(inner, self.own.T @ columns)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What records say of k rivals.
+
+    Attributes
+    ----------
+    squares: (k, k) ``ΔᵀPΔ`` with P of the second, the one that is refitted.
+    slopes: of each second rival, (k, p) ``JᵀPΔ`` by the first.
+    information: of each rival, (p, p) ``JᵀPJ``.
+    """
+
+    squares: Floats
+    slopes: tuple[Floats, ...]
+    information: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, responses: Sequence[Response]) -> Evidence:
+        """Of one record, by every rival's response to it."""
+        predicted = np.stack([one.predicted for one in responses], axis=1)
+        squares = np.zeros((len(responses), len(responses)))
+        slopes, information = [], []
+        for j, rival in enumerate(responses):
+            differences = predicted - rival.predicted[:, None]
+            left = rival.left(np.hstack([differences, rival.shared]))
+            count = len(responses)
+            squares[:, j] = np.einsum("nk,nk->k", differences, left[:, :count])
+            slopes.append(differences.T @ left[:, count:])
+            information.append(rival.shared.T @ left[:, count:])
+        return cls(squares, tuple(slopes), tuple(information))
+
+    @classmethod
+    def total(cls, found: Iterable[Evidence]) -> Evidence:
+        """Of several records together."""
+        every = list(found)
+        return cls(
+            np.sum([one.squares for one in every], axis=0),
+            tuple(np.sum(each, axis=0) for each in zip(*(one.slopes for one in every), strict=True)),
+            tuple(np.sum(each, axis=0) for each in zip(*(one.information for one in every), strict=True)),
+        )
+
+    def __add__(self, other: Evidence) -> Evidence:
+        return Evidence.total((self, other))
+
+    def scaled(self, factor: float) -> Evidence:
+        """So many times of it; 0 is no record at all."""
+        return Evidence(
+            factor * self.squares,
+            tuple(factor * one for one in self.slopes),
+            tuple(factor * one for one in self.information),
+        )
+
+    def distances(self, known: Sequence[Floats]) -> Floats:
+        """(k, k) D of the first from the second, which is refitted; `known` is I of each, (p, p)."""
+        found = self.squares.copy()
+        for j, (slopes, information) in enumerate(zip(self.slopes, self.information, strict=True)):
+            if slopes.shape[1]:
+                solved = np.linalg.solve(known[j] + information, slopes.T)
+                found[:, j] -= np.einsum("kp,pk->k", slopes, solved)
+        return np.maximum(found, 0.0)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """How a rival that knows the data so far takes up what new records show: ``S = 1 + A·Aᵀ``.
+
+    A holds the derivatives of all its unknowns there, each times one standard deviation of what is known of
+    it: S is the covariance of what it predicts of the records, in units of the noise.
+
+    Attributes
+    ----------
+    columns: A, (rows, unknowns).
+    """
+
+    columns: Floats
+
+    @classmethod
+    def of(cls, responses: Sequence[Response], known: Floats) -> Refit:
+        """Of new records together: the common parameters are the same in all, the records' own are not."""
+        root = np.linalg.cholesky(np.linalg.inv(known)) if known.size else np.zeros((0, 0))
+        shared = np.vstack([one.shared for one in responses]) @ root
+        rows = [one.predicted.size for one in responses]
+        own = np.zeros((sum(rows), sum(one.own.shape[1] for one in responses)))
+        row = column = 0
+        for one, count in zip(responses, rows, strict=True):
+            own[row : row + count, column : column + one.own.shape[1]] = one.own
+            row, column = row + count, column + one.own.shape[1]
+        return cls(np.hstack([shared, own]))
+
+    def left(self, differences: Floats) -> Floats:
+        """``S⁻¹·Δ``, for (rows) or (rows, k)."""
+        inner = np.eye(self.columns.shape[1]) + self.columns.T @ self.columns
+        return differences - self.columns @ np.linalg.solve(inner, self.columns.T @ differences)

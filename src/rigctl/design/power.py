@@ -1,0 +1,100 @@
+"""The chance that a verdict names the right one, and that an effect is seen at all.
+
+The gain of 2·ln L by new records is about normal. Were the first of two rivals right at parameters θ, and Δ
+and δ what θ predicts less what the second and the first one predict at their fits,
+
+    D = Δᵀ·S₂⁻¹·Δ − δᵀ·S₁⁻¹·δ          V = |S₂⁻¹·Δ − S₁⁻¹·δ|²          gain ~ N(D, 4·V)
+
+as both are refitted. Where the data so far leave no doubt of θ, V = D.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION, REFIT_SCATTER, TOLERANCE
+from rigctl.design.information import Refit
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """The gain of 2·ln L at draws of what is right.
+
+    Attributes
+    ----------
+    mean: (draws) D.
+    variance: (draws) V, a quarter of the gain's variance.
+    """
+
+    mean: Floats
+    variance: Floats
+
+    def scaled(self, factor: float) -> Gain:
+        """For noise whose variance is `factor` times as large."""
+        return Gain(self.mean / factor, self.variance / factor)
+
+
+def gain(truths: Floats, right: Floats, rival: Floats, refit_right: Refit, refit_rival: Refit) -> Gain:
+    """The gain at each draw.
+
+    Parameters
+    ----------
+    truths: (rows, draws) what draws of the right one predict, whitened.
+    right, rival: (rows) what the two predict at their fits.
+    """
+    away, from_fit = truths - rival[:, None], truths - right[:, None]
+    left, left_right = refit_rival.left(away), refit_right.left(from_fit)
+    mean = np.einsum("nk,nk->k", away, left) - np.einsum("nk,nk->k", from_fit, left_right)
+    return Gain(mean, np.einsum("nk->k", np.square(left - left_right)))
+
+
+def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LEAST_DIFFERENCE) -> float:
+    """The chance that a verdict tells two rivals apart: ``P = Φ((L₀ + D − t)/(2·√V))``, the mean over draws.
+
+    A verdict asks for odds, t, and for a separation d of the two, which is expected to be ``√(D₀ + D)/2``;
+    where that is too small, for what the refits' own separation needs.
+
+    Parameters
+    ----------
+    margin: L₀, mBIC of the rival less that of the right one, so far.
+    so_far: D₀, of the data so far.
+    threshold: t.
+    """
+    from scipy.special import ndtr
+
+    expected = 0.5 * np.sqrt(np.maximum(so_far + gained.mean, 0.0))
+    by_refit = (2.0 * LEAST_SEPARATION + REFIT_SCATTER * 2.0) ** 2
+    asked = np.where(expected >= LEAST_SEPARATION, threshold, max(threshold, by_refit))
+    ahead = margin + gained.mean - asked
+    spread = 2.0 * np.sqrt(np.maximum(gained.variance, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        deviates = np.where(spread > 0.0, ahead / spread, np.where(ahead >= 0.0, math.inf, -math.inf))
+    return float(np.mean(ndtr(deviates)))
+
+
+def threshold_of(explained: float) -> float:
+    """t: the margin that a verdict asks for where an effect explains so much, in χ²: a difference within the
+    tolerance of its law tells nothing."""
+    return max(LEAST_DIFFERENCE, TOLERANCE**2 * explained)
+
+
+def seen(noncentrality: float | Floats, parameters: int, library: int) -> float:
+    """The chance that an effect stands out of a library: the power of χ² at the family-wise level.
+
+    Parameters
+    ----------
+    noncentrality: λ², of one or of several draws.
+    parameters: of the effect.
+    library: K, how many effects are looked through.
+    """
+    from scipy.stats import chi2, ncx2
+
+    asked = chi2.isf(ALPHA / max(library, 1), parameters)
+    values = np.maximum(np.atleast_1d(np.asarray(noncentrality, dtype=float)), 1e-12)
+    return float(np.mean(ncx2.sf(asked, parameters, values)))

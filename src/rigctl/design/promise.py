@@ -1,0 +1,148 @@
+"""What a set of records promises, over draws of what may be right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.criterion import Discrimination
+from rigctl.design.feasible import clear_of_limits
+from rigctl.design.information import Evidence, Refit
+from rigctl.design.power import Gain, gain
+from rigctl.design.result import Outlook
+from rigctl.design.rivals import Rival
+from rigctl.design.search import Proposal, together
+from rigctl.design.virtual_records import Outlines
+from rigctl.rig.rig import Rig
+
+Floats = NDArray[np.float64]
+
+#: draws of each rival's parameters
+DRAWS = 100
+#: a rival less probable than this share is not drawn from: as a truth it counts for nothing
+_COUNTS = 1e-3
+
+
+def drawn(rival: Rival, covariance: Floats, seed: int, count: int = DRAWS) -> Floats:
+    """(draws, p) common unknowns, SI, from their posterior, kept inside their bounds.
+
+    `covariance` is of the unknowns over their typical sizes, for noise as it is stated; it is widened by the
+    rival's overdispersion.
+    """
+    rng = np.random.default_rng(seed)
+    values, vectors = np.linalg.eigh(covariance * rival.overdispersion)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    away = rng.standard_normal((count, values.size)) @ root.T * rival.sizes
+    shared = rival.fit.problem.shared
+    low, high = np.array([u.lower for u in shared]), np.array([u.upper for u in shared])
+    return np.asarray(np.clip(rival.fit.values + away, low, high))
+
+
+@dataclass
+class Draws:
+    """What draws of every rival predict of proposals; each is simulated once.
+
+    Attributes
+    ----------
+    information: of each rival's common unknowns, scaled; `covariances` are its inverses.
+    """
+
+    rivals: Sequence[Rival]
+    information: Sequence[Floats]
+    covariances: Sequence[Floats]
+    seed: int
+    count: int = DRAWS
+    _outputs: dict[tuple[int, int], Floats] = field(default_factory=dict)
+    _kept: list[Proposal] = field(default_factory=list)
+
+    def outputs(self, place: int, proposal: Proposal) -> Floats:
+        """(draws, n, outputs) SI of one rival; NaN where a draw has no value."""
+        key = (place, id(proposal))
+        if key not in self._outputs:
+            self._kept.append(proposal)  # its identity stays its own
+            self._outputs[key] = self._simulated(place, proposal)
+        return self._outputs[key]
+
+    def _simulated(self, place: int, proposal: Proposal) -> Floats:
+        rival = self.rivals[place]
+        outlines = Outlines(rival, [proposal.scene.record])
+        values = drawn(rival, self.covariances[place], self.seed + place, self.count)
+        courses = outlines.at_draws(values)
+        found = np.full((self.count, *proposal.scene.record.values.shape), np.nan)
+        for k, failure in enumerate(courses.failures):
+            if failure is None:
+                found[k] = outlines.seen(courses.outputs[k])
+        return found
+
+    def keeps_clear(self, rig: Rig, proposal: Proposal) -> bool:
+        """Whether every draw of every rival that counts stays clear of every limit."""
+        scene = proposal.scene
+        channels = self.rivals[0].fit.problem.measurements.outputs
+        for place, rival in enumerate(self.rivals):
+            if rival.weight < _COUNTS:
+                continue
+            for outputs in self.outputs(place, proposal):
+                if not np.isfinite(outputs).all():
+                    return False
+                if not clear_of_limits(rig, channels, scene.record.times, outputs, scene.sigma):
+                    return False
+        return True
+
+    def gain(self, pair: tuple[int, int], chosen: Sequence[Proposal]) -> Gain:
+        """Of records together, were the first of the pair right."""
+        truth = pair[0]
+        responses = [one.scene.responses for one in chosen]
+        refits = [Refit.of([each[place] for each in responses], self.information[place]) for place in pair]
+        fits = [np.concatenate([each[place].predicted for each in responses]) for place in pair]
+        truths = np.vstack(
+            [one.scene.whitener(np.moveaxis(self.outputs(truth, one), 0, 2)) for one in chosen]
+        )
+        whole = np.isfinite(truths).all(axis=0)
+        found = gain(truths[:, whole], fits[0], fits[1], refits[0], refits[1])
+        return found.scaled(self.rivals[truth].overdispersion)
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What some records come to.
+
+    Attributes
+    ----------
+    outlooks: of every pair.
+    separation: Σ w_i·min_j D_ij, the mean over draws.
+    probability: that what is right is told from all its rivals.
+    """
+
+    outlooks: tuple[Outlook, ...]
+    separation: float
+    probability: float
+
+
+def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Promise:
+    """What records promise together; no records, what the data so far do."""
+    nothing = Gain(np.zeros(1), np.zeros(1))
+    rivals = criterion.question.rivals
+    evidence: Evidence | None = together(chosen) if chosen else None
+    count = len(rivals)
+    distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
+    before = {pair: criterion.of_pair(pair, nothing, np.zeros((count, count))) for pair in criterion.pairs}
+    gains = {pair: draws.gain(pair, chosen) if chosen else nothing for pair in criterion.pairs}
+    after = {pair: criterion.of_pair(pair, gains[pair], distances) for pair in criterion.pairs}
+    outlooks = tuple(
+        Outlook(
+            truth=rivals[pair[0]].name,
+            rival=rivals[pair[1]].name,
+            margin=criterion.margins.margin(*pair),
+            threshold=criterion.margins.threshold(pair[0], distances),
+            separation=float(np.mean(gains[pair].mean)),
+            spread=float(np.std(gains[pair].mean)),
+            before=before[pair],
+            after=after[pair],
+        )
+        for pair in criterion.pairs
+    )
+    means = {pair: float(np.mean(one.mean)) for pair, one in gains.items()}
+    return Promise(outlooks, criterion.together(means), criterion.together(after))

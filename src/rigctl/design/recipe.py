@@ -1,0 +1,209 @@
+"""A record as a bench can be told to make it: the operating point, where it begins, what is done in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from rigctl.design.virtual_records import Course
+from rigctl.model.inputs import InputSource, input_values
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit, show
+
+#: what a step of a record does
+Verb = Literal["wait", "extend", "retract", "set"]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a record: a move or a wait for a time, or levels that hold for it.
+
+    Attributes
+    ----------
+    seconds: how long.
+    levels: of `set`, by actuator, SI.
+    """
+
+    verb: Verb
+    seconds: float
+    levels: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that is done for one record.
+
+    Attributes
+    ----------
+    temperature: that the oil, or what is heated, is brought to before, SI; None where no step does that.
+    pressure: that is set before, SI; None where no step does that.
+    before: levels that hold before the record, by actuator, SI.
+    rest: s that these hold.
+    steps: in the record.
+    rate: Hz.
+    """
+
+    steps: tuple[Step, ...]
+    rate: float
+    temperature: float | None = None
+    pressure: float | None = None
+    before: Mapping[str, float] = field(default_factory=dict)
+    rest: float = 0.0
+
+    @property
+    def length(self) -> float:
+        """s that are recorded."""
+        return sum(step.seconds for step in self.steps)
+
+    @property
+    def moves(self) -> bool:
+        """Whether something moves in it, which has to be brought home before."""
+        return any(step.verb in ("extend", "retract") for step in self.steps)
+
+    def settings(self, rig: Rig) -> dict[str, str]:
+        """The operating point by channel or actuator, as it is written."""
+        found = {}
+        for value, role in ((self.temperature, rig.roles.heat), (self.pressure, rig.roles.set_pressure)):
+            if value is not None and role is not None:
+                found[role.channel] = written(value, rig.channels[role.channel].unit)
+        for name, value in self.before.items():
+            found[name] = rig.actuators[name].show(value)
+        return found
+
+
+def written(value: float, unit: str) -> str:
+    """An SI value as a procedure states it."""
+    return show(value, unit, digits=6)
+
+
+def seconds(value: float) -> str:
+    """A time as a procedure states it."""
+    return f"{value:.6g} s"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where recipes are made: the rig, and what its commands mean to the model.
+
+    Attributes
+    ----------
+    sources: of the model's inputs, in order.
+    standing: values of the inputs that nothing commands, as they were in the data so far, SI.
+    readings: what channels first read in the record that recipes are built from, SI.
+    """
+
+    rig: Rig
+    sources: tuple[InputSource, ...]
+    standing: Mapping[str, float]
+    readings: Mapping[str, float]
+
+    def course(self, recipe: Recipe, label: str = "designed") -> Course:
+        """What acts on the model in a recipe's record, and what the channels first read."""
+        commands = self.commands_before(recipe)
+        times, rows = [0.0], [self.inputs(commands)]
+        clock = 0.0
+        for step in recipe.steps:
+            commands = commands | self._commanded(step)
+            row = self.inputs(commands)
+            if clock > 0.0 and not np.array_equal(row, rows[-1]):
+                times.append(clock)
+                rows.append(row)
+            elif clock == 0.0:
+                rows[0] = row
+            clock += step.seconds
+            commands = commands | self._after(step)
+        return Course(np.array(times), np.array(rows), clock, recipe.rate, self.first(recipe), label)
+
+    def standing_course(self, recipe: Recipe) -> Course:
+        """What acts before the record, while the levels hold; sampled at its beginning and its end."""
+        row = self.inputs(self.commands_before(recipe))
+        return Course(
+            np.zeros(1), np.array([row]), recipe.rest, 1.0 / recipe.rest, dict(self.readings), "rest"
+        )
+
+    def first(self, recipe: Recipe) -> dict[str, float]:
+        """What the channels first read: what was set, else what they read in the data so far."""
+        found = dict(self.readings)
+        roles = self.rig.roles
+        if recipe.temperature is not None and roles.heat is not None:
+            found[roles.heat.channel] = recipe.temperature
+        if recipe.pressure is not None and roles.set_pressure is not None:
+            self._scaled_to(found, roles.set_pressure.channel, recipe.pressure)
+        return found
+
+    def inputs(self, commands: Mapping[str, float]) -> list[float]:
+        """The model's inputs for the actuators' SI values."""
+        made = input_values(self.sources, commands)
+        return [
+            self.standing.get(source.input, value) if not source.actuators else value
+            for source, value in zip(self.sources, made, strict=True)
+        ]
+
+    def commands_before(self, recipe: Recipe) -> dict[str, float]:
+        """Every actuator as it stands when the record begins: safe, but for what was set."""
+        found = {
+            name: actuator.read(self.rig.safe_state[name].text) if name in self.rig.safe_state else 0.0
+            for name, actuator in self.rig.actuators.items()
+        }
+        role = self.rig.roles.set_pressure
+        if role is not None and recipe.pressure is not None:
+            found[role.actuator] = recipe.pressure
+        return found | dict(recipe.before)
+
+    def _commanded(self, step: Step) -> dict[str, float]:
+        if step.verb == "set":
+            return dict(step.levels)
+        role = {"extend": self.rig.roles.extend, "retract": self.rig.roles.retract}.get(step.verb)
+        if role is None:
+            return {}
+        return {role.actuator: self.rig.actuators[role.actuator].read(role.value.text)}
+
+    def _after(self, step: Step) -> dict[str, float]:
+        """A move ends with its actuator safe; a level stays."""
+        if step.verb not in ("extend", "retract"):
+            return {}
+        return {name: self.commands_before(Recipe((), 1.0))[name] for name in self._commanded(step)}
+
+    def _scaled_to(self, found: dict[str, float], channel: str, pressure: float) -> None:
+        """Pressures stand before a record in proportion to what is set."""
+        known = found.get(channel, 0.0)
+        for name, value in list(found.items()):
+            same = name in self.rig.channels and self.rig.channels[name].quantity == "pressure"
+            if same and name != channel and known > 0.0:
+                found[name] = value * pressure / known
+        found[channel] = pressure
+
+
+def rounded(value: float, unit: str, step: float) -> float:
+    """An SI value at a whole number of steps in the unit that it is written in."""
+    shown = parse_unit(unit)
+    return float(shown.to_si(round(shown.from_si(value) / step) * step))
+
+
+def lines_of(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
+    """What is done in the record, a line each, as a procedure says it without its dashes."""
+    found: list[str] = []
+    for step in recipe.steps:
+        if step.verb == "set":
+            found.append(f"set: {levels_text(step.levels, rig)}")
+            found.append(f"wait: {seconds(step.seconds)}")
+        else:
+            found.append(f"{step.verb}: {seconds(step.seconds)}")
+    return tuple(found)
+
+
+def levels_text(levels: Mapping[str, float], rig: Rig) -> str:
+    """Levels as a procedure states them: ``{heater_1: 40 %}``."""
+    return (
+        "{" + ", ".join(f"{name}: {rig.actuators[name].show(value)}" for name, value in levels.items()) + "}"
+    )
+
+
+def same_commands(one: Sequence[Step], other: Sequence[Step]) -> bool:
+    """Whether two records do the same things in the same order, however long each takes."""
+    return [(step.verb, tuple(step.levels)) for step in one] == [
+        (step.verb, tuple(step.levels)) for step in other
+    ]

@@ -1,0 +1,21 @@
+"""What a designed procedure calls the rig file of its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rigctl.dataset.run import Run
+from rigctl.project import find_project
+from rigctl.rig.rig import Rig
+
+
+def rig_reference(runs: Sequence[Run], rig: Rig) -> str:
+    """The path of the rig file as a procedure in the project names it; "" where it is no longer there."""
+    written = next((run.header.rig.path for run in runs if run.header.rig.path), "")
+    path = Path(written) if written else rig.path
+    if path is None or not path.is_file():
+        return ""
+    root = find_project().root
+    absolute = path.absolute()
+    return (absolute.relative_to(root) if absolute.is_relative_to(root) else absolute).as_posix()

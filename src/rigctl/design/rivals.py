@@ -1,0 +1,293 @@
+"""The explanations that the data so far leave: which they are, how probable, and what is known of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.candidates import Candidate, candidates, data_ranges
+from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Verdict
+from rigctl.analysis.levels import ODDS
+from rigctl.analysis.power import hidden_at_typical_size
+from rigctl.analysis.refit import RefittedSet, plain, refit
+from rigctl.analysis.search import effective_samples
+from rigctl.design.result import NONE, Aim, DesignRival
+from rigctl.engine.least_squares import Unknown
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.model.fit.fit import FitResult
+from rigctl.units import parse_unit
+
+Floats = NDArray[np.float64]
+
+#: rivals that are designed for, `none` among them; the least probable are left out
+MOST_RIVALS = 5
+#: a pair that somebody asked for counts no less than this
+_LEAST_WEIGHT = 0.1
+#: an effect that leads with this probability is taken for right: its parameters are what is left to know
+_WON = 0.95
+#: what is known of an unknown without a prior beside the data: so many of its typical sizes
+_VAGUE = 100.0
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation, fitted to all data so far.
+
+    Attributes
+    ----------
+    name: of the effect in question, or ``none``.
+    trial: the set of effects, refitted.
+    mbic: its criterion.
+    weight: its probability among the rivals.
+    """
+
+    name: str
+    trial: RefittedSet = field(repr=False)
+    mbic: float
+    weight: float
+
+    @property
+    def fit(self) -> FitResult:
+        """The model with its effects."""
+        return self.trial.fit
+
+    @property
+    def overdispersion(self) -> float:
+        """χ² for each degree of freedom, no less than 1."""
+        return max(1.0, self.fit.chi2_reduced)
+
+    @property
+    def sizes(self) -> Floats:
+        """(p) typical sizes of the common unknowns, SI: their derivatives are scaled by these."""
+        return np.array([unknown.size for unknown in self.fit.problem.shared])
+
+    def prior_information(self) -> Floats:
+        """(p, p) what was known of the common unknowns before any data, scaled by `sizes`."""
+        return np.diag([(unknown.size / _spread(unknown)) ** 2 for unknown in self.fit.problem.shared])
+
+    def described(self) -> DesignRival:
+        """As a result shows it."""
+        found = self.fit
+        return DesignRival(
+            name=self.name,
+            effects=self.trial.effects,
+            weight=self.weight,
+            parameters=_parameters(self.trial),
+            chi2=self.trial.chi2,
+            chi2_reduced=found.chi2_reduced,
+            std=found.std,
+        )
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of the next experiment.
+
+    Attributes
+    ----------
+    aim: what it is for.
+    rivals: the most probable first.
+    pairs: (truth, rival) places of the rivals that are to be told apart.
+    library: K, how many effects were looked through.
+    """
+
+    aim: Aim
+    rivals: tuple[Rival, ...]
+    pairs: tuple[tuple[int, int], ...]
+    library: int
+
+
+def question_of(diagnosis: Diagnosis, separate: tuple[str, str] | None = None) -> Question:
+    """What a diagnosis leaves open.
+
+    Raises
+    ------
+    RigctlError
+        nothing; or `separate` names no effect of the library.
+    """
+    if separate is not None:
+        return _asked(diagnosis, separate)
+    classes = [names for names in diagnosis.classes if len(names) > 1]
+    if classes:
+        return _between(diagnosis, "discrimination", {name for names in classes for name in names})
+    if diagnosis.verdict is Verdict.MISSING_EFFECT and _leads(diagnosis):
+        best = _rival_of(diagnosis, diagnosis.effects[0], diagnosis.best)
+        return Question("precision", (best,), (), _library(diagnosis))
+    if diagnosis.verdict is Verdict.ADEQUATE:
+        return _unseen(diagnosis)
+    likely = [one.effect for one in diagnosis.ranking if one.probability > 1.0 / ODDS]
+    tried = {name for trial in diagnosis.trials for name in trial.effects}
+    return _between(
+        diagnosis, "discrimination", {*diagnosis.best.effects, *(n for n in likely if n in tried)}
+    )
+
+
+def _leads(diagnosis: Diagnosis) -> bool:
+    of = {one.effect: one.probability for one in diagnosis.ranking}
+    return all(of.get(name, 0.0) >= _WON for name in diagnosis.effects)
+
+
+def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question:
+    """Each of `names` in its best set, and the model without: all against all that are not told apart yet."""
+    found = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
+    found.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
+    rivals = _weighed(found)
+    if len(rivals) < 2 or not names:
+        raise _nothing_left(diagnosis)
+    open_names = {*names} | ({NONE} if diagnosis.verdict is not Verdict.AMBIGUOUS else set())
+    pairs = [
+        (i, j)
+        for i, one in enumerate(rivals)
+        for j, other in enumerate(rivals)
+        if i != j and {one.name, other.name} <= open_names and one.trial is not other.trial
+    ]
+    return Question(aim, rivals, tuple(pairs), _library(diagnosis))
+
+
+def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
+    """Two that somebody wants told apart, whatever the diagnosis says of them."""
+    known = [NONE, *dict.fromkeys(one.name for one in _candidates(diagnosis))]
+    for name in separate:
+        if name not in known:
+            raise unknown_name("effect", name, known)
+    if separate[0] == separate[1]:
+        raise RigctlError("an effect cannot be told from itself", value=separate[0], expected="two names")
+    found = []
+    for name in separate:
+        trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name)
+        found.append(_rival_of(diagnosis, name, trial))
+    rivals = _weighed(found, least=_LEAST_WEIGHT)
+    return Question("discrimination", rivals, ((0, 1), (1, 0)), _library(diagnosis))
+
+
+def _unseen(diagnosis: Diagnosis) -> Question:
+    """Effects that might be there at their usual size without being seen: each against none."""
+    hidden = hidden_at_typical_size(diagnosis.before.projected)
+    silent = set(diagnosis.before.screening.untestable)
+    scores = sorted(diagnosis.before.screening.scores, key=lambda one: one.p_value)
+    names = [one.effect for one in scores if one.effect in hidden and one.effect not in silent]
+    found = [_rival_of(diagnosis, NONE, plain(diagnosis.before.fit))]
+    for name in names[: MOST_RIVALS - 1]:
+        trial = _at_usual_size(diagnosis, name)
+        if trial is not None:
+            found.append(_rival_of(diagnosis, name, trial))
+    if len(found) < 2:
+        raise _nothing_left(diagnosis)
+    share = 1.0 / (len(found) - 1)
+    rivals = tuple(Rival(one.name, one.trial, one.mbic, 0.0 if one.name == NONE else share) for one in found)
+    return Question("detection", rivals, tuple((k, 0) for k in range(1, len(rivals))), _library(diagnosis))
+
+
+def _nothing_left(diagnosis: Diagnosis) -> RigctlError:
+    return RigctlError(
+        f"nothing is left to tell apart: {diagnosis.title.lower()}",
+        value=diagnosis.model,
+        hint="'--separate A,B' designs for two effects of your choice",
+    )
+
+
+def _trial_of(diagnosis: Diagnosis, name: str) -> RefittedSet:
+    """The best of the sets in which an effect stands; fitted now where none was."""
+    base = set(diagnosis.best.effects)
+    holding = [one for one in (diagnosis.best, *diagnosis.trials) if name in one.effects]
+    beside = [one for one in holding if len({*one.effects} - base - {name}) == 0] or holding
+    if beside:
+        samples, library = _price(diagnosis)
+        return min(beside, key=lambda one: one.mbic(samples, library))
+    chosen = [one for one in _candidates(diagnosis) if one.name == name]
+    fitted = [refit(diagnosis.before.fit, [one]) for one in chosen]
+    good = [one for one in fitted if one is not None]
+    if not good:
+        raise RigctlError(f"the model cannot be fitted with {name}", value=diagnosis.model)
+    return min(good, key=lambda one: one.chi2)
+
+
+def _without(diagnosis: Diagnosis, names: Collection[str]) -> RefittedSet:
+    """The best set that has none of `names`."""
+    samples, library = _price(diagnosis)
+    rest = {*diagnosis.best.effects} - {*names}
+    kept = [one for one in diagnosis.trials if {*one.effects} == rest] if rest else []
+    return min([plain(diagnosis.before.fit), *kept], key=lambda one: one.mbic(samples, library))
+
+
+def _at_usual_size(diagnosis: Diagnosis, name: str) -> RefittedSet | None:
+    """An effect at its usual size in the model as it was fitted, not refitted: nothing is seen of it.
+
+    None where the model has no value there.
+    """
+    candidate = next(one for one in _candidates(diagnosis) if one.name == name)
+    fitted = diagnosis.before.fit
+    sizes = {column.partition(".")[2]: candidate.parameter(column).start for column in candidate.columns}
+    shapes = {column.partition(".")[2]: value for column, value in candidate.shapes.items()}
+    try:
+        problem = fitted.problem.rebuilt(fitted.model.with_effect(candidate.effect, {**shapes, **sizes}))
+    except RigctlError:
+        return None
+    known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
+    values = np.array([known.get(unknown.name, unknown.start) for unknown in problem.shared])
+    simulated = problem.simulate(values, fitted.local)
+    if not simulated.ok:
+        return None
+    outputs = tuple(np.take(array, problem.channels, axis=1) for array in simulated.outputs)
+    at_size = FitResult(problem, fitted.fitted, None, values, fitted.local, outputs)
+    return RefittedSet((candidate,), at_size, plain(fitted).chi2, len(candidate.columns))
+
+
+def _rival_of(diagnosis: Diagnosis, name: str, trial: RefittedSet) -> Rival:
+    return Rival(name, trial, trial.mbic(*_price(diagnosis)), 1.0)
+
+
+def _weighed(found: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ...]:
+    """With ``exp(−ΔmBIC/2)`` as weights, the most probable first, and no more than `MOST_RIVALS`."""
+    best = min(one.mbic for one in found)
+    factor = min(found, key=lambda one: one.mbic).overdispersion
+    weights = [max(math.exp(-0.5 * min((one.mbic - best) / factor, 1400.0)), least) for one in found]
+    total = sum(weights)
+    made = [
+        Rival(one.name, one.trial, one.mbic, weight / total)
+        for one, weight in zip(found, weights, strict=True)
+    ]
+    return tuple(sorted(made, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS])
+
+
+def _candidates(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
+    before = diagnosis.before
+    model = before.fit.problem.model
+    return candidates(model, before.excluded, data_ranges(model.family, before.whole.measurements))
+
+
+def _library(diagnosis: Diagnosis) -> int:
+    return len({candidate.name for candidate in diagnosis.before.linearisation.candidates})
+
+
+def _price(diagnosis: Diagnosis) -> tuple[float, int]:
+    """What mBIC asks: the effective sample size, and the number of effects looked through."""
+    return effective_samples(diagnosis.before.fit), _library(diagnosis)
+
+
+def _spread(unknown: Unknown) -> float:
+    """What is known of an unknown beside the data, as a standard deviation."""
+    if unknown.prior is not None:
+        return unknown.prior.std
+    width = unknown.upper - unknown.lower
+    return min(_VAGUE * unknown.size, width) if math.isfinite(width) else _VAGUE * unknown.size
+
+
+def _parameters(trial: RefittedSet) -> dict[str, FoundParameter]:
+    found = {}
+    for candidate in trial.candidates:
+        for column in candidate.columns:
+            declared = candidate.parameter(column)
+            unit = parse_unit(declared.unit)
+            value, std = trial.value(column)
+            found[column] = FoundParameter(
+                unit.from_si(value, difference=declared.difference),
+                declared.unit,
+                std / unit.factor,
+                declared.unusual(value),
+            )
+    return found

@@ -1,0 +1,300 @@
+"""What may be varied: recipes of one kind as functions of a few free numbers, built from records so far.
+
+A bench that moves is told in the order that it was told before, and in orders that begin or end elsewhere;
+one that is set to levels is given staircases of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.recipe import Recipe, Stage, Step, Verb, rounded
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.inputs import InputSource, input_sources
+from rigctl.model.measured.groups import first_reading
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit
+
+Floats = NDArray[np.float64]
+
+#: a step is varied from this share of the shortest one taken so far to this multiple of the longest
+_SHORTER, _LONGER = 0.5, 2.0
+#: a time is written to this share of the shortest step
+_ROUNDING = 0.05
+#: levels of a staircase
+_LEVELS = 4
+#: of a level's range, and of a time's digits: what is written is what is simulated
+_PARTS = 100.0
+#: the moves of a record, and those of others that a bench which can make them can make too
+_MOVES: tuple[tuple[Verb, ...], ...] = (
+    ("wait", "extend", "wait", "extend", "wait", "retract"),
+    ("wait", "extend", "wait", "retract", "wait", "extend", "wait"),
+)
+
+
+@dataclass(frozen=True)
+class Free:
+    """A number that may be varied.
+
+    Attributes
+    ----------
+    low, high: SI.
+    unit, step: it is written in whole numbers of steps in this unit.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    step: float
+
+    def at(self, share: float) -> float:
+        """SI, at a share of the way from `low` to `high`, as it would be written."""
+        return min(
+            max(rounded(self.low + share * (self.high - self.low), self.unit, self.step), self.low), self.high
+        )
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Recipes of one kind.
+
+    Attributes
+    ----------
+    name: for people.
+    free: what is varied.
+    build: a recipe of the free numbers, SI.
+    """
+
+    name: str
+    free: tuple[Free, ...]
+    build: Callable[[Mapping[str, float]], Recipe]
+
+    def recipe(self, point: Sequence[float]) -> Recipe:
+        """At a point of the unit cube."""
+        return self.build({one.name: one.at(float(x)) for one, x in zip(self.free, point, strict=True)})
+
+
+def stage_of(fit: FitResult, rig: Rig) -> Stage:
+    """Where records are made, standing as it stood in the data so far."""
+    problem = fit.problem
+    model, measurements = problem.model, problem.measurements
+    given = {name: value for name, value in model.values.items() if name in measurements.inputs}
+    sources = input_sources(model.family, rig, given)
+    standing = {
+        name: float(np.median([np.median(record.input_course(k)) for record in measurements.records]))
+        for k, name in enumerate(measurements.inputs)
+    }
+    first = measurements.records[fit.fitted[0]]
+    readings = {
+        name: first_reading(first, k)
+        for k, name in enumerate(measurements.outputs)
+        if math.isfinite(first_reading(first, k))
+    }
+    return Stage(rig, sources, standing, readings)
+
+
+def schemes_of(stage: Stage, records: Sequence[MeasuredRecord]) -> tuple[Scheme, ...]:
+    """The kinds of records that the rig can make.
+
+    Raises
+    ------
+    RigctlError
+        nothing on the rig sets the conditions of a record.
+    """
+    moving = any(source.actuators for source in _moves(stage))
+    found = tuple(_move_schemes(stage, records) if moving else _level_schemes(stage, records))
+    if not found:
+        raise RigctlError(
+            f"no condition of the rig '{stage.rig.name}' can be set: it has no actuator that the model knows",
+            hint="'--sensors' says which sensor would tell the rivals apart",
+        )
+    return found
+
+
+def _moves(stage: Stage) -> list[InputSource]:
+    roles = stage.rig.roles
+    names = {role.actuator for role in (roles.extend, roles.retract) if role is not None}
+    return [one for one in stage.sources if any(name in names for name, _ in one.actuators)]
+
+
+# --- benches that move
+
+
+def _move_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[Scheme]:
+    taken = {
+        tuple(step.verb for step in steps): steps for steps in map(_moves_taken(stage), records) if steps
+    }
+    if not taken:
+        return
+    lengths = _lengths([step for steps in taken.values() for step in steps])
+    rate = max(_rate(record) for record in records)
+    verbs = {verb for order in taken for verb in order}
+    others = [order for order in _MOVES if set(order) <= verbs and order not in taken]
+    for order in (*taken, *others):
+        yield _move_scheme(stage, order, lengths, rate)
+
+
+def _move_scheme(
+    stage: Stage, order: Sequence[Verb], lengths: Mapping[Verb, tuple[float, float]], rate: float
+) -> Scheme:
+    times = [_time(f"{verb} {k + 1}", *lengths[verb]) for k, verb in enumerate(order)]
+
+    def build(values: Mapping[str, float]) -> Recipe:
+        steps = tuple(Step(verb, values[f"{verb} {k + 1}"]) for k, verb in enumerate(order))
+        return Recipe(steps, rate, values.get("temperature"), values.get("pressure"))
+
+    return Scheme(", ".join(order), (*_operating_point(stage), *times), build)
+
+
+def _moves_taken(stage: Stage) -> Callable[[MeasuredRecord], list[Step]]:
+    """What a record's commands were, as steps."""
+    names = [source.input for source in stage.sources]
+    (move,) = _moves(stage)[:1]
+    place = names.index(move.input)
+
+    def steps_of(record: MeasuredRecord) -> list[Step]:
+        ends = [*record.switch_times[1:].tolist(), float(record.times[-1])]
+        found: list[Step] = []
+        for begin, end, row in zip(record.switch_times.tolist(), ends, record.inputs, strict=True):
+            value = float(row[place])
+            verb: Verb = "extend" if value > 0.0 else "retract" if value < 0.0 else "wait"
+            length = end - max(begin, 0.0)
+            if found and found[-1].verb == verb:
+                found[-1] = replace(found[-1], seconds=found[-1].seconds + length)
+            elif length > 0.0:
+                found.append(Step(verb, length))
+        return found
+
+    return steps_of
+
+
+def _lengths(steps: Sequence[Step]) -> dict[Verb, tuple[float, float]]:
+    """The shortest and the longest time of each verb."""
+    found: dict[Verb, tuple[float, float]] = {}
+    for step in steps:
+        low, high = found.get(step.verb, (math.inf, 0.0))
+        found[step.verb] = (min(low, _SHORTER * step.seconds), max(high, _LONGER * step.seconds))
+    return found
+
+
+def _time(name: str, low: float, high: float) -> Free:
+    step = 10.0 ** math.floor(math.log10(max(low, 1e-3) * _ROUNDING * 10.0))
+    return Free(name, max(low, step), high, "s", step)
+
+
+# --- benches that are set to levels
+
+
+def _level_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[Scheme]:
+    levels = _levels(stage)
+    point = _operating_point(stage)
+    if not levels and not point:
+        return
+    longest = max(float(record.times[-1] - record.times[0]) for record in records)
+    dwell = max(_dwells(records), default=longest)
+    rate = max(_rate(record) for record in records)
+    time = _time("dwell", _SHORTER * dwell / _LEVELS, dwell)
+    yield _staircase(stage, levels, point, time, rate, rest=dwell if levels else 0.0)
+
+
+def _staircase(
+    stage: Stage, levels: Sequence[Free], point: Sequence[Free], time: Free, rate: float, rest: float
+) -> Scheme:
+    free = [replace(one, name=f"{one.name} {k}") for k in range(_LEVELS + 1) for one in levels]
+
+    def build(values: Mapping[str, float]) -> Recipe:
+        stairs = [{one.name: values[f"{one.name} {k}"] for one in levels} for k in range(_LEVELS + 1)]
+        verb: Verb = "set" if levels else "wait"
+        steps = tuple(Step(verb, values["dwell"], stair) for stair in stairs[1:])
+        point = values.get("temperature"), values.get("pressure")
+        return Recipe(steps, rate, *point, before=stairs[0], rest=rest)
+
+    return Scheme("staircase", (*point, *free, time), build)
+
+
+def _levels(stage: Stage) -> list[Free]:
+    """The levels that a procedure can set while a record goes on; what a role sets is set before it."""
+    roles = stage.rig.roles
+    before = {role.actuator for role in (roles.heat, roles.set_pressure) if role is not None}
+    found = []
+    for name in dict.fromkeys(name for source in stage.sources for name, _ in source.actuators):
+        actuator = stage.rig.actuators[name]
+        if name in before or actuator.kind == "directional_valve":
+            continue
+        low, high = (0.0, 1.0) if actuator.kind == "switch" else (actuator.low, actuator.high)
+        if low is None or high is None or not high > low:
+            continue
+        whole = actuator.kind == "switch"
+        unit = actuator.display_unit
+        width = (float(high) - float(low)) / parse_unit(unit).factor
+        found.append(Free(name, float(low), float(high), unit, 1.0 if whole else _digit(width / _PARTS)))
+    return found
+
+
+def _dwells(records: Sequence[MeasuredRecord]) -> list[float]:
+    """The longest time that each record's commands held."""
+    return [
+        float(np.max(np.diff([*record.switch_times.clip(min=0.0), record.times[-1]]))) for record in records
+    ]
+
+
+# --- the operating point
+
+
+def _operating_point(stage: Stage) -> list[Free]:
+    """What is brought about before a record: a temperature, a pressure."""
+    rig, inputs = stage.rig, {name for source in stage.sources for name, _ in source.actuators}
+    found = []
+    heat, pressure = rig.roles.heat, rig.roles.set_pressure
+    if heat is not None and heat.channel in stage.readings:
+        low, high = _allowed(rig, heat.channel, _coldest(rig), math.inf)
+        if math.isfinite(high) and high > low:
+            found.append(Free("temperature", low, high, rig.channels[heat.channel].unit, 1.0))
+    if pressure is not None and pressure.actuator in inputs:
+        actuator = rig.actuators[pressure.actuator]
+        if actuator.low is not None and actuator.high is not None:
+            low, high = _allowed(rig, pressure.channel, float(actuator.low), float(actuator.high))
+            width = (high - low) / parse_unit(actuator.display_unit).factor
+            found.append(Free("pressure", low, high, actuator.display_unit, _digit(width / _PARTS)))
+    return found
+
+
+def _coldest(rig: Rig) -> float:
+    """What the oil cools to by itself in a time worth waiting for."""
+    room = float(rig.constants.get("ambient_temperature", rig.simulation.ambient_temperature))
+    start = rig.simulation.initial.get(rig.roles.heat.channel) if rig.roles.heat is not None else None
+    return room if start is None else min(room, float(start))
+
+
+def _allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, float]:
+    """The part of a range in which no limit of the rig trips, and the channel can read."""
+    described = rig.channels[channel]
+    if described.range is not None:
+        low, high = max(low, float(described.range[0])), min(high, float(described.range[1]))
+    for limit in rig.limits.values():
+        if limit.channel != channel or limit.of_rate:
+            continue
+        low, high = (
+            (low, min(high, limit.threshold)) if limit.bound == "above" else (max(low, limit.threshold), high)
+        )
+    return low, high
+
+
+def _digit(width: float) -> float:
+    """The power of ten, or half of one, that is not larger than a width."""
+    power = 10.0 ** math.floor(math.log10(width))
+    return 5.0 * power if width >= 5.0 * power else power
+
+
+def _rate(record: MeasuredRecord) -> float:
+    """Samples per second."""
+    step = float(np.median(np.diff(record.times)))
+    return float(f"{1.0 / step:.3g}")

@@ -1,0 +1,80 @@
+"""What the data so far say of the rivals: how far they are apart in them, and what is known of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.information import Evidence, Response
+from rigctl.design.rivals import Rival
+from rigctl.design.virtual_records import predict, predicted_of
+from rigctl.errors import RigctlError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known before any new record.
+
+    Attributes
+    ----------
+    information: of each rival, (p, p), priors in it, by its common unknowns scaled by their typical sizes.
+    prior: the same without any data.
+    repeats: of each fitted record, what a repeat of it would say; None where a rival has no value.
+    """
+
+    information: tuple[Floats, ...]
+    prior: tuple[Floats, ...]
+    repeats: tuple[Evidence | None, ...]
+
+    @cached_property
+    def covariances(self) -> tuple[Floats, ...]:
+        """Of each rival's common unknowns, scaled."""
+        return tuple(np.asarray(np.linalg.inv(one), dtype=float) for one in self.information)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Of all repeats: as much as the data so far can be expected to say."""
+        return Evidence.total(one for one in self.repeats if one is not None)
+
+    @cached_property
+    def distances(self) -> Floats:
+        """(k, k) D₀ of the first rival from the second, in the data so far."""
+        return self.evidence.distances(self.prior)
+
+
+def known_so_far(rivals: Sequence[Rival]) -> Known:
+    """Linearise every rival at its fit to the data so far, what each record has of its own free in it."""
+    information = []
+    for rival in rivals:
+        data = [one.shared.T @ one.left(one.shared) for one in _responses(rival, rivals[0])]
+        information.append(rival.prior_information() + np.asarray(np.sum(data, axis=0), dtype=float))
+    fit = rivals[0].fit
+    scenes = predict(rivals, [fit.problem.records[k] for k in fit.fitted])
+    return Known(
+        tuple(information),
+        tuple(rival.prior_information() for rival in rivals),
+        tuple(None if scene is None else Evidence.of(scene.responses) for scene in scenes),
+    )
+
+
+def _responses(rival: Rival, first: Rival) -> list[Response]:
+    """Of every fitted record, in the noise of `first`."""
+    fit = rival.fit
+    problem = fit.problem.only(fit.fitted)
+    columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))
+    found = []
+    for part in problem.parts(len(columns) + len(problem.initial_names)):
+        local = [fit.local[fit.fitted[k]] for k in part]
+        courses = problem.only(part).simulate(fit.values, local, columns, initial=True)
+        if not courses.ok:
+            raise RigctlError(f"{rival.name} cannot be linearised: {courses.summary()}")
+        for place, k in enumerate(part):
+            whitener = first.fit.problem.whiteners[fit.fitted[k]]
+            found.append(predicted_of(rival, courses, place, problem.local[k]).response(whitener))
+    return found

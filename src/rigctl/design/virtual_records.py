@@ -1,0 +1,251 @@
+"""Records that nobody has taken yet, as every rival predicts them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.information import Response
+from rigctl.design.rivals import Rival
+from rigctl.engine.simulate import simulate
+from rigctl.engine.trajectories import Trajectories
+from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.unknowns import LocalUnknown, local_unknowns, start_values
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.plant import initial_state
+from rigctl.noise.whitening import Whitener, whiten
+
+Floats = NDArray[np.float64]
+
+#: what is known of an unknown of a record that has no prior: so many of its typical sizes
+_VAGUE = 100.0
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is done in a record: commands, and where the bench stands when it begins; all SI.
+
+    Attributes
+    ----------
+    switch_times: (k) s from its first sample; the first is not after it.
+    inputs: (k, inputs) from each of these times on.
+    length: s.
+    rate: Hz.
+    readings: what channels read at first, of those that are known.
+    label: what messages call it.
+    """
+
+    switch_times: Floats
+    inputs: Floats
+    length: float
+    rate: float
+    readings: Mapping[str, float]
+    label: str = "designed"
+
+    @property
+    def times(self) -> Floats:
+        """(n) of its samples."""
+        return np.arange(round(self.length * self.rate) + 1) / self.rate
+
+    def record(self, measurements: Measurements, group: int = 0) -> MeasuredRecord:
+        """As the analysis takes a record; of its readings only the first are known."""
+        times = self.times
+        values = np.full((times.size, len(measurements.outputs)), np.nan)
+        for k, name in enumerate(measurements.outputs):
+            values[0, k] = self.readings.get(name, np.nan)
+        return MeasuredRecord(
+            run="",
+            index=0,
+            label=self.label,
+            times=times,
+            switch_times=self.switch_times,
+            switch_half=np.zeros(self.switch_times.size),
+            inputs=self.inputs,
+            values=values,
+            condition={},
+            group=group,
+            phase=np.zeros(times.size, dtype=np.intp),
+            phases=("all",),
+        )
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """One record, as one rival predicts it.
+
+    Attributes
+    ----------
+    outputs: (n, outputs) SI.
+    slopes: (n, outputs, p) by the common unknowns, each times its typical size.
+    own: (n, outputs, l) by the record's own, each times the standard deviation of its prior.
+    scattering: the first so many of these vary from record to record: settings and zeros. The others, its
+        starts, are where the bench was brought to.
+    """
+
+    outputs: Floats
+    slopes: Floats = field(repr=False)
+    own: Floats = field(repr=False)
+    scattering: int
+
+    def response(self, whitener: Whitener) -> Response:
+        """Whitened."""
+        return Response(whitener(self.outputs), whitener(self.slopes), whitener(self.own))
+
+    def spread(self, covariance: Floats) -> Floats:
+        """(n, outputs) standard deviation of what is predicted, SI; `covariance` (p, p) of the scaled common
+        unknowns."""
+        common = np.einsum("nop,pq,noq->no", self.slopes, covariance, self.slopes)
+        scattered = self.own[:, :, : self.scattering]
+        return np.asarray(np.sqrt(np.maximum(common, 0.0) + np.square(scattered).sum(axis=2)))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One record with every rival's prediction, and the noise that its readings would have.
+
+    Attributes
+    ----------
+    record: its values are what the most probable rival predicts.
+    sigma: (n, outputs) SI.
+    """
+
+    record: MeasuredRecord = field(repr=False)
+    predicted: tuple[Predicted, ...]
+    whitener: Whitener = field(repr=False)
+    sigma: Floats = field(repr=False)
+
+    @property
+    def responses(self) -> list[Response]:
+        """Of every rival, whitened."""
+        return [one.response(self.whitener) for one in self.predicted]
+
+
+def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[Scene | None]:
+    """Every record with every rival; None where one of them has no value."""
+    first = Outlines(rivals[0], records)
+    courses = first.simulate()
+    good = [k for k, failure in enumerate(courses.failures) if failure is None]
+    expected = [replace(records[k], values=first.seen(courses.outputs[k])) for k in good]
+    if not expected:
+        return [None] * len(records)
+    noise = rivals[0].fit.problem.noise
+    whole = [np.ones(one.values.shape, dtype=bool) for one in expected]
+    sigma = [noise.sigma_at(one.values, one.times) for one in expected]
+    whiteners = [
+        whiten(noise, one.times, ok, one.values, sigma=own)
+        for one, ok, own in zip(expected, whole, sigma, strict=True)
+    ]
+    by_rival = [Outlines(rival, expected).predicted() for rival in rivals]
+    found: list[Scene | None] = [None] * len(records)
+    for place, k in enumerate(good):
+        every = [one[place] for one in by_rival]
+        if all(one is not None for one in every):
+            predicted = tuple(one for one in every if one is not None)
+            found[k] = Scene(expected[place], predicted, whiteners[place], sigma[place])
+    return found
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """One rival's equations on records that nobody has taken.
+
+    What a record has of its own is where it is expected to be: its zeros, settings and starts.
+    """
+
+    rival: Rival
+    records: Sequence[MeasuredRecord]
+
+    @property
+    def problem(self) -> Problem:
+        """The rival's model on these records, its common unknowns as they are known from the data so far."""
+        known = self.rival.fit.problem
+        model = known.model
+        measurements = replace(known.measurements, records=tuple(self.records))
+        alone = [replace(measurements, records=(one,)) for one in self.records]
+        used = [effect for effect in map(model.effect, model.effects) if effect.terms]
+        usual = initial_state(model.family, used)
+        starts = [
+            start_values(known.level, one, own, usual, model.values)
+            for one, own in zip(self.records, alone, strict=True)
+        ]
+        local = [
+            local_unknowns(known.level, one, own, found)
+            for one, own, found in zip(self.records, alone, starts, strict=True)
+        ]
+        names = known.compiled.system.state_names
+        return replace(
+            known,
+            measurements=measurements,
+            ok=tuple(np.ones(one.values.shape, dtype=bool) for one in self.records),
+            local=tuple(local),
+            starts=tuple(np.array([found[name] for name in names]) for found in starts),
+            whiteners=(),
+            sizes=None,
+            scatter=None,
+            extra=None,
+            grown=None,
+        )
+
+    def seen(self, outputs: Floats) -> Floats:
+        """(n, channels) of (n, outputs): those that are measured."""
+        return np.take(outputs, self.rival.fit.problem.channels, axis=1)
+
+    def simulate(self) -> Trajectories:
+        """At the fit, without derivatives."""
+        problem = self.problem
+        return problem.simulate(self.rival.fit.values, [_expected(own) for own in problem.local])
+
+    def at_draws(self, values: Floats) -> Trajectories:
+        """The first record at each of the common unknowns (draws, p) given, all at once."""
+        problem = self.problem
+        expected = _expected(problem.local[0])
+        return simulate(problem.compiled, [problem.excitation(0, one, expected) for one in values])
+
+    def predicted(self) -> list[Predicted | None]:
+        """With derivatives, in parts that fit into memory."""
+        problem = self.problem
+        columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))
+        found: list[Predicted | None] = []
+        for part in problem.parts(len(columns) + len(problem.initial_names)):
+            found += Outlines(self.rival, [self.records[k] for k in part]).with_derivatives(columns)
+        return found
+
+    def with_derivatives(self, columns: tuple[str, ...]) -> list[Predicted | None]:
+        """By these of its unknowns and by the records' starts, all at once."""
+        problem = self.problem
+        expected = [_expected(own) for own in problem.local]
+        courses = problem.simulate(self.rival.fit.values, expected, columns, initial=True)
+        return [
+            None if courses.failures[place] is not None else predicted_of(self.rival, courses, place, own)
+            for place, own in enumerate(problem.local)
+        ]
+
+
+def predicted_of(rival: Rival, courses: Trajectories, place: int, own: Sequence[LocalUnknown]) -> Predicted:
+    """One of the records that were simulated with derivatives; `own` are its own unknowns."""
+    at = {name: k for k, name in enumerate(courses.columns)}
+    problem = rival.fit.problem
+    slopes = np.take(courses.sensitivities[place], problem.channels, axis=1)
+    ordered = sorted(own, key=lambda one: not _scatters(one))
+    return Predicted(
+        np.take(courses.outputs[place], problem.channels, axis=1),
+        slopes[:, :, [at[unknown.name] for unknown in problem.shared]] * rival.sizes,
+        slopes[:, :, [at[one.name] for one in ordered]] * np.array([_known_to(one) for one in ordered]),
+        sum(map(_scatters, own)),
+    )
+
+
+def _scatters(one: LocalUnknown) -> bool:
+    return one.kind == "parameter" and one.unknown.prior is not None
+
+
+def _expected(own: Sequence[LocalUnknown]) -> Floats:
+    return np.array([one.unknown.start for one in own])
+
+
+def _known_to(one: LocalUnknown) -> float:
+    unknown = one.unknown
+    return _VAGUE * unknown.size if unknown.prior is None else unknown.prior.std

@@ -1,0 +1,156 @@
+"""The page's part on the next experiment: what each rival predicts of it, and what it promises."""
+
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+
+from rigctl.design.result import DesignResult, DesignRival, Prediction, SensorSet
+from rigctl.design.words import share
+from rigctl.planning.outline import clock_time
+from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.numbers import symbol
+from rigctl.report.plot import Look, Panel, Plot, Trace
+from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.signals import plain_name
+
+#: rivals that are drawn, the most probable first
+_DRAWN = 4
+#: a channel in which none of them differ by more, in sigmas, says nothing of them
+_SHOWS = 0.5
+
+
+def design_sections(found: DesignResult) -> list[Section]:
+    """The answer, the rivals, the records with what each rival predicts, the sensors, the procedure."""
+    plots = [record_plot(found, number) for number in range(len(found.records))]
+    chart = sensor_plot(found.sensors)
+    body = render(
+        "design.html",
+        found=found,
+        good=found.separable or found.aim == "precision",
+        chances=_chances(found),
+        rivals=[_rival(one) for one in found.rivals],
+        outlooks=found.outlooks,
+        share=share,
+        clock=clock_time,
+        records=[
+            {"number": number + 1, "record": one, "plot": plot_slot(plot), "caption": plot.caption}
+            for number, (one, plot) in enumerate(zip(found.records, plots, strict=True))
+        ],
+        sensors=[_sensor(one) for one in found.sensors],
+        chart=None if chart is None else plot_slot(chart),
+    )
+    drawn = (*plots, *([] if chart is None else [chart]))
+    return [Section("next-experiment", "What to measure next", body, drawn)]
+
+
+def _chances(found: DesignResult) -> Markup:
+    """The probability so far, and after each record."""
+    if found.aim == "precision" or not found.records:
+        return Markup()
+    shown = [Bar("now", found.before, share(found.before), "", 7)]
+    shown += [
+        Bar(f"with record {number}", one.after, share(one.after), "", 0)
+        for number, one in enumerate(found.records, start=1)
+    ]
+    return bars("Probability that a diagnosis names what is right, alone", shown)
+
+
+def _rival(one: DesignRival) -> dict[str, object]:
+    return {
+        "name": plain_name(one.name),
+        "weight": one.weight,
+        "chi2": one.chi2_reduced,
+        "parameters": ", ".join(
+            f"{name.partition('.')[2]} {value}" for name, value in one.parameters.items()
+        ),
+    }
+
+
+def record_plot(found: DesignResult, number: int) -> Plot:
+    """What the rivals predict of a record, with the noise of a reading around the first."""
+    record = found.records[number]
+    names = [one.name for one in found.rivals][:_DRAWN]
+    shown = [one for one in record.predictions if _differs(one, names)] or list(record.predictions[-1:])
+    panels = [_panel(one, names, named=k == 0) for k, one in enumerate(shown)]
+    if len(names) > 1:
+        panels += [_apart(one, names) for one in shown]
+    settings = ", ".join(f"{plain_name(name)} {value}" for name, value in record.settings.items())
+    caption = (
+        f"Record {number + 1}, at {settings}: what each rival predicts"
+        if settings
+        else (f"Record {number + 1}: what each rival predicts")
+    )
+    return Plot(f"next-{number + 1}", caption, "time in the record [s]", tuple(panels))
+
+
+def _differs(one: Prediction, names: list[str]) -> bool:
+    first = one.by_rival[names[0]]
+    return any(float(np.max(np.abs(one.by_rival[name] - first) / one.sigma)) > _SHOWS for name in names[1:])
+
+
+def _panel(one: Prediction, names: list[str], *, named: bool) -> Panel:
+    unit = symbol(one.unit)
+    traces = [
+        Trace(plain_name(name), one.times, one.by_rival[name], Look.LINE, k, unit, False, named)
+        for k, name in enumerate(names)
+    ]
+    first, band = one.by_rival[names[0]], 2.0 * one.sigma
+    traces.append(Trace("± 2 sigma of a reading", one.times, first + band, Look.LINE, 0, unit, True, named))
+    traces.append(Trace("", one.times, first - band, Look.LINE, 0, unit, True, False))
+    return Panel(f"{plain_name(one.channel)} [{unit}]", tuple(traces), height=1.2)
+
+
+def _apart(one: Prediction, names: list[str]) -> Panel:
+    """The others less the first, in units of the noise."""
+    first = one.by_rival[names[0]]
+    traces = tuple(
+        Trace(
+            plain_name(name),
+            one.times,
+            (one.by_rival[name] - first) / one.sigma,
+            Look.LINE,
+            k,
+            "sigma",
+            False,
+            False,
+        )
+        for k, name in enumerate(names)
+        if k
+    )
+    return Panel(f"{plain_name(one.channel)}, less {plain_name(names[0])} [sigma]", traces, height=1.0)
+
+
+def _sensor(one: SensorSet) -> dict[str, object]:
+    return {
+        "channels": " and ".join(map(plain_name, one.channels)),
+        "price": "" if one.price is None else f"{one.price:g} {one.currency}".strip(),
+        "told": f"{one.told} of {one.of}",
+        "separation": one.separation,
+        "probability": share(one.probability),
+    }
+
+
+def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:
+    """Pairs that are told apart over what the sensors cost; the line is the most for the money."""
+    priced = sorted((one for one in sensors if one.price is not None), key=lambda one: one.price or 0.0)
+    if not priced:
+        return None
+    currency = priced[0].currency
+    front: list[SensorSet] = []
+    for one in priced:
+        if not front or (one.told, one.probability) > (front[-1].told, front[-1].probability):
+            front.append(one)
+    traces = [
+        Trace("most for the money", *_points(front), Look.MARKED, 0),
+        *(
+            Trace(" and ".join(map(plain_name, one.channels)), *_points([one]), Look.POINTS, 1 + k % 6)
+            for k, one in enumerate(priced)
+        ),
+    ]
+    caption = "Pairs told apart with a probability of a half at least, over the price of the sensors"
+    return Plot("sensors", caption, f"price [{currency}]", (Panel("pairs told apart", tuple(traces), 1.6),))
+
+
+def _points(sets: list[SensorSet]) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([one.price or 0.0 for one in sets]), np.array([float(one.told) for one in sets])
