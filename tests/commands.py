@@ -11,6 +11,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+from json_page import undocumented
 from rigctl.cli.init import create_project
 from rigctl.cli.main import app
 from rigctl.errors import ExitCode, RigctlError
@@ -30,8 +31,9 @@ def told(*arguments: str) -> str:
 
 
 def answer(*arguments: str) -> dict[str, Any]:
-    """What a command answers to a program."""
+    """What a command answers to a program, in which no name is missing on the page of answers."""
     document: dict[str, Any] = json.loads(told(*arguments, "--json"))
+    assert undocumented(arguments, document) == set()
     return document
 
 

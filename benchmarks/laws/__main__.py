@@ -8,75 +8,17 @@ exponent by the linear problem and by the fit, and how far off the fit is in its
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-from scipy.integrate import solve_ivp
-
 from benchmarks.record import table
 
-FAMILY = """
-family: flywheel
-generic_effects: false
-states:
-  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (gain*drive - drag)/inertia}
-inputs: {drive: {value: 0 V}}
-parameters:
-  gain: {value: 0.05 N*m/V, bounds: [0.001 N*m/V, 1 N*m/V]}
-constants: {inertia: 2e-3 kg*m^2}
-slots:
-  drag: {unit: N*m, meaning: against the rotation}
-outputs: {speed: {unit: rad/s, formula: speed}}
-"""
-RIG = """
-name: flywheel
-model: flywheel.yaml
-channels: {speed: {unit: rad/s, quantity: other, noise: NOISE rad/s}}
-actuators: {drive: {kind: level, unit: V, low: -12 V, high: 12 V}}
-safe_state: {drive: 0 V}
-"""
-FAN = """
-effect: fan
-family: flywheel.yaml
-summary: The air drags with the square of the speed.
-slot: drag
-term: size*speed*absolute(speed, 0.1 rad/s)
-parameters:
-  size: {null_value: 0 N*m*s^2/rad^2, start: 1e-5 N*m*s^2/rad^2, bounds: [0 N*m*s^2/rad^2, 1 N*m*s^2/rad^2]}
-"""
-MODEL = """
-model: flywheel.yaml
-rig: rig.yaml
-own_effects: [fan.yaml]
-parameters: {gain: {value: 0.05 N*m/V, fit: true}}
-"""
-
-
-def write(folder: Path, exponent: float, drag: float, noise: float, seed: int) -> None:
-    """The bench's files and its log: spun up by five voltages, and left to coast."""
-    texts = {"flywheel": FAMILY, "rig": RIG.replace("NOISE", f"{noise}"), "fan": FAN, "model": MODEL}
-    for name, text in texts.items():
-        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
-    rng, times = np.random.default_rng(seed), np.arange(0.0, 10.0, 0.1)
-    strong = drag > 0.1  # N·m at 100 rad/s
-    volts = (2.0, 4.0, 6.0, 9.0, 12.0) if strong else (0.2, 0.4, 0.6, 0.9, 1.2)
-    with (folder / "log.csv").open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(["time [s]", "record", "drive [V]", "speed [rad/s]"])
-        for record, (drive, start) in enumerate([*((one, 0.0) for one in volts), (0.0, 200.0)], start=1):
-
-            def rate(t: float, y: list[float], drive: float = drive) -> list[float]:
-                force = drag * float(np.sign(y[0])) * abs(y[0] / 100.0) ** exponent
-                return [(0.05 * drive - force) / 2e-3]
-
-            found = solve_ivp(rate, (0.0, 10.0), [start], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.05)
-            for time, speed in zip(times, found.y[0] + noise * rng.standard_normal(times.size), strict=True):
-                rows.writerow([f"{time:.3f}", record, drive, f"{speed:.4f}"])
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # the flywheel is the tests' own
+import flywheel
 
 
 def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list[str], float]:
@@ -89,7 +31,9 @@ def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list
 
     with TemporaryDirectory() as name:
         folder = Path(name)
-        write(folder, exponent, drag, noise, seed)
+        volts = flywheel.FAST if drag > 0.1 else flywheel.SLOW
+        torque = partial(flywheel.drag, exponent=exponent, at_100=drag)
+        flywheel.write_bench(folder, torque, seed=seed, noise=noise, volts=volts)
         os.chdir(folder)
         brought = import_file(folder / "log.csv", load_rig(folder / "rig.yaml"), folder / "runs")
         found = rigctl.diagnose([rigctl.open_run(brought.run)], rigctl.load_model(folder / "model.yaml"))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.discovery.discover import _notes, _too_weak
+from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.locate import Located, Map
-from rigctl.discovery.result import Discovery
+from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.effects.drivers import Driver
 from rigctl.physics.families import find_family
 
@@ -108,3 +109,92 @@ def test_places_that_explain_as_much_are_rivals_and_others_are_not() -> None:
     )
     rivals = Discovery.rivals.fget(SimpleNamespace(located=found))  # type: ignore[attr-defined]
     assert [one.slot.name for one in rivals] == ["load"]
+
+
+def formula(slot: str, *over: str, same: tuple[Any, ...] = ()) -> Any:
+    return SimpleNamespace(slot=FAMILY.slot(slot), over=over, same=same, name=f"{slot}_power")
+
+
+def made(formulas: tuple[Any, ...], *places: Located) -> Discovery:
+    """A search that ended with formulas, at places."""
+    searched = Map(places, (), 10, 8.0, 5.0)
+    shown = tuple(
+        cast(
+            "FoundFormula",
+            SimpleNamespace(
+                fitted=SimpleNamespace(formula=one),
+                slot=one.slot.name,
+                term="size*velocity",
+                alike=tuple(other.name for other in one.same),
+                left=0.0,
+                accepted=True,
+                p_value_after=0.5,
+            ),
+        )
+        for one in formulas
+    )
+    return Discovery((), "m", cast("Any", None), searched, (), shown, 50, "", (), cast("Any", None))
+
+
+VELOCITY_ONLY = formula("friction", "velocity")
+
+
+@pytest.mark.parametrize(
+    ("answer", "slots", "drivers", "said"),
+    [
+        (
+            made((VELOCITY_ONLY,), located("friction", 400.0)),
+            ["friction"],
+            [["velocity"]],
+            " at friction over velocity: one formula of 50, first size*velocity",
+        ),
+        (  # another slot at which the same term does the same
+            made((VELOCITY_ONLY,), replace(located("friction", 400.0), alike=("load",))),
+            ["friction", "load"],
+            [["velocity"]],
+            ", its place not sure (friction or load), over velocity: one formula of 50, first size*veloc",
+        ),
+        (  # another place explains as much, though no formula of it is in the set
+            made((VELOCITY_ONLY,), located("friction", 400.0), located("mass", 399.0)),
+            ["friction", "mass"],
+            [["velocity"]],
+            ", its place not sure (friction or mass), over velocity",
+        ),
+        (  # two formulas of one place, of different variables
+            made((VELOCITY_ONLY, formula("friction", "position")), located("friction", 400.0)),
+            ["friction"],
+            [["velocity"], ["position"]],
+            " at friction, not sure over what (velocity or position): 2 formulas that",
+        ),
+        (  # one formula, of which another at another place and over another variable is the same
+            made(
+                (formula("friction", "velocity", same=(formula("load", "spool"),)),),
+                located("friction", 400.0),
+            ),
+            ["friction", "load"],
+            [["velocity"], ["spool"]],
+            ", its place and what it depends on not sure (friction over velocity or load over spool): one",
+        ),
+        (
+            made((), located("friction", 400.0), located("mass", 399.0)),
+            ["friction", "mass"],
+            [["velocity"]],
+            ", its place not sure (friction or mass), over velocity; none of 50 formulas pays",
+        ),
+    ],
+)
+def test_only_what_is_sure_is_claimed(
+    answer: Discovery, slots: list[str], drivers: list[list[str]], said: str
+) -> None:
+    assert list(dict.fromkeys(one.slot for one in answer.where)) == slots
+    assert [list(over) for over in dict.fromkeys(one.over for one in answer.where)] == drivers
+    assert _statement(answer).startswith(f"A term is missing{said}")
+
+
+def test_a_class_of_places_names_a_few_and_counts_the_others() -> None:
+    names = [slot.name for slot in FAMILY.slots][:7]
+    answer = made(
+        (VELOCITY_ONLY,),
+        replace(located("friction", 400.0), alike=tuple(n for n in names if n != "friction")),
+    )
+    assert f"or {len(answer.where) - 4} more)" in _statement(answer)

@@ -112,7 +112,14 @@ def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(tmp_path: 
     best = found.formulas[0]
     assert "bump_of_position" in best.name
     assert best.passive == "takes energy out"
-    assert "A term is missing at velocity_rate" in found.statement
+    # a force on the mass does the same as a drag on it: which of the two it is, is not claimed
+    said = (
+        "A term is missing, its place not sure (velocity_rate or force_input), over position and velocity: "
+    )
+    assert found.statement.startswith(said)
+    document = found.document()
+    assert document["place"] == {"slots": ["velocity_rate", "force_input"], "sure": False}
+    assert document["driver"] == {"variables": [["position", "velocity"]], "sure": True}
     _writes_beside_what_is_there(found, folder / "effects")
     _shows_it_on_the_page(found)
 

@@ -6,98 +6,21 @@ that its user wrote knows the square.
 
 from __future__ import annotations
 
-import csv
 import re
 import shlex
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from commands import answer, told
-
-FAMILY = """
-family: flywheel
-generic_effects: false
-states:
-  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (gain*drive - drag)/inertia}
-inputs:
-  drive: {value: 0 V}
-parameters:
-  gain: {value: 0.05 N*m/V, bounds: [0.001 N*m/V, 1 N*m/V]}
-constants:
-  inertia: 2e-3 kg*m^2
-slots:
-  drag: {unit: N*m, meaning: against the rotation}
-outputs:
-  speed: {unit: rad/s, formula: speed}
-"""
-
-RIG = """
-name: flywheel
-model: flywheel.yaml
-channels:
-  speed: {unit: rad/s, quantity: other, noise: 0.5 rad/s}
-actuators:
-  drive: {kind: level, unit: V, low: -12 V, high: 12 V}
-safe_state: {drive: 0 V}
-"""
-
-FAN = """
-effect: fan
-family: flywheel.yaml
-summary: The air drags with the square of the speed.
-slot: drag
-term: size*speed*absolute(speed, 0.1 rad/s)
-parameters:
-  size: {null_value: 0 N*m*s^2/rad^2, start: 1e-5 N*m*s^2/rad^2, bounds: [0 N*m*s^2/rad^2, 1 N*m*s^2/rad^2]}
-"""
-
-MODEL = """
-model: flywheel.yaml
-rig: rig.yaml
-own_effects: [fan.yaml]
-parameters:
-  gain: {value: 0.05 N*m/V, fit: true}
-"""
-
-#: N·m at 100 rad/s
-DRAG = 4e-3
-
-
-def drag(speed: float, exponent: float) -> float:
-    return DRAG * float(np.sign(speed)) * abs(speed / 100.0) ** exponent
+from flywheel import drag, write_bench
 
 
 def stalling(speed: float) -> float:
     """The square, until a part of the blades stalls."""
-    return (
-        DRAG * speed * abs(speed) / 1e4 * (1.0 - 0.15 * float(np.exp(-(((abs(speed) - 120.0) / 40.0) ** 2))))
-    )
-
-
-def bench(folder: Path, law: Callable[[float], float], seed: int) -> None:
-    """Six records, spun up by five voltages and left to coast, as a log."""
-    for name, text in {"flywheel": FAMILY, "rig": RIG, "fan": FAN, "model": MODEL}.items():
-        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
-    rng, times = np.random.default_rng(seed), np.arange(0.0, 10.0, 0.1)
-    with (folder / "log.csv").open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(["time [s]", "record", "drive [V]", "speed [rad/s]"])
-        for record, (volts, start) in enumerate(
-            [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.9, 0.0), (1.2, 0.0), (0.0, 200.0)], start=1
-        ):
-
-            def rate(t: float, y: list[float], volts: float = volts) -> list[float]:
-                return [(0.05 * volts - law(y[0])) / 2e-3]
-
-            found = solve_ivp(rate, (0.0, 10.0), [start], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.1)
-            noise = 0.5 * rng.standard_normal(times.size)
-            for time, speed in zip(times, found.y[0] + noise, strict=True):
-                rows.writerow([f"{time:.3f}", record, volts, f"{speed:.4f}"])
+    return drag(speed, 2.0) * (1.0 - 0.15 * float(np.exp(-(((abs(speed) - 120.0) / 40.0) ** 2))))
 
 
 def next_command(printed: str) -> list[str]:
@@ -114,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folder: Path) -> None:
-    bench(folder, partial(drag, exponent=1.6), seed=4)
+    write_bench(folder, partial(drag, exponent=1.6), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml")
     assert document["effects"] == ["fan"]
@@ -170,7 +93,7 @@ def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folde
 
 
 def test_the_law_of_an_effect_that_was_added_before_is_corrected_too(folder: Path) -> None:
-    bench(folder, partial(drag, exponent=1.6), seed=4)
+    write_bench(folder, partial(drag, exponent=1.6), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     told("diagnose", run, "--model", "model.yaml", "--apply")
     printed = told("diagnose", run, "--model", "model.yaml", "--laws", "effects")
@@ -188,7 +111,7 @@ def test_the_law_of_an_effect_that_was_added_before_is_corrected_too(folder: Pat
 
 
 def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
-    bench(folder, partial(drag, exponent=2.0), seed=4)
+    write_bench(folder, partial(drag, exponent=2.0), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml", "--laws", "effects")
     assert document["effects"] == ["fan"]
@@ -201,7 +124,7 @@ def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
 
 
 def test_a_law_that_is_no_power_is_handed_over_as_its_curve(folder: Path) -> None:
-    bench(folder, stalling, seed=4)
+    write_bench(folder, stalling, seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml")
     assert document["effects"] == ["fan"]

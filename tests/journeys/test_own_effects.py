@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
+import flywheel
 from commands import answer, textbook_copy, told
 from rigctl.cli.init import create_project
 
@@ -17,43 +16,6 @@ pytestmark = pytest.mark.usefixtures("inside")
 
 #: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC
 RECORDS = {f"{number:03d}" for number in (*range(1, 5), *range(25, 29))}
-
-MOTOR = """
-family: flywheel
-generic_effects: false
-states:
-  speed: {start: 0 rad/s, scale: 0.1 rad/s, rate: (gain*drive - damping*speed - drag)/inertia}
-inputs:
-  drive: {value: 0 V}
-parameters:
-  gain: {value: 0.05 N*m/V, bounds: [0.001 N*m/V, 1 N*m/V]}
-  damping: {value: 1e-3 N*m*s/rad, bounds: [0 N*m*s/rad, 1 N*m*s/rad]}
-constants:
-  inertia: 2e-3 kg*m^2
-slots:
-  drag: {unit: N*m, meaning: against the rotation}
-outputs:
-  speed: {unit: rad/s, formula: speed}
-"""
-
-RIG = """
-name: flywheel
-model: flywheel.yaml
-channels:
-  speed: {unit: rad/s, quantity: other, noise: 0.05 rad/s}
-actuators:
-  drive: {kind: level, unit: V, low: -12 V, high: 12 V}
-safe_state: {drive: 0 V}
-"""
-
-MODEL = """
-model: flywheel.yaml
-rig: flywheel-rig.yaml
-own_effects: [effects/brake.yaml, effects/fan.yaml]
-parameters:
-  gain: {value: 0.05 N*m/V, fit: true}
-  damping: {value: 1e-3 N*m*s/rad, fit: true}
-"""
 
 BRAKE = """
 effect: brake
@@ -67,16 +29,8 @@ parameters:
 confused_with: [fan]
 """
 
-FAN = """
-effect: fan
-family: ../flywheel.yaml
-summary: The air drags with the square of the speed.
-slot: drag
-term: size*speed*absolute(speed, 0.1 rad/s)
-parameters:
-  size: {null_value: 0 N*m*s^2/rad^2, start: 1e-5 N*m*s^2/rad^2, bounds: [0 N*m*s^2/rad^2, 1 N*m*s^2/rad^2]}
-confused_with: [brake]
-"""
+MODEL = flywheel.model(("effects/brake.yaml", "effects/fan.yaml"), "flywheel-rig.yaml", damped=True)
+FAN = flywheel.FAN.replace("family: ", "family: ../") + "confused_with: [brake]\n"
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +40,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     create_project(folder)
     with chdir(folder):
         for name, text in {
-            "flywheel.yaml": MOTOR,
-            "flywheel-rig.yaml": RIG,
+            "flywheel.yaml": flywheel.family(damped=True),
+            "flywheel-rig.yaml": flywheel.rig(0.05),
             "flywheel-model.yaml": MODEL,
             "effects/brake.yaml": BRAKE,
             "effects/fan.yaml": FAN,
@@ -99,20 +53,12 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def write_flywheel(path: Path, torque: float, seed: int) -> None:
-    """Spun up by five voltages, and left to coast from 200 rad/s."""
-    rng = np.random.default_rng(seed)
-    times = np.arange(0.0, 10.0, 0.05)
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(["time [s]", "record", "drive [V]", "speed [rad/s]"])
-        for record, (volts, start) in enumerate([(2, 0), (4, 0), (6, 0), (9, 0), (12, 0), (0, 200)], start=1):
+    """With the damping that the family knows, and a bearing that it does not."""
 
-            def rate(t: float, y: list[float], volts: float = volts) -> list[float]:
-                return [(0.05 * volts - 1e-3 * y[0] - torque * np.tanh(y[0])) / 2e-3]
+    def drag(speed: float) -> float:
+        return 1e-3 * speed + torque * float(np.tanh(speed))
 
-            found = solve_ivp(rate, (0.0, 10.0), [start], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.05)
-            for time, speed in zip(times, found.y[0] + 0.05 * rng.standard_normal(times.size), strict=True):
-                rows.writerow([f"{time:.3f}", record, volts, f"{speed:.4f}"])
+    flywheel.write_log(path, drag, seed=seed, noise=0.05, volts=flywheel.FAST, step=0.05)
 
 
 def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:

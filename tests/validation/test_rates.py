@@ -12,6 +12,7 @@ from rigctl.validation.figures import wilson
 from rigctl.validation.outcome import Interval, Outcome, TrialOutcome
 from rigctl.validation.rates import confusion, figures, rates
 from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.shape_rates import shape_rates
 from rigctl.validation.tables import confusion_table, markdown, rates_table
 
 NOTHING = Scenario("nothing")
@@ -140,3 +141,19 @@ def test_an_outcome_survives_json() -> None:
         amplitudes=(50.0,),
     )
     assert TrialOutcome.read(json.loads(json.dumps(outcome.document())), Scenario.read) == outcome
+
+
+def test_an_outcome_that_was_kept_before_there_were_exponents_is_read() -> None:
+    corrected = one(exponents=(Interval("e", "exponent of velocity", 1.5, 1.4, 1.7),))
+    document = json.loads(json.dumps(corrected.document()))
+    assert TrialOutcome.read(document, Scenario.read) == corrected
+    del document["exponents"]
+    assert TrialOutcome.read(document, Scenario.read) == one()
+
+
+def test_claimed_exponents_are_counted_where_a_law_was_corrected() -> None:
+    right, wrong = (Interval("e", "exponent of velocity", truth, 1.4, 1.7) for truth in (1.5, 2.0))
+    outcomes = [one(), one(exponents=(right,)), one(exponents=(right, wrong))]
+    (rate,) = [rate for rate in shape_rates(outcomes) if rate.name == "law corrected"]
+    assert (rate.count, rate.trials) == (1, 2)
+    assert not [rate for rate in shape_rates([one()]) if rate.name == "law corrected"]

@@ -74,7 +74,7 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
         again = _fitted(trial.fit, law.effect, effect, begin)
     except RigctlError:  # the model has no value there
         return None
-    name = qualified(effect.name, _EXPONENT)
+    name = qualified(effect.name, EXPONENT)
     names = [unknown.name for unknown in again.problem.shared]
     if again.solution is None or trial.fit.solution is None or name not in names or name in again.at_bound:
         return None
@@ -88,13 +88,14 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
     )
 
 
-_EXPONENT = "exponent"
+#: the parameter that a power has
+EXPONENT = "exponent"
 
 
 def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] | None:
     """The effect with a power of the law's driver, and the text of its terms; None where none can be."""
     old, family = law.effect, model.family
-    if old.states or _EXPONENT in ({p.name for p in old.parameters} | taken_names(family)):
+    if old.states or EXPONENT in ({p.name for p in old.parameters} | taken_names(family)):
         return None
     parameters = (*_old_parameters(old, model), _exponent(law))
     try:
@@ -138,7 +139,7 @@ def _exponent(law: AskedLaw) -> EffectParameter:
     base = law.assumed_exponent or 0.0
     said = "of" if law.assumed_exponent is not None else "of a further power of"
     return EffectParameter(
-        _EXPONENT, "1", None, base, base - _FURTHEST, base + _FURTHEST, f"{said} {law.driver.name}"
+        EXPONENT, "1", None, base, base - _FURTHEST, base + _FURTHEST, f"{said} {law.driver.name}"
     )
 
 
@@ -173,7 +174,7 @@ def _power_text(law: AskedLaw, points: set[str]) -> str:
     largest = float(f"{np.abs(law.x).max():.3g}")
     width, reference = (number_text(value, dimension) for value in (_ROUNDED * largest, largest))
     less = "" if not base else f" - {number_text(base)}" if base > 0.0 else f" + {number_text(-base)}"
-    exponent = f"({_EXPONENT}{less})" if less else _EXPONENT
+    exponent = f"({EXPONENT}{less})" if less else EXPONENT
     return f"(absolute({driver_text(law.driver, points)}, {width})/({reference}))^{exponent}"
 
 
@@ -200,11 +201,11 @@ def _fitted(before: FitResult, old: Effect, new: Effect, begin: float) -> FitRes
     model = before.model
     known = {name: value.si for name, value in model.effects[old.name].items()}
     free = {name for name, value in model.effects[old.name].items() if value.fit}
-    declared = new.parameter(_EXPONENT)
-    known[_EXPONENT] = min(max(begin, declared.low), declared.high)
+    declared = new.parameter(EXPONENT)
+    known[EXPONENT] = min(max(begin, declared.low), declared.high)
     changed = model.without_effect(old.name).with_effect(new, known)
     settings: dict[str, Value] = {
-        name: replace(value, fit=name in free or name == _EXPONENT)
+        name: replace(value, fit=name in free or name == EXPONENT)
         for name, value in changed.effects[new.name].items()
     }
     changed = replace(changed, effects={**changed.effects, new.name: settings})

@@ -27,7 +27,7 @@ from rigctl.discovery.locate import Located, Map, locate
 from rigctl.discovery.open_slots import OnProgress, OpenSlots, open_slots
 from rigctl.discovery.passivity import passivity
 from rigctl.discovery.refits import Fitted, left_out, refit_formulas, tests_after, within
-from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, parameter
+from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, Where, parameter
 from rigctl.effects.declaration import qualified
 from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
@@ -222,26 +222,18 @@ def _too_weak(searched: Map) -> str:
 
 
 def _statement(made: Discovery) -> str:
-    best = made.located[0]
-    also = f" (or {', '.join(best.alike)}, where it would do the same)" if best.alike else ""
-    where = f"A term is missing at {best.slot.name}{also} over {' and '.join(d.name for d in best.over)}"
+    where = f"A term is missing{_where(made.where)}"
     if not made.formulas:
         return (
             f"{where}; none of {made.tried} formulas pays for itself there: its curve is what these data say"
         )
     first, count = made.formulas[0], len(made.formulas)
-    where = f"A term is missing at {first.slot} over {' and '.join(row[0] for row in first.valid)}"
-    if first.slot == best.slot.name:
-        where = where.replace(first.slot, f"{first.slot}{also}", 1)
     same = "one formula" if count == 1 else f"{count} formulas that these data do not tell apart"
     text = f"{where}: {same} of {made.tried}, first {first.term}"
+    if len({one.slot for one in made.where}) > 1:
+        text += f" at {first.slot}"
     if first.alike:
         text += f" ({len(first.alike)} more do the same here)"
-    places = {one.slot for one in made.formulas}
-    others = [one.name for one in made.rivals if one.slot.name not in places]
-    if others:
-        more = f" (and at {len(others) - _RIVALS} more places)" if len(others) > _RIVALS else ""
-        text += f". The place is not sure: a term at {', or '.join(others[:_RIVALS])}{more} explains as much"
     if first.left > STAND_IN:
         over = " and ".join(row[0] for row in first.valid)
         return (
@@ -254,3 +246,20 @@ def _statement(made: Discovery) -> str:
     if first.p_value_after < ALPHA:
         text += ". The model with it still does not agree with the data: something is left beside it"
     return text
+
+
+def _where(where: Sequence[Where]) -> str:
+    """At which slot and over what, where these are sure; else between which these data do not tell."""
+    slots = list(dict.fromkeys(one.slot for one in where))
+    drivers = list(dict.fromkeys(" and ".join(one.over) for one in where))
+    if len(slots) > 1 and len(drivers) > 1:
+        return f", its place and what it depends on not sure ({_or([str(one) for one in where])})"
+    at = f" at {slots[0]}" if len(slots) == 1 else f", its place not sure ({_or(slots)}),"
+    over = f" over {drivers[0]}" if len(drivers) == 1 else f", not sure over what ({_or(drivers)})"
+    return at + over
+
+
+def _or(names: Sequence[str]) -> str:
+    """Some of several, and how many more."""
+    shown, more = names[: _RIVALS + 1], len(names) - _RIVALS - 1
+    return f"{', '.join(shown)} or {more} more" if more > 0 else " or ".join(shown)

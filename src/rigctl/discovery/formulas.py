@@ -66,7 +66,7 @@ class Formula:
     gain: of χ².
     size: in the slot's unit, SI; the term is size·Π factors.
     cost: what it costs less what it explains; less is better.
-    alike, alike_keys: names and keys of formulas that do the same to these data.
+    same: other formulas that do the same to these data.
     """
 
     slot: Slot
@@ -74,8 +74,7 @@ class Formula:
     gain: float
     size: float
     cost: float
-    alike: tuple[str, ...] = ()
-    alike_keys: tuple[str, ...] = ()
+    same: tuple[Formula, ...] = field(default=(), repr=False)
 
     @property
     def key(self) -> str:
@@ -87,6 +86,11 @@ class Formula:
     def name(self) -> str:
         """The name of its effect: ``friction_bump_of_position``."""
         return re.sub(r"[^a-z0-9]+", "_", self.key.casefold())[:_LONGEST].strip("_")
+
+    @property
+    def over(self) -> tuple[str, ...]:
+        """What it depends on."""
+        return tuple(sorted(one.argument.driver.name for one in self.factors))
 
     @property
     def scales(self) -> tuple[float, ...]:
@@ -313,8 +317,4 @@ def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iter
         near = [k for k in same if scored[k][0].cost < scored[leader][0].cost + _SIMPLER]
         plain = min(near, key=lambda k: (scored[k][0].parameters, scored[k][0].complexity, scored[k][0].cost))
         others = [scored[k][0] for k in same if k != plain]
-        yield replace(
-            scored[plain][0],
-            alike=tuple(one.name for one in others),
-            alike_keys=tuple(one.key for one in others),
-        )
+        yield replace(scored[plain][0], same=tuple(others))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,7 +85,7 @@ class FoundFormula:
     @property
     def alike(self) -> tuple[str, ...]:
         """Other formulas that do the same to these data."""
-        return self.fitted.formula.alike
+        return tuple(one.name for one in self.fitted.formula.same)
 
     @property
     def accepted(self) -> bool:
@@ -143,6 +143,23 @@ class FoundFormula:
 
 
 @dataclass(frozen=True)
+class Where:
+    """A slot, and what a term there is over."""
+
+    slot: str
+    over: tuple[str, ...]
+
+    @staticmethod
+    def of(located: Located) -> Where:
+        """Of a place that was located."""
+        return Where(located.slot.name, tuple(sorted(driver.name for driver in located.over)))
+
+    def __str__(self) -> str:
+        """``friction over position and velocity``."""
+        return f"{self.slot} over {' and '.join(self.over)}"
+
+
+@dataclass(frozen=True)
 class Discovery:
     """What a search found.
 
@@ -188,15 +205,31 @@ class Discovery:
                 by_slot.setdefault(one.slot.name, one)
         return tuple(by_slot.values())
 
+    @property
+    def where(self) -> tuple[Where, ...]:
+        """All that the term may be for all that these data say, the first formula's place first."""
+        best = self.located[:1]
+        formulas = [same for one in self.formulas for same in (one.fitted.formula, *one.fitted.formula.same)]
+        found = [Where(one.slot.name, one.over) for one in formulas]
+        found += [Where.of(one) for one in (*(() if formulas else best), *self.rivals)]
+        for located in self.located:  # a term at another slot does the same
+            if Where.of(located) in found:
+                found += [replace(Where.of(located), slot=slot) for slot in located.alike]
+        return tuple(dict.fromkeys(found))
+
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
-        searched = self.searched
+        searched, where = self.searched, self.where
+        places = list(dict.fromkeys(one.slot for one in where))
+        drivers = list(dict.fromkeys(one.over for one in where))
         return {
             "runs": list(self.runs),
             "model": self.model,
             "gate": self.gate.document(),
             "located": [one.document() for one in self.located],
             "rivals": [one.document() for one in self.rivals],
+            "place": {"slots": places, "sure": len(places) == 1},
+            "driver": {"variables": [list(over) for over in drivers], "sure": len(drivers) == 1},
             "untestable": [
                 {"slot": one.slot.name, "over": [driver.name for driver in one.over]}
                 for one in (() if searched is None else searched.hidden)

@@ -109,6 +109,7 @@ class TrialOutcome(Generic[AnyTrial]):
     beside: λ of each of several hidden effects beside the others: what those leave of it; empty where that is
         not known.
     intervals: of parameters whose truth is known.
+    exponents: of laws that it corrects, with the exponent that readings without noise ask for.
     searched: what a search for a formula found, where one was made.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
     failure: what went wrong; such a trial counts against the tool.
@@ -128,6 +129,7 @@ class TrialOutcome(Generic[AnyTrial]):
     separation: float | None = None
     beside: tuple[float, ...] = ()
     intervals: tuple[Interval, ...] = ()
+    exponents: tuple[Interval, ...] = ()
     searched: Searched | None = None
     untested: str = ""
     failure: str = ""
@@ -175,7 +177,8 @@ class TrialOutcome(Generic[AnyTrial]):
         fields["scenario"] = trial(fields["scenario"])
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])
         fields["claims"] = tuple(Claim(**claim) for claim in fields["claims"])
-        fields["intervals"] = tuple(Interval(**interval) for interval in fields["intervals"])
+        for name in ("intervals", "exponents"):  # what was kept before there were exponents has none
+            fields[name] = tuple(Interval(**interval) for interval in fields.get(name, ()))
         searched = fields.get("searched")
         fields["searched"] = None if searched is None else Searched.read(searched)
         return cls(**fields)

@@ -32,6 +32,12 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
         *_by_size("place and driver named", one, _cause_named, at_least=0.95),
         *_by_size("law or its class named", one, lambda o: o.right, at_least=0.90),
         *_by_size("wrong at a level that is claimed", one, wrongly_claimed, at_most=0.01),
+        rate_of(
+            "law corrected",
+            "the true exponent in its interval",
+            [o for o in made if o.exponents],
+            lambda o: all(interval.covers for interval in o.exponents),
+        ),
         rate_of("beyond its usual range", "named or in the class", beyond, lambda o: o.right, at_least=1.0),
         rate_of("a strong and a weak effect", "both named", two, lambda o: o.exact, at_least=0.90),
         rate_of("a strong and a weak effect", "wrong at a level", two, wrongly_claimed, at_most=0.01),

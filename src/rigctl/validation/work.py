@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -16,8 +16,10 @@ from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.identity import Levels
+from rigctl.analysis.law_fit import EXPONENT
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.unexplained import Unexplained, unexplained
+from rigctl.effects.declaration import qualified
 from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
@@ -87,6 +89,7 @@ def carry_out(scenario: Scenario) -> Outcome:
         separation=min((one.separation for one in alike if one.separation is not None), default=None),
         beside=_beside(scenario, amplitudes, alike),
         intervals=tuple(_intervals(scenario, made.amplitudes, diagnosis)),
+        exponents=tuple(_exponents(scenario, amplitudes, diagnosis)),
         seconds=time.process_time() - began,
     )
 
@@ -242,11 +245,40 @@ def _beside(
 
 def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:
     """The textbook model fitted to readings without noise of a bench that hides something."""
+    return refitted(reference_of(plain_of(scenario)).fitted, _without_noise(scenario, hidden))
+
+
+def _without_noise(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> Clean:
     steady = replace(scenario.plain, seed=0)
     chosen = [(find_hidden(wanted.effect), amplitude.value) for wanted, amplitude in hidden]
-    return refitted(
-        reference_of(plain_of(scenario)).fitted, clean_outputs(hide(steady, chosen, scenario.shape))
-    )
+    return clean_outputs(hide(steady, chosen, scenario.shape))
+
+
+def _exponents(
+    scenario: Scenario, amplitudes: Sequence[Amplitude], diagnosis: Diagnosis
+) -> Iterator[Interval]:
+    """Of the laws of hidden effects that are corrected to another power of what drives them.
+
+    What the bench has need not be a power: the truth is the exponent of the power that comes nearest to it,
+    fitted to readings without noise of the same bench.
+    """
+    corrected = [law for law in diagnosis.laws if law.offered == "power" and law.effect in scenario.truth]
+    if not corrected:
+        return
+    clean = _without_noise(scenario, list(zip(scenario.hidden, amplitudes, strict=True)))
+    for law in corrected:
+        assert law.power is not None  # noqa: S101 - it is what is offered
+        name = qualified(law.power.effect.name, EXPONENT)
+        steady = refitted(law.power.fit, clean)
+        names = [unknown.name for unknown in steady.problem.shared]
+        wide = _WIDTH * law.exponent_std
+        yield Interval(
+            law.effect,
+            f"exponent of {law.law.driver.name}",
+            float(steady.values[names.index(name)]),
+            law.exponent - wide,
+            law.exponent + wide,
+        )
 
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:

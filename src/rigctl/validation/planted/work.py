@@ -101,7 +101,8 @@ def _in_set(trial: PlantedTrial, amplitude: Amplitude, formulas: Sequence[FoundF
     """Whether the set holds the form that was planted, or one that does the same to the readings."""
     term = find_planted(trial.term)
     keys = {f"{slot}: {form}" for slot in term.slots for form in term.forms}
-    if any({one.fitted.formula.key, *one.fitted.formula.alike_keys} & keys for one in formulas):
+    tried = [one.fitted.formula for one in formulas]
+    if any(one.key in keys for formula in tried for one in (formula, *formula.same)):
         return True
     scenario = trial.scenario
     steady = replace(scenario.plain, seed=0)

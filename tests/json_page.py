@@ -1,0 +1,61 @@
+"""The page that documents the answers to programs, and which names of an answer it does not have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "json-answers.md"
+#: sections of the page by the first word of a command; each says "as above" of what an earlier one has
+_SECTIONS = {
+    "compare": ("compare",),
+    "diagnose": ("compare", "diagnose"),
+    "discover": ("compare", "diagnose", "discover"),
+    "demo": ("compare", "diagnose", "discover"),
+    "run": ("run, simulate, resume",),
+    "simulate": ("run, simulate, resume",),
+    "resume": ("run, simulate, resume",),
+    "model fit": ("compare", "model fit, add, remove"),
+    "model add": ("compare", "model fit, add, remove"),
+    "model remove": ("compare", "model fit, add, remove"),
+    "check": ("check",),
+    "family new": ("family new",),
+}
+#: objects whose names are a user's: of channels, parameters, tests, conditions
+_BY_NAME = {
+    *("channels", "parameters", "tests", "beside", "outputs", "actuators", "assume"),
+    *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots"),
+}
+
+
+def undocumented(arguments: tuple[str, ...], answer: dict[str, Any]) -> set[str]:
+    """Names of an answer that the page does not have; of commands that it does not describe, none."""
+    command = " ".join(arguments[:2]) if arguments[0] in {"model", "family"} else arguments[0]
+    if command not in _SECTIONS or "--dry-run" in arguments or answer.get("kind") == "procedure":
+        return set()
+    return set(_names(answer)) - _documented(command)
+
+
+@cache
+def _documented(command: str) -> set[str]:
+    parts = re.split(r"^## (.*)$", PAGE.read_text("utf-8"), flags=re.MULTILINE)
+    texts = dict(zip(parts[1::2], parts[2::2], strict=True))
+    return set(
+        re.findall(
+            r"\w+", " ".join(re.findall(r"`(.+?)`", " ".join(texts[one] for one in _SECTIONS[command])))
+        )
+    )
+
+
+def _names(value: object, *, by_name: bool = False) -> Iterator[str]:
+    if isinstance(value, dict):
+        for name, one in value.items():
+            if not by_name:
+                yield name
+            yield from _names(one, by_name=not by_name and name in _BY_NAME)
+    elif isinstance(value, list):
+        for one in value:
+            yield from _names(one)
