@@ -7,7 +7,7 @@ from rich.table import Table
 
 from rigctl.cli.tables import console, table
 from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
-from rigctl.design.words import share
+from rigctl.design.words import share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.bars import draw_bar
 
@@ -19,7 +19,7 @@ def show_design(found: DesignResult) -> None:
     out = console()
     good = found.separable or (found.aim == "precision" and bool(found.records))
     out.print(
-        f"[bold {'green' if good else 'yellow'}]{_title(found)}[/]: {escape(found.statement)}.",
+        f"[bold {'green' if good else 'yellow'}]{title(found)}[/]: {escape(found.statement)}.",
         soft_wrap=True,
     )
     out.print(_rivals(found))
@@ -35,12 +35,6 @@ def show_design(found: DesignResult) -> None:
         out.print(_sensors(found))
     for note in found.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
-
-
-def _title(found: DesignResult) -> str:
-    if found.aim == "precision":
-        return "To know its size"
-    return "Next" if found.separable else "Not told apart"
 
 
 def _rivals(found: DesignResult) -> Table:
@@ -81,10 +75,11 @@ def _sharpened(found: DesignResult) -> Table:
 
 
 def _records(found: DesignResult) -> Table:
-    made = table("record", "at", "D", "of a repeat", "P before", "P after", "rig time")
+    precise = found.aim == "precision"
+    gain = "ln ratio" if precise else "D"
+    made = table("record", "at", gain, "of a repeat", "P before", "P after", "rig time")
     for column in made.columns[2:]:
         column.justify = "right"
-    precise = found.aim == "precision"
     for number, one in enumerate(found.records, start=1):
         settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
         made.add_row(

@@ -1,4 +1,8 @@
-"""What a set of records is worth: how far apart the rivals are, or how well the one that has won is known."""
+"""What a set of records is worth: how far apart the rivals are, or how well the one that has won is known.
+
+What counts is a distance as a share of that which is enough, and no more than all of it: a pair that is told
+apart for sure needs no further record, however far apart one would carry it.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.design.information import Evidence
-from rigctl.design.power import Gain, seen, threshold_of, told_apart
+from rigctl.design.power import Gain, enough, enough_seen, seen, threshold_of, told_apart
 from rigctl.design.result import NONE
 from rigctl.design.rivals import Question, Rival
 from rigctl.design.so_far import Known
@@ -19,11 +23,19 @@ from rigctl.design.so_far import Known
 Floats = NDArray[np.float64]
 
 
+#: what the mean over the rivals counts beside the least
+_OTHERS = 0.1
+
+
 class Criterion(Protocol):
     """What is maximised, and what it promises before any draw is looked at."""
 
     def worth(self, evidence: Evidence) -> float:
-        """Of all new records together."""
+        """Of all new records together: what a search maximises."""
+        ...
+
+    def separation(self, evidence: Evidence) -> float:
+        """The same as people read it: D, λ², or the logarithm of a ratio of volumes."""
         ...
 
     def promise(self, evidence: Evidence) -> float:
@@ -65,7 +77,11 @@ class Margins:
 
 @dataclass(frozen=True)
 class Discrimination:
-    """``Σ w_i·min_j D_ij`` over the pairs that are to be told apart, each over its overdispersion."""
+    """``Σ w_i·min_j D_ij`` over the pairs that are to be told apart, each over its overdispersion.
+
+    A search maximises it with ``min(D_ij/D*_ij, 1)`` in the place of D_ij, D* being enough; a tenth of the
+    mean over j counts beside the least, so that a pair which nothing tells apart does not hide the others.
+    """
 
     question: Question
     known: Known
@@ -96,13 +112,32 @@ class Discrimination:
         factors = np.array([one.overdispersion for one in self.question.rivals])
         return np.asarray(evidence.distances(self.known.information) / factors[:, None])
 
-    def worth(self, evidence: Evidence) -> float:
+    def separation(self, evidence: Evidence) -> float:
         """At the rivals' fits."""
         found = self.distances(evidence)
+        return self.together({pair: float(found[pair]) for pair in self.pairs})
+
+    def worth(self, evidence: Evidence) -> float:
+        """At the rivals' fits."""
+        shares = self._shares(evidence)
         return sum(
-            weight * min(float(found[truth, rival]) for rival in self.rivals_of[truth])
+            weight * (min(shares[truth]) + _OTHERS * sum(shares[truth]) / len(shares[truth]))
             for truth, weight in self.weights.items()
         )
+
+    def _shares(self, evidence: Evidence) -> dict[int, list[float]]:
+        """By each possible truth, D of its rivals as shares of what is enough."""
+        found = self.distances(evidence)
+        return {
+            truth: [
+                min(float(found[truth, rival]) / self._enough(truth, rival, found), 1.0) for rival in rivals
+            ]
+            for truth, rivals in self.rivals_of.items()
+        }
+
+    def _enough(self, truth: int, rival: int, distances: Floats) -> float:
+        margin, so_far = self.margins.margin(truth, rival), float(self.known.distances[truth, rival])
+        return enough(margin, so_far, self.margins.threshold(truth, distances))
 
     def promise(self, evidence: Evidence) -> float:
         """At the rivals' fits."""
@@ -155,10 +190,20 @@ class Detection:
         """The place of the model without any."""
         return self.question.pairs[0][1]
 
-    def worth(self, evidence: Evidence) -> float:
+    def separation(self, evidence: Evidence) -> float:
         """At the effects' usual sizes."""
         found = self.noncentralities(evidence)
         return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
+
+    def worth(self, evidence: Evidence) -> float:
+        """At the effects' usual sizes, as shares of what is enough."""
+        return sum(
+            self.question.rivals[truth].weight * min(value / self._enough(truth), 1.0)
+            for truth, value in self.noncentralities(evidence).items()
+        )
+
+    def _enough(self, truth: int) -> float:
+        return enough_seen(self.question.rivals[truth].trial.parameters, self.question.library)
 
     def of_each(self, evidence: Evidence) -> dict[int, float]:
         """The power by effect."""
@@ -198,6 +243,10 @@ class Precision:
         """At the fit."""
         before, after = (np.linalg.slogdet(self.covariance(one))[1] for one in (None, evidence))
         return float(before - after)
+
+    def separation(self, evidence: Evidence) -> float:
+        """At the fit."""
+        return self.worth(evidence)
 
     def promise(self, evidence: Evidence) -> float:
         """Never so sure that no further record is worth it."""

@@ -27,7 +27,7 @@ from rigctl.design.rivals import Question, question_of
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.so_far import Known, known_so_far
-from rigctl.design.words import header, reason, reason_of_record, statement
+from rigctl.design.words import added, header, reason, statement
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.model import Model
@@ -235,7 +235,7 @@ class _Design:
             return promised(criterion, self.draws, chosen)
         if isinstance(criterion, Detection):
             return self._detected(criterion, chosen)
-        worth = criterion.worth(together(chosen)) if chosen else 0.0
+        worth = criterion.separation(together(chosen)) if chosen else 0.0
         probability = self.question.rivals[0].weight
         return Promise((), worth, probability)
 
@@ -249,18 +249,19 @@ class _Design:
             Outlook(rivals[k].name, rivals[criterion.none].name, 0.0, 0.0, sizes[k], 0.0, before[k], after[k])
             for k in after
         )
-        return Promise(outlooks, criterion.worth(evidence), criterion.promise(evidence))
+        return Promise(outlooks, criterion.separation(evidence), criterion.promise(evidence))
 
     def _record(
         self, chosen: Sequence[Proposal], k: int, before: Promise, after: Promise, seconds: float
     ) -> ProposedRecord:
         proposal, rig = chosen[k], self.stage.rig
-        made = ProposedRecord(
+        separation, of_repeat = after.separation - before.separation, self._of_repeat(chosen[:k])
+        return ProposedRecord(
             settings=proposal.recipe.settings(rig),
             steps=lines_of(proposal.recipe, rig),
-            why="",
-            separation=after.separation - before.separation,
-            of_repeat=self._of_repeat(chosen[:k]),
+            why=added(separation, of_repeat, precision=self.question.aim == "precision"),
+            separation=separation,
+            of_repeat=of_repeat,
             before=before.probability,
             after=after.probability,
             duration=seconds,
@@ -268,16 +269,15 @@ class _Design:
             rate=proposal.recipe.rate,
             predictions=self._predictions(proposal),
         )
-        return replace(made, why=reason_of_record(made))
 
     def _of_repeat(self, others: Sequence[Proposal]) -> float:
         """What the best repeat of a record taken already would add to these."""
         repeats = [one for one in self.known.repeats if one is not None]
-        base = self.criterion.worth(together(others)) if others else 0.0
+        base = self.criterion.separation(together(others)) if others else 0.0
         if isinstance(self.criterion, Detection) and not others:
-            base = self.criterion.worth(self.known.evidence.scaled(0.0))
+            base = self.criterion.separation(self.known.evidence.scaled(0.0))
         whole = [one + together(others) if others else one for one in repeats]
-        return max((self.criterion.worth(one) - base for one in whole), default=0.0)
+        return max((self.criterion.separation(one) - base for one in whole), default=0.0)
 
     def _predictions(self, proposal: Proposal) -> tuple[Prediction, ...]:
         scene = proposal.scene

@@ -16,7 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION, REFIT_SCATTER, TOLERANCE
+from rigctl.analysis.levels import (
+    ALPHA,
+    LEAST_DIFFERENCE,
+    LEAST_SEPARATION,
+    QUANTILE,
+    REFIT_SCATTER,
+    TOLERANCE,
+)
 from rigctl.design.information import Refit
 
 Floats = NDArray[np.float64]
@@ -78,10 +85,25 @@ def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LE
     return float(np.mean(ndtr(deviates)))
 
 
+def enough(margin: float, so_far: float, threshold: float) -> float:
+    """D* that tells two rivals apart in 99 cases of 100: ``√D* = z + √(z² + t − L₀)``, and as much as the
+    separation asks for; arguments as of `told_apart`."""
+    lacking = max(threshold - margin, 0.0)
+    by_odds = (QUANTILE + math.sqrt(QUANTILE**2 + lacking)) ** 2
+    return max(by_odds, (2.0 * LEAST_SEPARATION) ** 2 - so_far)
+
+
 def threshold_of(explained: float) -> float:
     """t: the margin that a verdict asks for where an effect explains so much, in χ²: a difference within the
     tolerance of its law tells nothing."""
     return max(LEAST_DIFFERENCE, TOLERANCE**2 * explained)
+
+
+def enough_seen(parameters: int, library: int) -> float:
+    """λ² at which an effect is seen in 99 cases of 100, nearly: ``(√χ²_α + z)²``."""
+    from scipy.stats import chi2
+
+    return float((math.sqrt(chi2.isf(ALPHA / max(library, 1), parameters)) + QUANTILE) ** 2)
 
 
 def seen(noncentrality: float | Floats, parameters: int, library: int) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.design.result import DesignResult, Outlook, ProposedRecord
+from rigctl.design.result import DesignResult, Outlook
 from rigctl.planning.outline import clock_time
 
 #: below this probability a set is no answer
@@ -12,38 +12,58 @@ HALF = 0.5
 
 
 def share(probability: float) -> str:
-    """A probability in per cent; never surer than 99 %."""
+    """A probability in per cent, rounded to whole ones; never none, and never all."""
     if probability > 0.99:
         return "over 99 %"
     return f"{100.0 * probability:.0f} %" if probability >= 0.01 else "under 1 %"
+
+
+def title(found: DesignResult) -> str:
+    """The answer in two or three words."""
+    if found.aim == "precision":
+        return "To know its size"
+    return "Next" if found.separable else "Not to be told apart on this bench"
 
 
 def statement(found: DesignResult) -> str:
     """The answer in a sentence or two."""
     if found.aim == "precision":
         return _precision(found)
-    question = _question(found)
-    if not found.records:
-        return f"Not to be told apart on this bench: no record that it can make differs for {question}"
-    count = len(found.records)
-    what = f"{count} record{'' if count == 1 else 's'} of {clock_time(found.duration)} of the rig's time"
-    if found.after < HALF:
-        return (
-            f"Not to be told apart on this bench: the best {what} would do it for {question} "
-            f"with a probability of {share(found.after)}"
-        )
-    verb = "shows" if count == 1 else "show"
-    told = f"{verb} {question}" if found.aim == "detection" else f"{verb[:0]}tell {question} apart"
-    if count == 1 and found.aim != "detection":
-        told = f"tells {question} apart"
-    return f"{what} {told} with a probability of {share(found.after)}, now {share(found.before)}"
-
-
-def _question(found: DesignResult) -> str:
     if found.aim == "detection":
-        return " or ".join(dict.fromkeys(one.truth for one in found.outlooks)) + " at its usual size"
-    names = list(dict.fromkeys(name for pair in found.separates for name in pair))
-    return _listed(names)
+        return _detection(found)
+    names = _listed(list(dict.fromkeys(name for pair in found.separates for name in pair)))
+    if not found.records:
+        return f"no record that it can make differs for {names}"
+    together = [pair for pair in found.separates if _least(found, pair) < HALF]
+    chance = f"with a probability of {share(found.after)}, now {share(found.before)}"
+    if found.separable:
+        tells = "tells" if len(found.records) == 1 else "tell"
+        return f"{_amount(found)} {tells} {names} apart {chance}"
+    what = f"of {names}, what is right would be named alone {chance}, by {_amount(found)}"
+    return f"{what}; {_left(found, together)}" if together else what
+
+
+def _least(found: DesignResult, pair: tuple[str, str]) -> float:
+    """The smaller of the chances that the two are told apart, whichever of them is right."""
+    return min(one.after for one in found.outlooks if {one.truth, one.rival} == set(pair))
+
+
+def _left(found: DesignResult, together: Sequence[tuple[str, str]]) -> str:
+    pairs = ", ".join(f"{one} and {other}" for one, other in together)
+    told = len(found.separates) - len(together)
+    others = f"; the other {told} pairs would be told apart" if told > 1 else ""
+    return f"not to be told apart for sure: {pairs}{others}"
+
+
+def _detection(found: DesignResult) -> str:
+    names = " or ".join(one.truth for one in found.outlooks)
+    if not found.records:
+        return f"no record that it can make shows {names} at its usual size"
+    shows = "shows" if len(found.records) == 1 else "show"
+    return (
+        f"{_amount(found)} {shows} {names}, at its usual size, with a probability of {share(found.after)}, "
+        f"now {share(found.before)}"
+    )
 
 
 def _precision(found: DesignResult) -> str:
@@ -54,21 +74,20 @@ def _precision(found: DesignResult) -> str:
         f"{one.name.partition('.')[2]} ± {one.before:.3g} {one.unit} becomes ± {one.after:.3g} {one.unit}"
         for one in found.sharpened
     )
+    tells = "tells" if len(found.records) == 1 else "tell"
+    return f"{name} is what is missing; {_amount(found)} {tells} its size better: {gains} (95 %)"
+
+
+def _amount(found: DesignResult) -> str:
     count = len(found.records)
-    return (
-        f"{name} is what is missing; {count} record{'' if count == 1 else 's'} of "
-        f"{clock_time(found.duration)} of the rig's time would tell its size better: {gains} (95 %)"
-    )
+    return f"{count} record{'' if count == 1 else 's'} of {clock_time(found.duration)} of the rig's time"
 
 
 def header(found: DesignResult) -> list[str]:
     """What stands above the procedure."""
     runs = ", ".join(found.runs)
-    lines = [
-        "Written by 'rigctl design'.",
-        f"{found.statement}.",
-        f"Designed for the model '{found.model}' on {runs}.",
-    ]
+    answer = f"{title(found)}: {found.statement}."
+    lines = ["Written by 'rigctl design'.", answer, f"Designed for the model '{found.model}' on {runs}."]
     return lines + [outlook_text(one) for one in found.outlooks]
 
 
@@ -81,22 +100,19 @@ def outlook_text(one: Outlook) -> str:
 
 
 def reason(found: DesignResult, number: int) -> list[str]:
-    """What stands above a record of the procedure."""
+    """What stands above a record of the procedure: what it adds, beside a repeat of what was done."""
     one = found.records[number]
+    first = f"Record {number + 1}: {one.why}."
     if found.aim == "precision":
-        return [f"Record {number + 1}: {one.why}."]
-    return [
-        f"Record {number + 1}: {one.why}.",
-        f"The probability goes from {share(one.before)} to {share(one.after)}; "
-        f"{clock_time(one.duration)} of the rig's time.",
-    ]
+        return [first]
+    chance = f"The probability goes from {share(one.before)} to {share(one.after)}"
+    return [first, f"{chance}; {clock_time(one.duration)} of the rig's time."]
 
 
-def reason_of_record(record: ProposedRecord) -> str:
+def added(separation: float, of_repeat: float, *, precision: bool) -> str:
     """What a record adds, beside a repeat of what was done."""
-    return (
-        f"D grows by {record.separation:.3g}, by a repeat of a record taken already by {record.of_repeat:.3g}"
-    )
+    what = "the logarithm of what is known of the size" if precision else "D"
+    return f"{what} grows by {separation:.3g}, by the best repeat of a record so far by {of_repeat:.3g}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from rigctl.design.result import DesignResult, DesignRival, Prediction, SensorSet
-from rigctl.design.words import share
+from rigctl.design.words import share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.numbers import symbol
@@ -27,6 +27,7 @@ def design_sections(found: DesignResult) -> list[Section]:
     body = render(
         "design.html",
         found=found,
+        title=title(found),
         good=found.separable or found.aim == "precision",
         chances=_chances(found),
         rivals=[_rival(one) for one in found.rivals],
