@@ -8,8 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigctl.analysis.rivals import _nested
+from rigctl.analysis.identity import levels_of
+from rigctl.analysis.rivals import nested_at
+from rigctl.analysis.simpler_law import simpler_laws
+from rigctl.effects.equations import terms_in_symbols
+from rigctl.effects.registry import find_effect
 from rigctl.engine.least_squares import Unknown
+from rigctl.engine.symbols import evaluate, variables_of
 
 HYSTERESIS: Any = SimpleNamespace(name="hysteresis", becomes=(("distance", 0.0, "coulomb"),))
 
@@ -39,12 +44,38 @@ def fitted(distance: float, std: float, at_bound: bool) -> Any:
 def test_within_chance_of_the_limit_or_stopped_on_the_way_to_it(
     distance: float, std: float, at_bound: bool, nested: bool
 ) -> None:
-    found = _nested(fitted(distance, std, at_bound), HYSTERESIS, "coulomb")
+    found = nested_at(fitted(distance, std, at_bound), HYSTERESIS, "coulomb")
     assert found == ("distance 0" if nested else "")
-    assert _nested(fitted(distance, std, at_bound), HYSTERESIS, "stribeck") == ""
+    assert nested_at(fitted(distance, std, at_bound), HYSTERESIS, "stribeck") == ""
 
 
 def test_a_bound_beside_a_limit_that_lies_inside_says_nothing() -> None:
     power: Any = SimpleNamespace(name="hysteresis", becomes=(("distance", 0.5, "leak"),))
     for bound in (1e-7, 1.0):
-        assert _nested(fitted(bound, 0.0, True), power, "leak") == ""
+        assert nested_at(fitted(bound, 0.0, True), power, "leak") == ""
+
+
+def test_a_law_with_two_parameters_tied_is_the_simpler_one() -> None:
+    stribeck, coulomb = (
+        find_effect(name, "hydraulic_cylinder") for name in ("stribeck_friction", "coulomb_friction")
+    )
+    (tied,) = simpler_laws(stribeck)
+    assert [one.name for one in tied.parameters] == ["force", "stribeck_velocity", "presliding"]
+    assert not list(simpler_laws(coulomb))
+    values = {"velocity": 0.02, "force": 80.0, "stribeck_velocity": 0.01, "presliding": 5e-5, "bending": 0.4}
+    family = stribeck.model_family
+    plain, simpler = terms_in_symbols(coulomb, family), terms_in_symbols(tied, family)
+    assert plain.keys() == simpler.keys()
+    for slot in plain:
+        at = [
+            {one.name: values[one.name.rpartition(".")[2]] for one in variables_of(each[slot])}
+            for each in (plain, simpler)
+        ]
+        assert evaluate(simpler[slot], at[1]) == pytest.approx(evaluate(plain[slot], at[0]), rel=1e-12)
+
+
+def test_a_law_with_a_parameter_to_spare_is_not_claimed() -> None:
+    effects = {"stribeck_friction": find_effect("stribeck_friction", "hydraulic_cylinder")}
+    for spare in ((), ("stribeck_friction",)):
+        (one,) = levels_of([["stribeck_friction"]], effects, sure=True, bent={}, spare=spare)
+        assert (one.place_sure, one.driver_sure, one.law_sure) == (True, True, not spare)

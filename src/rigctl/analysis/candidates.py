@@ -122,7 +122,7 @@ def candidates(
     for effect in (*library(model.family).values(), *model.own_effects):
         says_the_same = any(other.name in effect.instead_of for other in present)
         if effect.terms and effect.name not in impossible and not says_the_same:
-            tried += _at_each_shape(effect, ranges or {})
+            tried += at_each_shape(effect, ranges or {})
     return tuple(tried)
 
 
@@ -134,7 +134,9 @@ def by_effect(tried: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
     return {name: tuple(at) for name, at in indices.items()}
 
 
-def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:
+def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Candidate]:
+    """An effect at every shape of its grid; thresholds over the `ranges` of what was measured."""
+    known = ranges or {}
     switching = [parameter for parameter in effect.parameters if not parameter.shape]
     columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
     signs = tuple(int(parameter.sign) for parameter in switching)
@@ -143,12 +145,12 @@ def _at_each_shape(effect: Effect, ranges: Ranges) -> Iterator[Candidate]:
     ]
     for name, amplitude in switched_on:
         yield Candidate(effect, columns, signs, {}, {name: amplitude})
-    measured = [one for one in effect.parameters if one.shape and one.within in ranges and one.shares]
+    measured = [one for one in effect.parameters if one.shape and one.within in known and one.shares]
     if not switched_on and not measured:
         yield Candidate(effect, columns, signs, {})
     for parameter in effect.parameters:
         if parameter.shape:
-            for value in _grid(parameter, ranges):
+            for value in _grid(parameter, known):
                 yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})
 
 

@@ -27,6 +27,7 @@ from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import OnProgress, Search
 from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.separability import softened
+from rigctl.analysis.simpler_law import simpler_does
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import against_identity, drift_text, evidence_for, verdict_text, whether_at_all
 from rigctl.dataset.run import Run
@@ -249,11 +250,14 @@ def _levels(
     constant = {
         name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
     }
+    sure = not against_identity(best, checks, left)
+    alone = {names[0] for names in classes if len(names) == 1} if sure and not bent and left is None else ()
     return levels_of(
         classes,
         effects,
-        sure=not against_identity(best, checks, left),
+        sure=sure,
         bent=dict.fromkeys(effects, bent),
+        spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
         whole=left is None,
         constant=constant,
     )

@@ -29,7 +29,7 @@ class Levels:
     effect: the most probable effect.
     place: its slots; `place_sure` where every effect that it is not told from acts there.
     driver: the states and inputs that it depends on; `driver_sure` where all of these depend on the same.
-    law_sure: where it is told from all others, and the data do not ask for another shape of it.
+    law_sure: where it is told from all others, and the data ask for all of it and for no other shape.
     """
 
     effect: str
@@ -79,6 +79,7 @@ def levels_of(
     *,
     sure: bool,
     bent: Mapping[str, bool],
+    spare: Collection[str] = (),
     whole: bool = True,
     constant: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> tuple[Levels, ...]:
@@ -90,6 +91,7 @@ def levels_of(
     effects: all of these by name.
     sure: whether anything is: the set is the right one by what it leaves and by what it predicts.
     bent: of each member, whether the data ask for another shape of its law.
+    spare: members in whose place a simpler law, which they hold as a limit, does as well.
     whole: nothing is left that these data show.
     constant: of members, the drivers with which the data want their terms not to change.
     """
@@ -106,7 +108,11 @@ def levels_of(
                 driver=tuple(sorted(variables)),
                 place_sure=sure and place,
                 driver_sure=sure and driver and not constant.get(first.name) and (whole or bool(variables)),
-                law_sure=sure and whole and not others and not bent.get(first.name, False),
+                law_sure=sure
+                and whole
+                and not others
+                and not bent.get(first.name, False)
+                and first.name not in spare,
             )
         )
     return tuple(levels)

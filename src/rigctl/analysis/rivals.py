@@ -130,7 +130,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
                     where_they_differ(search.none.fit, best.fit, trial.fit),
                     share=share,
                     unusual=trial.unusual.get(other, ""),
-                    nested=_nested(best.fit, member.effect, other),
+                    nested=nested_at(best.fit, member.effect, other),
                 )
                 for other in trial.effects
                 if other not in best.effects
@@ -142,7 +142,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     return rivals
 
 
-def _nested(fit: FitResult, effect: Effect, other: str) -> str:
+def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
     """The parameter whose limit makes `effect` the other one, if its fit lies within chance of that limit.
 
     A fit that ended at its bound on that side wanted to go there.
