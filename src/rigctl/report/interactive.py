@@ -131,6 +131,7 @@ def _y_axis(panel: Panel, bottom: float, top: float) -> dict[str, Any]:
     axis: dict[str, Any] = {
         "domain": [round(bottom, 6), round(top, 6)],
         "title": {"text": _text(panel.title), "standoff": 6},
+        "exponentformat": "power",  # else 400B for 4·10¹¹
     }
     if panel.range is not None:
         axis["range"] = list(panel.range)

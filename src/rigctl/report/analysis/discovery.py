@@ -87,7 +87,7 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
         + ", over the range that the data visit"
         + (", but for a part of any size that the fit takes up" if curve.free else ""),
         f"{plain_name(curve.over)} [{symbol(curve.shown)}]",
-        (Panel(f"{plain_name(curve.slot.name)} [{unit}]", tuple(traces), 2.0),),
+        (Panel(f"{plain_name(curve.slot.name)} [{symbol(unit)}]", tuple(traces), 2.0),),
     )
 
 
