@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,7 +62,7 @@ def test_parts_make_no_difference(fitted: FitResult, monkeypatch: pytest.MonkeyP
     problem, whole = fitted.problem, linearised(fitted)
     blocks = problem.evaluate(fitted.values, fitted.local, True)
     monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
-    some, again = linearised(fitted), problem.evaluate(fitted.values, fitted.local, True)
+    some, again = linearised(fitted), replace(problem).evaluate(fitted.values, fitted.local, True)
     assert not isinstance(blocks, Refused)
     assert not isinstance(again, Refused)
     for one, other in zip(blocks, again, strict=True):
@@ -71,6 +73,32 @@ def test_parts_make_no_difference(fitted: FitResult, monkeypatch: pytest.MonkeyP
         assert a.signatures == pytest.approx(b.signatures, rel=1e-9, abs=1e-9)
         assert a.count == b.count
     assert whole.full_lengths == pytest.approx(some.full_lengths)
+
+
+def test_a_point_is_evaluated_once_and_its_derivatives_change_nothing(
+    fitted: FitResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, afresh = replace(fitted.problem), replace(fitted.problem)
+    whole = problem.evaluate(fitted.values, fitted.local, True)
+    alone = afresh.evaluate(fitted.values, fitted.local, False)
+    assert not isinstance(whole, Refused)
+    assert not isinstance(alone, Refused)
+    for one, other in zip(whole, alone, strict=True):
+        assert np.array_equal(one.residual, other.residual)
+    assert problem.evaluate(fitted.values.copy(), fitted.local, False) is whole
+    assert afresh.evaluate(fitted.values, fitted.local, True) is not alone  # it has no derivatives
+    moved = problem.evaluate(1.001 * fitted.values, fitted.local, True)
+    assert moved is not whole
+    assert problem.evaluate(fitted.values, fitted.local, True) is whole
+    for more in (1.002, 1.003):
+        problem.evaluate(more * fitted.values, fitted.local, False)
+    again = problem.evaluate(fitted.values, fitted.local, True)
+    assert again is not whole  # not more than the last few are held
+    monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
+    large = replace(problem)
+    assert large.evaluate(fitted.values, fitted.local, True) is not large.evaluate(
+        fitted.values, fitted.local, True
+    )
 
 
 def test_some_of_the_records_and_samples_name_the_same_equation(

@@ -46,7 +46,7 @@ def compiled(text: str, defines: Iterable[str]) -> MachineCode:
     module = llvm.parse_assembly(text)
     module.verify()
     options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization, options.slp_vectorization = True, False
+    options.loop_vectorization = options.slp_vectorization = True
     builder = llvm.create_pass_builder(host(), options)
     builder.getModulePassManager().run(module, builder)
     return emitted(module, defines)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.noise.autoregression import innovations
+from rigctl.noise.minimum import least_between
 from rigctl.noise.windows import WindowGroup
 
 #: a slower process cannot be told from a trend inside a window
@@ -126,21 +127,16 @@ def _sums(parts: Sequence[_Part], rho: float, white: float) -> tuple[float, floa
 
 def _best_correlation(cost: Callable[[float], float], *, within: float = 1e-3) -> tuple[float, float]:
     """The least cost over 0 ≤ ρ ≤ highest, looked for in atanh ρ, and 0 itself if nothing beats it."""
-    from scipy.optimize import minimize_scalar
-
     top = float(np.arctanh(HIGHEST_CORRELATION))
-    found = minimize_scalar(
-        lambda at: cost(float(np.tanh(at))), bounds=(0.0, top), method="bounded", options={"xatol": within}
-    )
+    found = least_between(lambda at: cost(float(np.tanh(at))), 0.0, top, within)
     at_zero = cost(0.0)
-    if at_zero <= float(found.fun):
+    if at_zero <= found.value:
         return 0.0, at_zero
-    return float(np.tanh(found.x)), float(found.fun)
+    return float(np.tanh(found.at)), found.value
 
 
 def _with_white(cost: Callable[[float, float], float], rho: float, least: float) -> tuple[float, float]:
     """Correlation and white share where white noise on top pays; the correlation alone where it does not."""
-    from scipy.optimize import minimize_scalar
 
     def profile(white: float) -> float:
         return _best_correlation(lambda at: cost(at, white), within=0.03)[1]
@@ -149,13 +145,8 @@ def _with_white(cost: Callable[[float, float], float], rho: float, least: float)
     best, start = min(grid)
     if best > least - 0.3 * _WHITE_PAYS:  # what lies between the grid's points cannot make up for the rest
         return rho, 0.0
-    found = minimize_scalar(
-        profile,
-        bounds=(max(0.0, start - 0.2), min(0.99, start + 0.2)),
-        method="bounded",
-        options={"xatol": 0.01},
-    )
-    if min(best, float(found.fun)) > least - _WHITE_PAYS:
+    found = least_between(profile, max(0.0, start - 0.2), min(0.99, start + 0.2), 0.01)
+    if min(best, found.value) > least - _WHITE_PAYS:
         return rho, 0.0
-    white = float(found.x) if float(found.fun) < best else start
+    white = found.at if found.value < best else start
     return _best_correlation(lambda at: cost(at, white))[0], white

@@ -46,6 +46,31 @@ T = TypeVar("T")
 
 #: numbers that derivatives may take at once: more records are gone through in parts
 _ROOM = 2**21
+#: evaluations that are remembered
+_RECENT = 3
+
+
+class _Recent:
+    """The last evaluations of a problem: a fit begins where the one before has ended, and ends where it was.
+
+    None is kept that is larger than the derivatives of one part.
+    """
+
+    def __init__(self) -> None:
+        self._found: tuple[tuple[tuple[bytes, ...], bool, list[Block]], ...] = ()
+
+    def at(self, point: tuple[bytes, ...], derivatives: bool) -> list[Block] | None:
+        """The blocks there; those with derivatives serve who wants none."""
+        for known, complete, blocks in self._found:
+            if known == point and (complete or not derivatives):
+                return blocks
+        return None
+
+    def keep(self, point: tuple[bytes, ...], derivatives: bool, blocks: list[Block]) -> None:
+        """Remember one more."""
+        columns = blocks[0].residual[:, None] if blocks[0].shared is None else blocks[0].shared
+        if sum(block.residual.size for block in blocks) * max(1, columns.shape[1]) <= _ROOM:
+            self._found = ((point, derivatives, blocks), *self._found[: _RECENT - 1])
 
 
 @dataclass(frozen=True)
@@ -89,6 +114,7 @@ class Problem:
     scatter: tuple[Floats, ...] | None = field(default=None, repr=False)
     extra: tuple[Floats, ...] | None = field(default=None, repr=False)
     grown: tuple[Floats, ...] | None = field(default=None, repr=False)
+    _recent: _Recent = field(default_factory=_Recent, init=False, repr=False, compare=False)
 
     @property
     def records(self) -> tuple[MeasuredRecord, ...]:
@@ -301,6 +327,16 @@ class Problem:
 
     def evaluate(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         """Whitened residuals ``W(f − y)`` and their derivatives; for `least_squares`."""
+        point = (shared.tobytes(), *(one.tobytes() for one in local))
+        blocks = self._recent.at(point, derivatives)
+        if blocks is not None:
+            return blocks
+        found = self._evaluated(shared, local, derivatives)
+        if not isinstance(found, Refused) and found:
+            self._recent.keep(point, derivatives, found)
+        return found
+
+    def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         names = [unknown.name for unknown in self.shared]
         columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
         blocks: list[Block] = []
