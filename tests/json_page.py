@@ -12,7 +12,8 @@ PAGE = Path(__file__).parents[1] / "docs" / "reference" / "json-answers.md"
 #: sections of the page by the first word of a command; each says "as above" of what an earlier one has
 _SECTIONS = {
     "compare": ("compare",),
-    "diagnose": ("compare", "diagnose"),
+    "diagnose": ("compare", "diagnose", "design"),
+    "design": ("compare", "diagnose", "design"),
     "discover": ("compare", "diagnose", "discover"),
     "demo": ("compare", "diagnose", "discover"),
     "run": ("run, simulate, resume",),
@@ -27,7 +28,7 @@ _SECTIONS = {
 #: objects whose names are a user's: of channels, parameters, tests, conditions
 _BY_NAME = {
     *("channels", "parameters", "tests", "beside", "outputs", "actuators", "assume"),
-    *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots"),
+    *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots", "settings"),
 }
 
 

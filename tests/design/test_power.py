@@ -55,7 +55,9 @@ def expected(y: Floats) -> tuple[Gain, float]:
         for model, theta in ((exponential, right), (hyperbolic, rival))
     ]
     refits = [Refit.of([one], info) for one, info in zip(responses, known, strict=True)]
-    return gain(truths, responses[0].predicted, responses[1].predicted, *refits), other - chi2
+    away = [truths - one.predicted[:, None] for one in responses]
+    left = [refit.left(one) for refit, one in zip(refits, away, strict=True)]
+    return gain(away[0], left[0], away[1], left[1]), other - chi2
 
 
 def test_the_gain_of_a_nonlinear_pair_is_what_refits_of_all_data_show() -> None:
@@ -86,7 +88,8 @@ def test_two_names_of_one_law_have_no_gain_however_uncertain_they_are() -> None:
     same = Response(rng.normal(size=50), columns, np.zeros((50, 0)))
     refit = Refit.of([same], 0.1 * np.eye(3))
     truths = same.predicted[:, None] + columns @ rng.normal(size=(3, 100)) * 3.0
-    found = gain(truths, same.predicted, same.predicted, refit, refit)
+    away = truths - same.predicted[:, None]
+    found = gain(away, refit.left(away), away, refit.left(away))
     assert np.abs(found.mean).max() < 1e-9
     assert told_apart(found, margin=0.0, so_far=100.0) == 0.0
 

@@ -173,6 +173,7 @@ class Diagnosis:
     levels: of each of `effects`, how far the answer goes: its place, what drives it, its law.
     laws: of each of `effects`, and of those that the model had, the law that the data ask for.
     outside: where the model with `effects` leaves the ranges over which their laws were learned.
+    next_experiment: what to measure next, as a program reads it; None where nobody asked, or nothing is left.
     """
 
     runs: tuple[str, ...]
@@ -201,6 +202,7 @@ class Diagnosis:
     levels: tuple[Levels, ...] = ()
     laws: tuple[LawAnswer, ...] = ()
     outside: tuple[Departure, ...] = ()
+    next_experiment: Mapping[str, Any] | None = None
 
     @property
     def title(self) -> str:
@@ -265,7 +267,7 @@ class Diagnosis:
             "excluded_because": list(self.excluded_because),
             "findings": list(self.before.findings),
             "next_steps": list(self.next_steps),
-            "next_experiment": None,
+            "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "outside_validity": [one.document() for one in self.outside],
             "p_value": self.before.adequacy.p_value,
             "p_value_after": _finite(self.p_value_after),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rigctl.analysis.improve import Improvement
     from rigctl.cli.next_command import DataOptions
     from rigctl.dataset import Run
+    from rigctl.design.result import DesignResult
 
 
 def diagnose(
@@ -58,6 +59,13 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
+    design: Annotated[
+        bool,
+        typer.Option(
+            "--design",
+            help="Also design what to measure next, as 'rigctl design' does, where something is left open.",
+        ),
+    ] = False,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -77,12 +85,17 @@ def diagnose(
     from rigctl.analysis.improve import improve
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_runs
+    from rigctl.cli.design_views import show_design
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
     from rigctl.cli.model import own_model
     from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
+    from rigctl.design.design import with_next_experiment
+    from rigctl.errors import RigctlError
 
+    if design and apply:
+        raise RigctlError("--design and --apply do not go together", hint="'rigctl design' after --apply")
     require_page(output, force=force)
     path = own_model(model) if apply else model
     choice = DataOptions(only, hold_out, assume or ())
@@ -96,13 +109,16 @@ def diagnose(
             found = diagnose_comparison(
                 before, compared.runs, compared.held_out, compared.notes, most=most, on_progress=on_progress
             )
+        next_one = None
+        if design:
+            found, next_one = with_next_experiment(found, open_runs(runs), on_progress=on_progress)
     if laws is not None:
         if apply:
             done = replace(done, last=_with_files(done.last, laws))
         else:
             found = _with_files(found, laws)
     if output is not None:
-        _write_page(open_runs(runs), output, compared, done if apply else found, path, force=force)
+        _write_page(open_runs(runs), output, compared, done if apply else found, path, next_one, force=force)
     if as_json:
         print_json(done.document() if apply else found.document())
     elif apply:
@@ -110,6 +126,8 @@ def diagnose(
         _lead_on(done.last, runs, str(model), choice)
     else:
         show_diagnosis(found)
+        if next_one is not None:
+            show_design(next_one)
         _lead_on(found, runs, str(model), choice)
 
 
@@ -139,6 +157,9 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
     elif found.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data ask for nothing more")
+    elif found.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in found.classes):
+        command = analysis("design", runs, model, choice)
+        show_next(f"{command} -o next.yaml", "designs the records that would tell them apart")
     elif gate_of(found).open:
         command = analysis("discover", runs, model, choice)
         show_next(command, "looks for a formula of what no effect of the library is")
@@ -181,18 +202,25 @@ def _write_page(
     compared: Comparison,
     found: Diagnosis | Improvement,
     path: Path,
+    next_one: DesignResult | None,
     *,
     force: bool,
 ) -> None:
-    """The diagnosis first, or what was added; then the comparison."""
+    """The diagnosis first, with what to measure next, or what was added; then the comparison."""
     from rigctl.analysis.improve import Improvement
     from rigctl.cli.analysis_page import write_page
-    from rigctl.report.analysis import comparison_sections, diagnosis_sections, improvement_sections
+    from rigctl.report.analysis import (
+        comparison_sections,
+        design_sections,
+        diagnosis_sections,
+        improvement_sections,
+    )
 
     if isinstance(found, Improvement):
         sections = improvement_sections(compared, found, path)
     else:
-        sections = [*diagnosis_sections(found), *comparison_sections(compared)]
+        designed = [] if next_one is None else design_sections(next_one)
+        sections = [*diagnosis_sections(found), *designed, *comparison_sections(compared)]
     write_page(runs, output, sections, force=force)
 
 

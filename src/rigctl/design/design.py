@@ -18,12 +18,12 @@ from rigctl.analysis.search import OnProgress
 from rigctl.dataset.run import Run
 from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
 from rigctl.design.procedure_text import Writer, called_so_far
-from rigctl.design.promise import Draws, Promise, promised
+from rigctl.design.promise import DRAWS, Draws, Promise, promised
 from rigctl.design.recipe import Stage, lines_of
 from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
-from rigctl.design.rivals import Question, question_of
+from rigctl.design.rivals import NothingLeft, Question, question_of, require_names
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.so_far import Known, known_so_far
@@ -77,6 +77,8 @@ def design_experiment(
         conditions cannot be set.
     """
     tell = on_progress or (lambda _: None)
+    if separate is not None:
+        require_names(model, separate)
     found = diagnosis or diagnose(
         runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=tell
     )
@@ -86,6 +88,24 @@ def design_experiment(
     design = _Design.on(question, rig, rig_reference(runs, rig), seed)
     chosen = design.chosen(records or MOST_RECORDS, budget, tell)
     return design.result(found, chosen)
+
+
+def with_next_experiment(
+    diagnosis: Diagnosis, runs: Sequence[Run], *, seed: int = 0, on_progress: OnProgress | None = None
+) -> tuple[Diagnosis, DesignResult | None]:
+    """A diagnosis with its `next_experiment`, and the design; as it is, and None, where nothing is left.
+
+    Raises
+    ------
+    RigctlError
+        the bench's conditions cannot be set.
+    """
+    model = diagnosis.before.fit.problem.model
+    try:
+        found = design_experiment(runs, model, diagnosis=diagnosis, seed=seed, on_progress=on_progress)
+    except NothingLeft:
+        return diagnosis, None
+    return replace(diagnosis, next_experiment=found.next_experiment()), found
 
 
 def _rig_of(found: Diagnosis) -> Rig:
@@ -101,21 +121,16 @@ def _rig_of(found: Diagnosis) -> Rig:
 
 @dataclass
 class _Design:
-    """Everything that a search and its promise stand on.
-
-    Attributes
-    ----------
-    tried: candidates that were simulated.
-    """
+    """Everything that a search and its promise stand on."""
 
     question: Question
     known: Known
     stage: Stage
     writer: Writer
     criterion: Criterion
+    workshop: Workshop
     draws: Draws
     seed: int
-    tried: int = 0
     pool: list[Proposal] = field(default_factory=list)
 
     @classmethod
@@ -131,15 +146,9 @@ class _Design:
             "precision": Precision,
         }
         criterion = made[question.aim](question, known)
-        return cls(
-            question,
-            known,
-            stage,
-            writer,
-            criterion,
-            Draws(question.rivals, known.information, known.covariances, seed),
-            seed,
-        )
+        workshop = Workshop(question.rivals, known, stage)
+        draws = Draws(known, workshop, seed, DRAWS)
+        return cls(question, known, stage, writer, criterion, workshop, draws, seed)
 
     @property
     def clock(self) -> RigTime:
@@ -154,23 +163,40 @@ class _Design:
         RigctlError
             nothing sets the bench's conditions, or the budget is too small for any record.
         """
-        workshop = Workshop(self.question.rivals, self.known, self.stage)
+        workshop = self.workshop
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
         tell("Simulating candidates with every rival")
         self.pool = first_candidates(workshop, schemes, self.seed)
         self._require_time(budget)
         tell("Improving the best records")
         limit = math.inf if budget is None else budget
-        search = Search(
-            workshop, self.criterion, self.clock, self.pool, records, limit, True, self._acceptable
-        )
-        found = search.best_set()
-        if not isinstance(self.criterion, Precision) and self._promise(found) < _POOR:
-            telling = replace(search, pool=search.pool, per_minute=False).best_set()
-            found = telling if self._promise(telling) > self._promise(found) else found
-        self.tried = workshop.tried
+        search = Search(workshop, self.criterion, self.clock, self.pool, records, limit)
+        found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
         order = self.clock.quickest([one.recipe for one in found]).order if found else ()
-        return [found[k] for k in order]
+        return workshop.one_after_the_other([found[k] for k in order])
+
+    def _cheap_enough(self, search: Search) -> bool:
+        """Whether the records that tell most for each minute tell enough; else the most telling are taken."""
+        if isinstance(self.criterion, Precision):
+            return True
+        cheap, telling = (
+            self._promise(replace(search, per_minute=one, exchange=False).best_set()) for one in (True, False)
+        )
+        return cheap >= _POOR or cheap >= telling
+
+    def _acceptable(self, search: Search) -> list[Proposal]:
+        """The best set of records that stay clear of every limit for every draw, and that the rig takes."""
+        while True:
+            found = search.best_set()
+            refused = [
+                one
+                for one in found
+                if not self.draws.keeps_clear(self.stage.rig, one)
+                or forecast(self.writer, [one.recipe]) is None
+            ]
+            if not refused:
+                return found
+            search = search.without(refused)
 
     def _require_time(self, budget: float | None) -> None:
         if budget is None or not self.pool:
@@ -185,11 +211,6 @@ class _Design:
 
     def _promise(self, chosen: Sequence[Proposal]) -> float:
         return self.criterion.promise(together(chosen)) if chosen else 0.0
-
-    def _acceptable(self, proposal: Proposal) -> bool:
-        """Clear of every limit for every draw, and taken by the rig as a procedure."""
-        clear = self.draws.keeps_clear(self.stage.rig, proposal)
-        return clear and forecast(self.writer, [proposal.recipe]) is not None
 
     # --- what is said of the records
 
@@ -214,7 +235,7 @@ class _Design:
             procedure="",
             statement="",
             sharpened=self._sharpened(chosen),
-            notes=(f"{self.tried} records were simulated with each of {len(self.question.rivals)} rivals",),
+            notes=(self._tried(),),
             diagnosis=diagnosis,
         )
         made = replace(made, statement=statement(made))
@@ -227,6 +248,11 @@ class _Design:
             reasons=reasons,
         )
         return replace(made, procedure=text if records else "")
+
+    def _tried(self) -> str:
+        rivals = len(self.question.rivals)
+        with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
+        return f"{self.workshop.tried} records were simulated {with_each}"
 
     def _after(self, chosen: Sequence[Proposal]) -> Promise:
         """What records promise together."""
@@ -280,7 +306,7 @@ class _Design:
         return max((self.criterion.separation(one) - base for one in whole), default=0.0)
 
     def _predictions(self, proposal: Proposal) -> tuple[Prediction, ...]:
-        scene = proposal.scene
+        scene = self.workshop.scene(proposal)
         measurements = self.question.rivals[0].fit.problem.measurements
         found = []
         for place, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):

@@ -24,7 +24,6 @@ from rigctl.analysis.levels import (
     REFIT_SCATTER,
     TOLERANCE,
 )
-from rigctl.design.information import Refit
 
 Floats = NDArray[np.float64]
 
@@ -47,18 +46,16 @@ class Gain:
         return Gain(self.mean / factor, self.variance / factor)
 
 
-def gain(truths: Floats, right: Floats, rival: Floats, refit_right: Refit, refit_rival: Refit) -> Gain:
+def gain(from_right: Floats, left_right: Floats, from_rival: Floats, left_rival: Floats) -> Gain:
     """The gain at each draw.
 
     Parameters
     ----------
-    truths: (rows, draws) what draws of the right one predict, whitened.
-    right, rival: (rows) what the two predict at their fits.
+    from_right, from_rival: δ and Δ, (rows, draws): what the draws predict less what the two do at their fits.
+    left_right, left_rival: ``S₁⁻¹·δ`` and ``S₂⁻¹·Δ``.
     """
-    away, from_fit = truths - rival[:, None], truths - right[:, None]
-    left, left_right = refit_rival.left(away), refit_right.left(from_fit)
-    mean = np.einsum("nk,nk->k", away, left) - np.einsum("nk,nk->k", from_fit, left_right)
-    return Gain(mean, np.einsum("nk->k", np.square(left - left_right)))
+    mean = np.einsum("nk,nk->k", from_rival, left_rival) - np.einsum("nk,nk->k", from_right, left_right)
+    return Gain(mean, np.einsum("nk->k", np.square(left_rival - left_right)))
 
 
 def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LEAST_DIFFERENCE) -> float:

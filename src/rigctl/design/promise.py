@@ -14,7 +14,8 @@ from rigctl.design.information import Evidence, Refit
 from rigctl.design.power import Gain, gain
 from rigctl.design.result import Outlook
 from rigctl.design.rivals import Rival
-from rigctl.design.search import Proposal, together
+from rigctl.design.search import Proposal, Workshop, together
+from rigctl.design.so_far import Known
 from rigctl.design.virtual_records import Outlines
 from rigctl.rig.rig import Rig
 
@@ -47,16 +48,23 @@ class Draws:
 
     Attributes
     ----------
-    information: of each rival's common unknowns, scaled; `covariances` are its inverses.
+    known: of each rival's common unknowns.
+    workshop: where the proposals were made.
     """
 
-    rivals: Sequence[Rival]
-    information: Sequence[Floats]
-    covariances: Sequence[Floats]
+    known: Known
+    workshop: Workshop
     seed: int
-    count: int = DRAWS
+    count: int
     _outputs: dict[tuple[int, int], Floats] = field(default_factory=dict)
     _kept: list[Proposal] = field(default_factory=list)
+    _right: dict[int, _Right] = field(default_factory=dict)
+    _of: tuple[int, ...] = ()
+
+    @property
+    def rivals(self) -> Sequence[Rival]:
+        """Those that are drawn from."""
+        return self.workshop.rivals
 
     def outputs(self, place: int, proposal: Proposal) -> Floats:
         """(draws, n, outputs) SI of one rival; NaN where a draw has no value."""
@@ -68,10 +76,11 @@ class Draws:
 
     def _simulated(self, place: int, proposal: Proposal) -> Floats:
         rival = self.rivals[place]
-        outlines = Outlines(rival, [proposal.scene.record])
-        values = drawn(rival, self.covariances[place], self.seed + place, self.count)
-        courses = outlines.at_draws(values)
-        found = np.full((self.count, *proposal.scene.record.values.shape), np.nan)
+        outlines = Outlines(rival, [proposal.record])
+        courses = outlines.at_draws(
+            drawn(rival, self.known.covariances[place], self.seed + place, self.count)
+        )
+        found = np.full((self.count, *proposal.record.values.shape), np.nan)
         for k, failure in enumerate(courses.failures):
             if failure is None:
                 found[k] = outlines.seen(courses.outputs[k])
@@ -79,7 +88,7 @@ class Draws:
 
     def keeps_clear(self, rig: Rig, proposal: Proposal) -> bool:
         """Whether every draw of every rival that counts stays clear of every limit."""
-        scene = proposal.scene
+        sigma, times = self.workshop.scene(proposal).sigma, proposal.record.times
         channels = self.rivals[0].fit.problem.measurements.outputs
         for place, rival in enumerate(self.rivals):
             if rival.weight < _COUNTS:
@@ -87,22 +96,61 @@ class Draws:
             for outputs in self.outputs(place, proposal):
                 if not np.isfinite(outputs).all():
                     return False
-                if not clear_of_limits(rig, channels, scene.record.times, outputs, scene.sigma):
+                if not clear_of_limits(rig, channels, times, outputs, sigma):
                     return False
         return True
 
     def gain(self, pair: tuple[int, int], chosen: Sequence[Proposal]) -> Gain:
         """Of records together, were the first of the pair right."""
-        truth = pair[0]
-        responses = [one.scene.responses for one in chosen]
-        refits = [Refit.of([each[place] for each in responses], self.information[place]) for place in pair]
-        fits = [np.concatenate([each[place].predicted for each in responses]) for place in pair]
-        truths = np.vstack(
-            [one.scene.whitener(np.moveaxis(self.outputs(truth, one), 0, 2)) for one in chosen]
+        truth, rival = pair
+        right = self._right_of(truth, chosen)
+        refit, fit = self._refit(rival, chosen)
+        away = right.truths - fit[:, None]
+        return gain(right.from_fit, right.left, away, refit.left(away)).scaled(
+            self.rivals[truth].overdispersion
         )
-        whole = np.isfinite(truths).all(axis=0)
-        found = gain(truths[:, whole], fits[0], fits[1], refits[0], refits[1])
-        return found.scaled(self.rivals[truth].overdispersion)
+
+    def _right_of(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
+        """Kept for one set of records at a time: there are many draws of many rows."""
+        names = tuple(map(id, chosen))
+        if names != self._of:
+            self._of, self._right = names, {}
+        if truth not in self._right:
+            self._right[truth] = self._were_right(truth, chosen)
+        return self._right[truth]
+
+    def _were_right(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
+        refit, fit = self._refit(truth, chosen)
+        drawn_rows = np.vstack(
+            [self.workshop.scene(one).whitener(np.moveaxis(self.outputs(truth, one), 0, 2)) for one in chosen]
+        )
+        truths = drawn_rows[:, np.isfinite(drawn_rows).all(axis=0)]
+        from_fit = truths - fit[:, None]
+        return _Right(truths, from_fit, refit.left(from_fit))
+
+    def _refit(self, place: int, chosen: Sequence[Proposal]) -> tuple[Refit, Floats]:
+        """How a rival takes records up, and what it predicts of them at its fit, whitened."""
+        responses = [
+            scene.predicted[place].response(scene.whitener) for scene in map(self.workshop.scene, chosen)
+        ]
+        fit = np.concatenate([one.predicted for one in responses])
+        return Refit.of(responses, self.known.information[place]), fit
+
+
+@dataclass(frozen=True)
+class _Right:
+    """Draws of what may be right, whitened.
+
+    Attributes
+    ----------
+    truths: (rows, draws) what they predict.
+    from_fit: the same less what the rival itself predicts at its fit.
+    left: what stays of that after it is refitted.
+    """
+
+    truths: Floats
+    from_fit: Floats
+    left: Floats
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from rigctl.model.inputs import InputSource, input_values
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
 
+#: how often a bench is looked at while levels hold before a record
+_LOOKS = 60.0
 #: what a step of a record does
 Verb = Literal["wait", "extend", "retract", "set"]
 
@@ -117,12 +119,11 @@ class Stage:
             commands = commands | self._after(step)
         return Course(np.array(times), np.array(rows), clock, recipe.rate, self.first(recipe), label)
 
-    def standing_course(self, recipe: Recipe) -> Course:
-        """What acts before the record, while the levels hold; sampled at its beginning and its end."""
+    def standing_course(self, recipe: Recipe, readings: Mapping[str, float] | None = None) -> Course:
+        """What acts before the record, while the levels hold, begun at these readings or those so far."""
         row = self.inputs(self.commands_before(recipe))
-        return Course(
-            np.zeros(1), np.array([row]), recipe.rest, 1.0 / recipe.rest, dict(self.readings), "rest"
-        )
+        begun = self.readings if readings is None else readings
+        return Course(np.zeros(1), np.array([row]), recipe.rest, _LOOKS / recipe.rest, dict(begun), "rest")
 
     def first(self, recipe: Recipe) -> dict[str, float]:
         """What the channels first read: what was set, else what they read in the data so far."""

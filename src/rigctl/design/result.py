@@ -301,17 +301,23 @@ class DesignResult:
         """Whether the records, as the bench is, tell the rivals apart with a probability of a half."""
         return bool(self.records) and self.after >= 0.5
 
-    def as_json(self) -> dict[str, Any]:
-        """The machine-readable answer: what `next_experiment` of a diagnosis holds, and more."""
+    def next_experiment(self) -> dict[str, Any]:
+        """What a diagnosis says of it to programs."""
         return {
             "procedure": self.procedure or None,
             "separates": [list(pair) for pair in self.separates],
             "expected_separation": self.separation,
             "probability": self.after,
-            "probability_before": self.before,
             "duration": self.duration,
             "records": [one.document() for one in self.records],
             "sensor": None if self.sensor is None else self.sensor.document(),
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """The machine-readable answer: `next_experiment`, and more."""
+        return {
+            **self.next_experiment(),
+            "probability_before": self.before,
             "sensors": [one.document() for one in self.sensors],
             "aim": self.aim,
             "runs": list(self.runs),

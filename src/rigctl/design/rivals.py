@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from rigctl.design.result import NONE, Aim, DesignRival
 from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.model import Model
 from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
@@ -31,6 +32,10 @@ _LEAST_WEIGHT = 0.1
 _WON = 0.95
 #: what is known of an unknown without a prior beside the data: so many of its typical sizes
 _VAGUE = 100.0
+
+
+class NothingLeft(RigctlError):
+    """A diagnosis leaves nothing open that a record could answer."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +111,10 @@ def question_of(diagnosis: Diagnosis, separate: tuple[str, str] | None = None) -
 
     Raises
     ------
+    NothingLeft
+        nothing.
     RigctlError
-        nothing; or `separate` names no effect of the library.
+        `separate` names no effect of the library.
     """
     if separate is not None:
         return _asked(diagnosis, separate)
@@ -124,6 +131,22 @@ def question_of(diagnosis: Diagnosis, separate: tuple[str, str] | None = None) -
     return _between(
         diagnosis, "discrimination", {*diagnosis.best.effects, *(n for n in likely if n in tried)}
     )
+
+
+def require_names(model: Model, separate: tuple[str, str]) -> None:
+    """Refuse what cannot be told apart, before any work is done.
+
+    Raises
+    ------
+    RigctlError
+        a name that is no effect which the model may lack, or twice the same.
+    """
+    known = [NONE, *dict.fromkeys(one.name for one in candidates(model))]
+    for name in separate:
+        if name not in known:
+            raise unknown_name("effect", name, known)
+    if separate[0] == separate[1]:
+        raise RigctlError("an effect cannot be told from itself", value=separate[0], expected="two names")
 
 
 def _leads(diagnosis: Diagnosis) -> bool:
@@ -150,12 +173,6 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
 
 def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
     """Two that somebody wants told apart, whatever the diagnosis says of them."""
-    known = [NONE, *dict.fromkeys(one.name for one in _candidates(diagnosis))]
-    for name in separate:
-        if name not in known:
-            raise unknown_name("effect", name, known)
-    if separate[0] == separate[1]:
-        raise RigctlError("an effect cannot be told from itself", value=separate[0], expected="two names")
     found = []
     for name in separate:
         trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name)
@@ -178,12 +195,12 @@ def _unseen(diagnosis: Diagnosis) -> Question:
     if len(found) < 2:
         raise _nothing_left(diagnosis)
     share = 1.0 / (len(found) - 1)
-    rivals = tuple(Rival(one.name, one.trial, one.mbic, 0.0 if one.name == NONE else share) for one in found)
+    rivals = tuple(replace(one, weight=0.0 if one.name == NONE else share) for one in found)
     return Question("detection", rivals, tuple((k, 0) for k in range(1, len(rivals))), _library(diagnosis))
 
 
-def _nothing_left(diagnosis: Diagnosis) -> RigctlError:
-    return RigctlError(
+def _nothing_left(diagnosis: Diagnosis) -> NothingLeft:
+    return NothingLeft(
         f"nothing is left to tell apart: {diagnosis.title.lower()}",
         value=diagnosis.model,
         hint="'--separate A,B' designs for two effects of your choice",
@@ -246,12 +263,10 @@ def _weighed(found: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ...]:
     best = min(one.mbic for one in found)
     factor = min(found, key=lambda one: one.mbic).overdispersion
     weights = [max(math.exp(-0.5 * min((one.mbic - best) / factor, 1400.0)), least) for one in found]
-    total = sum(weights)
-    made = [
-        Rival(one.name, one.trial, one.mbic, weight / total)
-        for one, weight in zip(found, weights, strict=True)
-    ]
-    return tuple(sorted(made, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS])
+    made = [replace(one, weight=weight) for one, weight in zip(found, weights, strict=True)]
+    kept = sorted(made, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS]
+    total = sum(one.weight for one in kept)
+    return tuple(replace(one, weight=one.weight / total) for one in kept)
 
 
 def _candidates(diagnosis: Diagnosis) -> tuple[Candidate, ...]:

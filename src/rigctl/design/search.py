@@ -8,7 +8,7 @@ numbers, each tried at seven values.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,13 +23,19 @@ from rigctl.design.rivals import Rival
 from rigctl.design.scheme import Scheme
 from rigctl.design.so_far import Known
 from rigctl.design.virtual_records import Course, Scene, predict
+from rigctl.errors import RigctlError
+from rigctl.model.measured.record import MeasuredRecord
 
 Floats = NDArray[np.float64]
 
 #: candidates that a search begins with, of all schemes together
 CANDIDATES = 300
-#: sweeps of the exchange, and values that each free number is tried at
-_SWEEPS, _VALUES = 2, 7
+#: sweeps of an exchange, and values that each free number is tried at
+SWEEPS, VALUES = 2, 7
+#: a sweep that makes a record no better than by this share is the last
+_GAIN = 0.05
+#: one in so many candidates needs no heating
+_AT_START = 4
 #: a set is complete at this probability
 ENOUGH = 0.95
 #: a record that adds a smaller share of what a set is worth is not worth the rig's time
@@ -42,12 +48,17 @@ _AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Proposal:
-    """A record that may be taken."""
+    """A record that may be taken.
+
+    Attributes
+    ----------
+    record: its values are what the most probable rival predicts.
+    """
 
     scheme: Scheme
     point: tuple[float, ...]
     recipe: Recipe
-    scene: Scene = field(repr=False)
+    record: MeasuredRecord = field(repr=False)
     evidence: Evidence = field(repr=False)
 
 
@@ -66,6 +77,7 @@ class Workshop:
     stage: Stage
     tried: int = 0
     _made: dict[object, Proposal | None] = field(default_factory=dict)
+    _shown: dict[int, tuple[Proposal, Scene]] = field(default_factory=dict)
 
     def propose(self, points: Sequence[tuple[Scheme, Sequence[float]]]) -> list[Proposal | None]:
         """A proposal for each point of a scheme; None where it is not to be proposed."""
@@ -79,9 +91,20 @@ class Workshop:
                 self._made[_key(recipes[k])] = (
                     None
                     if scene is None
-                    else Proposal(scheme, tuple(point), recipes[k], scene, Evidence.of(scene.responses))
+                    else Proposal(
+                        scheme, tuple(point), recipes[k], scene.record, Evidence.of(scene.responses)
+                    )
                 )
         return [self._made[_key(one)] for one in recipes]
+
+    def scene(self, proposal: Proposal) -> Scene:
+        """Every rival's prediction of a record; made again, as those of all candidates take gigabytes."""
+        if id(proposal) not in self._shown:
+            (found,) = predict(self.rivals, [proposal.record])
+            if found is None:
+                raise RigctlError("a record that was simulated cannot be simulated again")
+            self._shown[id(proposal)] = (proposal, found)
+        return self._shown[id(proposal)][1]
 
     def refuse(self, proposal: Proposal) -> None:
         """Never make it again."""
@@ -89,37 +112,57 @@ class Workshop:
 
     def _scenes(self, recipes: Sequence[Recipe]) -> list[Scene | None]:
         self.tried += len(recipes)
-        fit = self.rivals[0].fit
-        measurements = fit.problem.measurements
+        measurements = self.rivals[0].fit.problem.measurements
         courses = self._begun(recipes)
         group = 1 + max(record.group for record in measurements.records)
-        records = [course.record(measurements, group + k) for k, course in enumerate(courses)]
-        scenes = predict(self.rivals, records)
-        rig, channels = self.stage.rig, measurements.outputs
-        clear = [
-            scene is not None and keeps_clear(rig, channels, scene, self.known.covariances)
-            for scene in scenes
+        good = [k for k, course in enumerate(courses) if course is not None]
+        records = [
+            course.record(measurements, group + k) for k, course in enumerate(courses) if course is not None
         ]
-        kept = [scene for scene, good in zip(scenes, clear, strict=True) if good and scene is not None]
-        inside = dict(
-            zip(map(id, kept), inside_validity(self.rivals, [one.record for one in kept]), strict=True)
-        )
-        return [scene if scene is not None and inside.get(id(scene), False) else None for scene in scenes]
+        scenes = dict(zip(good, predict(self.rivals, records), strict=True))
+        clear = {k: scene for k, scene in scenes.items() if scene is not None and self._clear(scene)}
+        inside = inside_validity(self.rivals, [scene.record for scene in clear.values()])
+        kept = {k: scene for (k, scene), known in zip(clear.items(), inside, strict=True) if known}
+        return [kept.get(k) for k in range(len(recipes))]
 
-    def _begun(self, recipes: Sequence[Recipe]) -> list[Course]:
-        """The courses of the records, each begun where what holds before it leaves the bench."""
-        courses = [self.stage.course(one) for one in recipes]
+    def _clear(self, scene: Scene) -> bool:
+        channels = self.rivals[0].fit.problem.measurements.outputs
+        return keeps_clear(self.stage.rig, channels, scene, self.known.covariances)
+
+    def _begun(
+        self, recipes: Sequence[Recipe], readings: Mapping[str, float] | None = None
+    ) -> list[Course | None]:
+        """The courses of the records, each begun where what holds before it leaves the bench; None where that
+        comes near a limit."""
+        courses: list[Course | None] = [self.stage.course(one) for one in recipes]
         resting = [k for k, one in enumerate(recipes) if one.rest > 0.0]
         if not resting:
             return courses
         measurements = self.rivals[0].fit.problem.measurements
-        before = [self.stage.standing_course(recipes[k]).record(measurements) for k in resting]
-        for k, scene in zip(resting, predict(self.rivals[:1], before), strict=True):
-            if scene is not None:
-                ends = scene.predicted[0].outputs[-1]
-                readings = dict(zip(measurements.outputs, ends.tolist(), strict=True))
-                courses[k] = replace(courses[k], readings=readings)
+        before = [self.stage.standing_course(recipes[k], readings).record(measurements) for k in resting]
+        for k, scene in zip(resting, predict(self.rivals, before), strict=True):
+            course = courses[k]
+            if scene is None or course is None or not self._clear(scene):
+                courses[k] = None
+            else:
+                courses[k] = replace(course, readings=_ends(scene.record, measurements.outputs))
         return courses
+
+    def one_after_the_other(self, chosen: Sequence[Proposal]) -> list[Proposal]:
+        """Those that stay clear of every limit when each begins where the one before it left the bench."""
+        outputs = self.rivals[0].fit.problem.measurements.outputs
+        kept: list[Proposal] = []
+        for one in chosen:
+            readings = _ends(kept[-1].record, outputs) if kept else None
+            (course,) = self._begun([one.recipe], readings)
+            if course is not None:
+                kept.append(one)
+        return kept
+
+
+def _ends(record: MeasuredRecord, outputs: Sequence[str]) -> dict[str, float]:
+    """What the channels read at the end of a record, as the most probable rival says."""
+    return dict(zip(outputs, record.values[-1].tolist(), strict=True))
 
 
 def _key(recipe: Recipe) -> object:
@@ -130,15 +173,25 @@ def _key(recipe: Recipe) -> object:
     return steps, recipe.temperature, recipe.pressure, before, recipe.rest, recipe.rate
 
 
+def _some_at_once(scheme: Scheme, points: Floats) -> Floats:
+    """Every fourth where the bench is already: what takes the rig's time is heating."""
+    for k, one in enumerate(scheme.free):
+        if one.name == "temperature":
+            points[::_AT_START, k] = 0.0
+    return points
+
+
 def first_candidates(workshop: Workshop, schemes: Sequence[Scheme], seed: int) -> list[Proposal]:
     """Spread evenly over all that the rig can do."""
     from scipy.stats.qmc import Sobol
 
-    count = 2 ** max(4, round(math.log2(CANDIDATES / len(schemes))))
+    count = max(1, CANDIDATES // len(schemes))
     points: list[tuple[Scheme, Sequence[float]]] = []
     for k, scheme in enumerate(schemes):
-        drawn = Sobol(len(scheme.free), rng=np.random.default_rng([seed, k])).random(count)
-        points += [(scheme, point) for point in drawn.tolist()]
+        drawn = Sobol(len(scheme.free), rng=np.random.default_rng([seed, k])).random_base2(
+            max(1, math.ceil(math.log2(count)))
+        )
+        points += [(scheme, point) for point in _some_at_once(scheme, drawn[:count]).tolist()]
     return [one for one in workshop.propose(points) if one is not None]
 
 
@@ -167,7 +220,7 @@ class Search:
     ----------
     pool: all proposals so far; those that improve the best ones join.
     per_minute: whether worth counts for each minute of the rig's time, or for itself.
-    acceptable: whether a proposal may be taken, asked only of one that would be.
+    exchange: whether what leads is improved, or taken as it is.
     """
 
     workshop: Workshop
@@ -177,7 +230,7 @@ class Search:
     records: int
     budget: float
     per_minute: bool = True
-    acceptable: Callable[[Proposal], bool] = field(default=lambda _: True)
+    exchange: bool = True
 
     def best_set(self) -> list[Proposal]:
         """The records, greedily, in the order in which they were found."""
@@ -193,15 +246,15 @@ class Search:
 
     def _next(self, chosen: Sequence[Proposal]) -> Proposal | None:
         """The proposal that adds most, improved; None where none adds anything, or the budget is spent."""
-        while True:
-            best = self._leader(chosen, self.pool)
-            if best is None:
-                return None
-            best = self._exchanged(chosen, best)
-            if self.acceptable(best):
-                return best
-            self.workshop.refuse(best)
-            self.pool = [one for one in self.pool if one is not best]
+        best = self._leader(chosen, self.pool)
+        return best if best is None or not self.exchange else self._exchanged(chosen, best)
+
+    def without(self, refused: Sequence[Proposal]) -> Search:
+        """The same, these never to be made again."""
+        for one in refused:
+            self.workshop.refuse(one)
+        names = set(map(id, refused))
+        return replace(self, pool=[one for one in self.pool if id(one) not in names])
 
     def _leader(self, chosen: Sequence[Proposal], among: Sequence[Proposal]) -> Proposal | None:
         """The one that adds most to `chosen` within the budget; None where none adds anything."""
@@ -223,17 +276,18 @@ class Search:
 
     def _exchanged(self, chosen: Sequence[Proposal], best: Proposal) -> Proposal:
         """Its free numbers changed one after the other where that makes it better."""
-        for _ in range(_SWEEPS):
-            before = best
+        taken = _Taken.of(chosen, self.criterion, self.clock)
+        for _ in range(SWEEPS):
+            before = self._rate(taken, best)
             for k in range(len(best.point)):
-                values = np.linspace(0.0, 1.0, _VALUES)
+                values = np.linspace(0.0, 1.0, VALUES)
                 points = [(*best.point[:k], float(value), *best.point[k + 1 :]) for value in values]
                 made = self.workshop.propose([(best.scheme, point) for point in points])
                 good = [one for one in made if one is not None]
                 seen = set(map(id, self.pool))
                 self.pool += [one for one in good if id(one) not in seen]
                 best = self._leader(chosen, [best, *good]) or best
-            if best is before:
+            if self._rate(taken, best) < (1.0 + _GAIN) * before:
                 break
         return best
 

@@ -67,8 +67,8 @@ class Course:
             values=values,
             condition={},
             group=group,
-            phase=np.zeros(times.size, dtype=np.intp),
-            phases=("all",),
+            phase=np.minimum(np.arange(times.size), 1),
+            phases=("begin", "record"),
         )
 
 
