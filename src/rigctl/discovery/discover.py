@@ -38,7 +38,7 @@ from rigctl.physics.family import ModelFamily
 #: places over one variable whose formulas are looked at, and of the first places pairs of variables
 _SINGLES, _PAIRS = 4, (4, 2, 1)
 #: other places that are named
-_RIVALS = 3
+_RIVALS = 5
 #: curves that are drawn
 _CURVES = 3
 #: of a range that the data visit, what is added at either end
@@ -123,9 +123,11 @@ def discover_beside(
     paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)
     formulas = tuple(_found(one, chosen[0], opened, none) for one in chosen)
+    places = {one.formula.slot.name for one in chosen}
+    refuted = frozenset(one.formula.slot.name for one in fitted) - places
     said("Drawing the curves")
     curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)
-    result = replace(result, curves=curves, formulas=formulas, tried=scored.tried)
+    result = replace(result, curves=curves, formulas=formulas, tried=scored.tried, refuted=refuted)
     return replace(result, statement=_statement(result))
 
 

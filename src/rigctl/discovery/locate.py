@@ -238,15 +238,17 @@ def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> lis
     """Terms ``w = Σ_kl b_kl·B_k(x)·B_l(y)`` at the places that are wanted most.
 
     x is the variable that a place wants most, y any other; then, where that is wanted most, the best y with
-    any other: x may have stood for another variable that changes with it.
+    any other: x may have stood for another variable that changes with it. At every further place the variable
+    that is wanted most of all is looked at with the one that the place itself wants: a drag at one spot shows
+    little over either alone, and would otherwise be missing where it is said which places could be it.
     """
     best: dict[str, Located] = {}
     for one in singles:
         best.setdefault(one.slot.name, one)
     pairs: dict[tuple[str, frozenset[Driver]], Located] = {}
 
-    def look(place: Located, driver: Driver) -> None:
-        for one in _with_every_other(opened, place, driver):
+    def look(place: Located, driver: Driver, others: Sequence[Driver] = opened.drivers) -> None:
+        for one in _with_others(opened, place, driver, others):
             pairs.setdefault((one.slot.name, frozenset(one.over)), one)
 
     for one in list(best.values())[:PLACES]:
@@ -257,22 +259,28 @@ def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> lis
         wanted.setdefault(one.slot.name, one)
     for one in list(wanted.values())[:AGAIN]:
         look(one, one.over[1])
+    for name, place in list(best.items())[PLACES:]:
+        (most,) = singles[0].over
+        own = [one.over[0] for one in singles if one.slot.name == name]
+        look(place, most, [other for other in own if not other.variables & most.variables][:1])
     return list(pairs.values())
 
 
-def _with_every_other(opened: OpenSlots, place: Located, driver: Driver) -> Iterator[Located]:
-    """Terms of one variable and each other at a place, in one simulation."""
+def _with_others(
+    opened: OpenSlots, place: Located, driver: Driver, others: Sequence[Driver]
+) -> Iterator[Located]:
+    """Terms of one variable and each of others at a place, in one simulation."""
     asked = {
         other: SplineArgument(dict(other.weights), knots)
-        for other in (driver, *opened.drivers)
+        for other in (driver, *others)
         if (knots := opened.knots(other, FEW)) is not None
     }
-    others = [other for other in asked if not other.variables & driver.variables]
-    if driver not in asked or not others:
+    paired = [other for other in asked if not other.variables & driver.variables]
+    if driver not in asked or not paired:
         return
-    every = opened.readings(products_at(place.slot, asked[driver], *(asked[other] for other in others)))
+    every = opened.readings(products_at(place.slot, asked[driver], *(asked[other] for other in paired)))
     projected = opened.project(every)
-    for k, other in enumerate(others):
+    for k, other in enumerate(paired):
         chosen = slice(k * FEW * FEW, (k + 1) * FEW * FEW)
         located = _located(projected, chosen, place.slot, (driver, other))
         if located.dof:

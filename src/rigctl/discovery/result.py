@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: of χ², the share by which a linear model of a large effect may be in error
-_AS_MUCH = 0.02
+#: of χ², the share by which a linear model of a large effect may be in error: no place is excluded by less
+_AS_MUCH = 0.05
 
 
 @dataclass(frozen=True)
@@ -171,6 +171,7 @@ class Discovery:
     curves: the term over one variable, at the places that are wanted most.
     formulas: the set: all that these data do not tell from the best.
     tried: formulas that were looked at.
+    refuted: places whose best formulas were refitted and do worse than the set.
     statement: in words; `notes` on the data and the search.
     diagnosis: of the model as it is.
     """
@@ -185,6 +186,7 @@ class Discovery:
     statement: str
     notes: tuple[str, ...]
     diagnosis: Diagnosis = field(repr=False)
+    refuted: frozenset[str] = frozenset()
 
     @property
     def located(self) -> tuple[Located, ...]:
@@ -194,14 +196,14 @@ class Discovery:
     @property
     def rivals(self) -> tuple[Located, ...]:
         """Other places, the best of each, at which a term explains as much but for what chance makes of it,
-        or the linear model."""
+        or the linear model, and no refit has refuted them."""
         if not self.located:
             return ()
         best = self.located[0]
         enough = best.statistic - max(LEAST_DIFFERENCE, _AS_MUCH * best.statistic)
         by_slot: dict[str, Located] = {}
         for one in self.located:
-            if one.statistic >= enough and one.slot.name != best.slot.name:
+            if one.statistic >= enough and one.slot.name not in (best.slot.name, *self.refuted):
                 by_slot.setdefault(one.slot.name, one)
         return tuple(by_slot.values())
 
