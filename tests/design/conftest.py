@@ -19,11 +19,11 @@ def as_on_one_computer(shared_results: Path) -> None:
 def small_search() -> Iterator[None]:
     """Fewer rivals, candidates, values of each free number and draws: the same design, in seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search, "CANDIDATES", 24)
+        patch.setattr(search, "CANDIDATES", 12)
         patch.setattr(search, "SWEEPS", 1)
-        patch.setattr(search, "VALUES", 3)
+        patch.setattr(search, "VALUES", 2)
         patch.setattr(rivals, "MOST_RIVALS", 3)
-        patch.setattr(design, "DRAWS", 30)
+        patch.setattr(design, "DRAWS", 20)
         yield
 
 

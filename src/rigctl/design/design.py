@@ -24,12 +24,14 @@ from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedReco
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
 from rigctl.design.rivals import NothingLeft, Question, question_of, require_names
-from rigctl.design.scheme import schemes_of, stage_of
+from rigctl.design.scheme import NothingToSet, schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
+from rigctl.design.sensors import best_sensor, sensor_sets
 from rigctl.design.so_far import Known, known_so_far
-from rigctl.design.words import added, header, reason, statement
+from rigctl.design.words import added, header, reason, repeats_with, statement
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
+from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
@@ -86,8 +88,16 @@ def design_experiment(
     question = question_of(found, separate)
     tell(f"Designing for {', '.join(one.name for one in question.rivals)}")
     design = _Design.on(question, rig, rig_reference(runs, rig), seed)
-    chosen = design.chosen(records or MOST_RECORDS, budget, tell)
-    return design.result(found, chosen)
+    try:
+        chosen = design.chosen(records or MOST_RECORDS, budget, tell)
+    except NothingToSet as error:
+        error.hint = design.sensor_instead() or error.hint
+        raise
+    made = design.result(found, chosen)
+    if not sensors and (made.separable or made.aim != "discrimination"):
+        return made
+    tell("Looking at the sensors that the bench could have")
+    return design.with_sensors(made, chosen)
 
 
 def with_next_experiment(
@@ -238,8 +248,46 @@ class _Design:
             notes=(self._tried(),),
             diagnosis=diagnosis,
         )
-        made = replace(made, statement=statement(made))
-        reasons = [reason(made, number) for number in range(len(records))]
+        return self.written(replace(made, statement=statement(made)), chosen)
+
+    def _tried(self) -> str:
+        rivals = len(self.question.rivals)
+        with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
+        return f"{self.workshop.tried} records were simulated {with_each}"
+
+    def sensor_instead(self) -> str:
+        """Which sensor would tell the rivals apart where no condition can be set; "" where none would."""
+        if not isinstance(self.criterion, Discrimination):
+            return ""
+        best = best_sensor(sensor_sets(self.criterion, self.equipment, self._so_far))
+        return "" if best is None else repeats_with(best)
+
+    @property
+    def _so_far(self) -> list[MeasuredRecord]:
+        fit = self.question.rivals[0].fit
+        return [fit.problem.records[k] for k in fit.fitted]
+
+    def with_sensors(self, made: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
+        """The answer with what other sensors would tell; unchanged where the rig names none that could."""
+        if not isinstance(self.criterion, Discrimination):
+            return replace(
+                made, notes=(*made.notes, "sensors are looked at where rivals are to be told apart")
+            )
+        taken = [*self._so_far, *(one.record for one in chosen)]
+        sets = sensor_sets(self.criterion, self.equipment, taken)
+        best = None if made.separable else best_sensor(sets)
+        found = replace(made, sensors=sets, sensor=best)
+        return self.written(replace(found, statement=statement(found)), chosen)
+
+    @property
+    def equipment(self) -> Rig:
+        """The rig file as it is now, which may know of sensors that it did not when the data were taken."""
+        now = self.question.rivals[0].fit.problem.model.rig
+        return now if now is not None and now.could_have else self.stage.rig
+
+    def written(self, made: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
+        """With the procedure, as commented as the answer is."""
+        reasons = [reason(made, number) for number in range(len(made.records))]
         text = self.writer.text(
             [one.recipe for one in chosen],
             title=f"next for {made.model}",
@@ -247,12 +295,7 @@ class _Design:
             why=header(made),
             reasons=reasons,
         )
-        return replace(made, procedure=text if records else "")
-
-    def _tried(self) -> str:
-        rivals = len(self.question.rivals)
-        with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
-        return f"{self.workshop.tried} records were simulated {with_each}"
+        return replace(made, procedure=text if made.records else "")
 
     def _after(self, chosen: Sequence[Proposal]) -> Promise:
         """What records promise together."""

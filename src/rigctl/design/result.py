@@ -293,7 +293,9 @@ class DesignResult:
     @property
     def separates(self) -> tuple[tuple[str, str], ...]:
         """The pairs of names in question, each once."""
-        pairs = {tuple(sorted((one.truth, one.rival))): (one.truth, one.rival) for one in self.outlooks}
+        pairs: dict[frozenset[str], tuple[str, str]] = {}
+        for one in self.outlooks:
+            pairs.setdefault(frozenset((one.truth, one.rival)), (one.truth, one.rival))
         return tuple(pairs.values())
 
     @property

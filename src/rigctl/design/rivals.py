@@ -236,7 +236,7 @@ def _at_usual_size(diagnosis: Diagnosis, name: str) -> RefittedSet | None:
 
     None where the model has no value there.
     """
-    candidate = next(one for one in _candidates(diagnosis) if one.name == name)
+    candidate = {one.name: one for one in reversed(_candidates(diagnosis))}[name]
     fitted = diagnosis.before.fit
     sizes = {column.partition(".")[2]: candidate.parameter(column).start for column in candidate.columns}
     shapes = {column.partition(".")[2]: value for column, value in candidate.shapes.items()}

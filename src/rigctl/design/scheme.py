@@ -39,6 +39,10 @@ _MOVES: tuple[tuple[Verb, ...], ...] = (
 )
 
 
+class NothingToSet(RigctlError):
+    """Nothing on a rig sets the conditions of a record."""
+
+
 @dataclass(frozen=True)
 class Free:
     """A number that may be varied.
@@ -106,15 +110,15 @@ def schemes_of(stage: Stage, records: Sequence[MeasuredRecord]) -> tuple[Scheme,
 
     Raises
     ------
-    RigctlError
-        nothing on the rig sets the conditions of a record.
+    NothingToSet
+        no actuator that the model knows sets the conditions of a record.
     """
     moving = any(source.actuators for source in _moves(stage))
     found = tuple(_move_schemes(stage, records) if moving else _level_schemes(stage, records))
     if not found:
-        raise RigctlError(
+        raise NothingToSet(
             f"no condition of the rig '{stage.rig.name}' can be set: it has no actuator that the model knows",
-            hint="'--sensors' says which sensor would tell the rivals apart",
+            hint="Name sensors that it could have in its rig file, under 'could_have:'",
         )
     return found
 

@@ -94,6 +94,13 @@ class Predicted:
         """Whitened."""
         return Response(whitener(self.outputs), whitener(self.slopes), whitener(self.own))
 
+    def of_channels(self, places: Sequence[int]) -> Predicted:
+        """Some of its channels alone."""
+        chosen = list(places)
+        return replace(
+            self, outputs=self.outputs[:, chosen], slopes=self.slopes[:, chosen], own=self.own[:, chosen]
+        )
+
     def spread(self, covariance: Floats) -> Floats:
         """(n, outputs) standard deviation of what is predicted, SI; `covariance` (p, p) of the scaled common
         unknowns."""

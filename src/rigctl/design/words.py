@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.design.result import DesignResult, Outlook
+from rigctl.design.result import DesignResult, Outlook, SensorSet
 from rigctl.planning.outline import clock_time
 
 #: below this probability a set is no answer
@@ -33,14 +33,26 @@ def statement(found: DesignResult) -> str:
         return _detection(found)
     names = _listed(list(dict.fromkeys(name for pair in found.separates for name in pair)))
     if not found.records:
-        return f"no record that it can make differs for {names}"
+        return f"no record that it can make differs for {names}{_sensor(found)}"
     together = [pair for pair in found.separates if _least(found, pair) < HALF]
     chance = f"with a probability of {share(found.after)}, now {share(found.before)}"
     if found.separable:
         tells = "tells" if len(found.records) == 1 else "tell"
         return f"{_amount(found)} {tells} {names} apart {chance}"
     what = f"of {names}, what is right would be named alone {chance}, by {_amount(found)}"
-    return f"{what}; {_left(found, together)}" if together else what
+    left = f"; {_left(found, together)}" if together else ""
+    return f"{what}{left}{_sensor(found)}"
+
+
+def _sensor(found: DesignResult) -> str:
+    """What a sensor would tell, of those that the rig file names."""
+    one = found.sensor
+    if one is None:
+        return ""
+    tells = f"with {_named(one)} the same records, and those so far taken again, would"
+    if one.probability < HALF:
+        return f"; nor would a sensor that it could have: {tells} reach {share(one.probability)}"
+    return f"; {tells} name it with a probability of {share(one.probability)}"
 
 
 def _least(found: DesignResult, pair: tuple[str, str]) -> float:
@@ -53,6 +65,19 @@ def _left(found: DesignResult, together: Sequence[tuple[str, str]]) -> str:
     told = len(found.separates) - len(together)
     others = f"; the other {told} pairs would be told apart" if told > 1 else ""
     return f"not to be told apart for sure: {pairs}{others}"
+
+
+def _named(one: SensorSet) -> str:
+    price = "" if one.price is None else f" (about {one.price:g} {one.currency})"
+    return f"{' and '.join(one.channels)}{price}"
+
+
+def repeats_with(one: SensorSet) -> str:
+    """What the records so far, taken again, would tell with a sensor."""
+    return (
+        f"With {_named(one)} the records so far, taken again, would name what is right with a probability of "
+        f"{share(one.probability)}"
+    )
 
 
 def _detection(found: DesignResult) -> str:

@@ -29,6 +29,7 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _names(rig)
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
+    yield from _could_have(rig)
     yield from _actuators(rig)
     yield from _roles(rig)
     yield from _limits(rig)
@@ -105,6 +106,28 @@ def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]
     if channel.range and channel.range[0] >= channel.range[1]:
         yield Problem((*keys, "range"), RigctlError("range: the lower end is not below the upper one"))
     yield from _converter(keys, channel)
+
+
+def _could_have(rig: Rig) -> Iterator[Problem]:
+    for name, possible in rig.could_have.items():
+        keys = ("could_have", name)
+        if name in rig.channels or name in rig.actuators or name in RESERVED:
+            what = (
+                "the bench has this name already"
+                if name not in RESERVED
+                else "this name has a meaning of its own"
+            )
+            yield Problem(keys, RigctlError(what, value=name, expected="another name"), of_key=True)
+        yield from _channel(keys, possible.channel)
+        if not possible.noise > 0.0:
+            error = RigctlError("noise: a sensor without any tells everything", expected="more than 0")
+            yield Problem((*keys, "noise"), error)
+    currencies = {one.price.currency for one in rig.could_have.values() if one.price is not None}
+    if len(currencies) > 1:
+        error = RigctlError(
+            "prices in several currencies", value=", ".join(sorted(currencies)), expected="one"
+        )
+        yield Problem(("could_have",), error)
 
 
 def _converter(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:

@@ -23,6 +23,7 @@ from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Lines
 from rigctl.rig.nodes import OpcUa
+from rigctl.rig.possible import PossibleChannel
 from rigctl.rig.registers import Modbus
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
@@ -66,6 +67,9 @@ class Rig(Part):
     )
     oil: str | None = Field(default=None, description="the fluid, e.g. HL32")
     channels: dict[Name, Channel] = Field(min_length=1, description="what is measured")
+    could_have: dict[Name, PossibleChannel] = Field(
+        default_factory=dict, description="sensors that it does not have and could have"
+    )
     actuators: dict[Name, Actuator] = Field(default_factory=dict, description="what is switched or set")
     roles: Roles = Field(default=Roles(), description="which of them the steps mean")
     geometry: dict[Name, AnyAmount] = Field(default_factory=dict, description="lengths, areas, volumes")

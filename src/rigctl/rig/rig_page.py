@@ -16,6 +16,7 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.nodes import HeartbeatNode, IdentityNode, OpcUa, ReadNode, WrittenNode
+from rigctl.rig.possible import PossibleChannel
 from rigctl.rig.registers import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
@@ -72,6 +73,7 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("channels.NAME", Channel, ""),
     ("channels.NAME.raw", Raw, ""),
     ("channels.NAME.calibration", Calibration, ""),
+    ("could_have.NAME", PossibleChannel, ""),
     ("actuators.NAME", Actuator, ""),
     ("roles", Roles, ""),
     ("roles.heat", HeatRole, ""),

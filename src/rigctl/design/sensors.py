@@ -1,0 +1,220 @@
+"""Which sensor would tell the rivals apart: the same distances with channels that the bench could have.
+
+The records are those proposed, and the ones so far taken again: what is told of both with a sensor beside
+what is told of them without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.criterion import Discrimination
+from rigctl.design.information import Evidence
+from rigctl.design.power import Gain
+from rigctl.design.result import SensorSet
+from rigctl.design.rivals import Rival
+from rigctl.design.virtual_records import Scene, predict
+from rigctl.errors import unknown_name
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.model import Model
+from rigctl.noise import ChannelNoise
+from rigctl.noise.whitening import whiten
+from rigctl.physics.family import Formula, ModelFamily, OutputVariable
+from rigctl.physics.units import si_unit
+from rigctl.rig.possible import PossibleChannel
+from rigctl.rig.rig import Rig
+
+Floats = NDArray[np.float64]
+
+#: sensors in one set
+_TOGETHER = 2
+#: a pair counts as told apart from this probability on
+_TOLD = 0.5
+
+
+def sensor_sets(
+    criterion: Discrimination, rig: Rig, records: Sequence[MeasuredRecord]
+) -> tuple[SensorSet, ...]:
+    """Every set of up to two sensors that the rig could have, and the bench as it is, the cheapest first.
+
+    Parameters
+    ----------
+    records: with what is read of them in the channels that there are.
+
+    Raises
+    ------
+    RigctlError
+        the model has nothing that a sensor says it reads.
+    """
+    names = tuple(name for name in rig.could_have if name not in rig.channels)
+    if not names:
+        return ()
+    rivals = [_equipped(rival, rig, names) for rival in criterion.question.rivals]
+    scenes = predict(rivals, [_wider(record, len(names)) for record in records])
+    present = len(criterion.question.rivals[0].fit.problem.measurements.outputs)
+    plain = _told(criterion, _evidence(scenes, rivals[0], range(present)))
+    sets = [
+        _of_set(criterion, rig, chosen, plain, _evidence(scenes, rivals[0], [*range(present), *places]))
+        for count in range(1, _TOGETHER + 1)
+        for chosen, places in _choices(names, present, count)
+    ]
+    return tuple(sorted(sets, key=lambda one: (one.price is None, one.price or 0.0, one.channels)))
+
+
+def best_sensor(sets: Sequence[SensorSet]) -> SensorSet | None:
+    """The set that names what is right most surely; of those that do so about as surely, the cheapest."""
+    if not sets:
+        return None
+    most = max(one.probability for one in sets)
+    told = max(one.told for one in sets)
+    good = [one for one in sets if one.probability >= 0.95 * most and (most >= _TOLD or one.told == told)]
+    return good[0] if good else max(sets, key=lambda one: one.probability)
+
+
+def _choices(names: Sequence[str], present: int, count: int) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
+    """(names, their places among the channels) of every set of so many."""
+    return [
+        (tuple(names[k] for k in chosen), tuple(present + k for k in chosen))
+        for chosen in combinations(range(len(names)), count)
+    ]
+
+
+def _of_set(
+    criterion: Discrimination,
+    rig: Rig,
+    chosen: tuple[str, ...],
+    plain: dict[tuple[int, int], float],
+    evidence: Evidence,
+) -> SensorSet:
+    told = _told(criterion, evidence)
+    prices = [rig.could_have[name].price for name in chosen]
+    known = [price for price in prices if price is not None]
+    rivals = criterion.question.rivals
+    pairs = _pairs(told)
+    return SensorSet(
+        channels=chosen,
+        price=sum(price.amount for price in known) if len(known) == len(prices) else None,
+        currency=known[0].currency if known else "",
+        told=sum(pairs.values()),
+        of=len(pairs),
+        separation=criterion.separation(evidence),
+        probability=criterion.together(told),
+        splits=tuple(
+            (rivals[one].name, rivals[other].name)
+            for (one, other), apart in pairs.items()
+            if apart and not _pairs(plain)[one, other]
+        ),
+    )
+
+
+def _told(criterion: Discrimination, evidence: Evidence) -> dict[tuple[int, int], float]:
+    """P of each ordered pair, at the rivals' fits."""
+    found = criterion.distances(evidence)
+    return {
+        pair: criterion.of_pair(pair, Gain(found[pair][None], found[pair][None]), found)
+        for pair in criterion.pairs
+    }
+
+
+def _pairs(told: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
+    """Each pair once: whether it is told apart, whichever of the two is right."""
+    return {
+        (one, other): min(told[one, other], told[other, one]) >= _TOLD
+        for one, other in told
+        if one < other and (other, one) in told
+    }
+
+
+def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[int]) -> Evidence:
+    """Of all records, by some of their channels."""
+    places = list(channels)
+    noise = first.fit.problem.noise
+    some = replace(noise, channels=tuple(noise.channels[k] for k in places))
+    found = []
+    for scene in scenes:
+        if scene is None:
+            continue
+        ok = np.ones((scene.record.times.size, len(places)), dtype=bool)
+        sigma = scene.sigma[:, places]
+        whitener = whiten(some, scene.record.times, ok, scene.record.values[:, places], sigma=sigma)
+        responses = [one.of_channels(places).response(whitener) for one in scene.predicted]
+        found.append(Evidence.of(responses))
+    return Evidence.total(found)
+
+
+# --- a bench with more channels
+
+
+def _equipped(rival: Rival, rig: Rig, names: Sequence[str]) -> Rival:
+    """The rival on a bench that has these sensors too."""
+    sensors = {name: rig.could_have[name] for name in names}
+    known = rival.fit.problem
+    model = _with_outputs(known.model, sensors)
+    equipped = _with_channels(known.measurements, rig, sensors)
+    noise = replace(
+        known.noise,
+        channels=(
+            *known.noise.channels,
+            *(ChannelNoise(name, float(one.noise), source="rig") for name, one in sensors.items()),
+        ),
+    )
+    ok = [np.hstack([good, np.zeros((len(good), len(names)), dtype=bool)]) for good in known.ok]
+    wider = replace(known, measurements=equipped, sizes=None, scatter=None, extra=None, grown=None)
+    made = wider.for_model(replace(model, rig=equipped.rig), noise, ok)
+    made = made.with_shared(known.shared, _values_of(made, known))
+    return replace(rival, trial=replace(rival.trial, fit=replace(rival.fit, problem=made)))
+
+
+def _values_of(made: Problem, known: Problem) -> Floats:
+    """The parameters of a system with more outputs: it has the same."""
+    at = dict(zip(known.compiled.system.parameter_names, known.base.tolist(), strict=True))
+    names = made.compiled.system.parameter_names
+    return np.array([at.get(name, value) for name, value in zip(names, made.base.tolist(), strict=True)])
+
+
+def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
+    """The model of a family whose outputs the sensors are, each with exact derivatives like any other."""
+    known = {output.name for output in model.family.outputs}
+    more = [
+        OutputVariable(name, *_read(model.family, name, sensor))
+        for name, sensor in sensors.items()
+        if name not in known or sensor.reads not in ("", name)
+    ]
+    taken = {one.name for one in more}
+    kept = [output for output in model.family.outputs if output.name not in taken]
+    return replace(model, family=replace(model.family, outputs=(*kept, *more)))
+
+
+def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:
+    """Unit, formula and meaning of what a sensor reads."""
+    wanted = sensor.reads or name
+    units = {state.name: state.unit for state in family.states}
+    units |= {item.name: item.unit for item in family.inputs}
+    units |= {definition.name: definition.unit for definition in family.definitions}
+    if wanted not in units:
+        raise unknown_name(f"state or definition that the sensor '{name}' could read", wanted, units)
+    return si_unit(units[wanted]), lambda m: m[wanted], sensor.description
+
+
+def _with_channels(measurements: Measurements, rig: Rig, sensors: dict[str, PossibleChannel]) -> Measurements:
+    present = measurements.rig or rig
+    channels = {**present.channels, **{name: one.channel for name, one in sensors.items()}}
+    return replace(
+        measurements,
+        outputs=(*measurements.outputs, *sensors),
+        units=(*measurements.units, *(one.unit for one in sensors.values())),
+        records=tuple(_wider(record, len(sensors)) for record in measurements.records),
+        rig=present.model_copy(update={"channels": channels}),
+    )
+
+
+def _wider(record: MeasuredRecord, count: int) -> MeasuredRecord:
+    """A record with columns of channels that nobody has read."""
+    nothing = np.full((len(record.values), count), np.nan)
+    return replace(record, values=np.hstack([record.values, nothing]))

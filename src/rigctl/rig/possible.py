@@ -1,0 +1,72 @@
+"""Sensors that a bench does not have and could have: what they would read, how well, and what they cost."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from rigctl.errors import RigctlError
+from rigctl.files.amount import AnyAmount, AnyDifference
+from rigctl.files.refusal import refusal
+from rigctl.rig.base import Part
+from rigctl.rig.channel import Channel, QuantityName
+
+_PRICE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([^\d\s]\S*)?\s*")
+
+
+@dataclass(frozen=True)
+class Price:
+    """An amount of money in the currency that is written with it, ``180 EUR``; "" where none is."""
+
+    amount: float
+    currency: str = ""
+
+    def __str__(self) -> str:
+        """As it is written."""
+        return f"{self.amount:g} {self.currency}".strip()
+
+
+def _price(written: object) -> Price:
+    if isinstance(written, Price):
+        return written
+    found = None if isinstance(written, bool) else _PRICE.fullmatch(str(written))
+    if found is None:
+        raise refusal(RigctlError("no price", value=str(written), expected="e.g. 180 EUR"))
+    return Price(float(found[1]), found[2] or "")
+
+
+AnyPrice = Annotated[
+    Price,
+    BeforeValidator(_price),
+    WithJsonSchema({"type": ["string", "number"], "examples": ["180 EUR"]}),
+]
+
+
+class PossibleChannel(Part):
+    """A sensor that the bench could have; `rigctl design --sensors` says what it would tell."""
+
+    unit: str = Field(description="the unit it would be shown in, e.g. bar")
+    quantity: QuantityName = Field(description="what it would measure")
+    description: str = Field(default="", description="type and place, for reports")
+    reads: str = Field(
+        default="",
+        description="the model family's state or definition that it reads, e.g. pressure_a; "
+        "by default what it is called",
+    )
+    noise: AnyDifference = Field(description="standard deviation of one reading, of its data sheet")
+    range: tuple[AnyAmount, AnyAmount] | None = Field(default=None, description="what it can read")
+    price: AnyPrice | None = Field(default=None, description="about what it costs, e.g. 180 EUR")
+
+    @property
+    def channel(self) -> Channel:
+        """As the channel that it would be."""
+        return Channel(
+            unit=self.unit,
+            quantity=self.quantity,
+            description=self.description,
+            noise=self.noise,
+            range=self.range,
+        )
