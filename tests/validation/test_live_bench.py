@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rigctl.clock import VirtualClock
-from rigctl.dataset import RunWriter, open_run
+from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
-from rigctl.procedure import expand, load_procedure
 from rigctl.rig import load_rig
-from rigctl.runner.launch import Launch, carry_out, header_of
-from rigctl.runner.operator import AutomaticOperator
 from rigctl.validation.bench import equations
 from rigctl.validation.bench.campaign import Campaign, Scatter
 from rigctl.validation.bench.parameters import Bench, Sensors, Switching
 from rigctl.validation.bench.record import RATE, STANDARD, Condition, simulate_record
 from rigctl.validation.bench.running import RunningBench
 from rigctl.validation.bench.sensing import Noise
-from rigctl.validation.live_bench import SeparatePlant, live_bench
+from rigctl.validation.live_bench import SeparateBench, SeparatePlant
 
 _QUIET = Noise(sigma=dict.fromkeys(Noise().sigma, 0.0))
 _WARM = Condition(oil=333.15, setting=40e5)
@@ -74,17 +69,11 @@ def test_noise_has_the_spread_and_the_correlation_that_it_is_said_to_have() -> N
 
 
 def test_a_procedure_is_carried_out_on_it(tmp_path: Path) -> None:
-    plan = expand(
-        load_procedure(shipped("procedures", "stroke.yaml")), load_rig(shipped("rigs", "hl32-bench.yaml")), {}
+    bench = SeparateBench(
+        Campaign(scatter=Scatter(setting=0.002), seed=2), shipped("rigs", "hl32-bench.yaml"), tmp_path
     )
-    clock = VirtualClock(started=datetime.now(UTC))
-    bench = live_bench(Campaign(scatter=Scatter(setting=0.002), seed=2), plan.rig, clock)
-    how = Launch(runs=tmp_path, operator=AutomaticOperator(), clock=clock, exclusive=False)
-    bench.open()
-    try:
-        ended = carry_out(plan, bench, RunWriter.create(tmp_path, header_of(plan, bench, how)), None, how)
-    finally:
-        bench.close()
+    plan = bench.plan(shipped("procedures", "stroke.yaml"), {})
+    ended = bench.measure(plan, 1, "")
     assert ended.status == "finished"
     (stroke,) = open_run(ended.folder).records["stroke"]
     assert 85.0 < stroke < 100.0  # of the published bench at 30 bar and 20 °C, in mm

@@ -36,6 +36,7 @@ class Ended(StrEnum):
     NOTHING_HELPS = "nothing_helps"  #: mBIC falls with no further effect
     NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing: `Diagnosis.doubt`
     MAX_EFFECTS = "max_effects"  #: as many as were asked for
+    NOT_SURE = "not_sure"  #: only what is sure was to be added, and no effect is
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class Improvement:
             f"missing: {self.last.doubt}",
             Ended.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree with the "
             "measurements",
+            Ended.NOT_SURE: "no further effect is sure to be what is missing",
         }[self.ended]
         return f"{added}: {why}"
 
@@ -166,6 +168,7 @@ def improve(
     path: Path,
     *,
     most: int = 4,
+    sure: bool = False,
     excluded: Collection[str] = (),
     on_progress: OnProgress | None = None,
 ) -> Improvement:
@@ -180,6 +183,7 @@ def improve(
     compared: the model with the data; its first model is improved.
     path: its file, or ``m.yaml@3`` where it is version 3.
     most: effects to add altogether.
+    sure: add only what a verdict of ``missing_effect`` names, not the most probable of several.
 
     Raises
     ------
@@ -194,10 +198,12 @@ def improve(
             here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), on_progress=on_progress
         )
         here = diagnosis.before
-        plan = _plan(diagnosis, room)
+        unsure = sure and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.OUTSIDE_LIBRARY)
+        plan = [] if unsure else _plan(diagnosis, room)
         if not plan:
             elsewhere = unseen(compared, here, on_progress=on_progress)
-            return Improvement(path, tuple(steps), diagnosis, _why(diagnosis, room), elsewhere)
+            ended = Ended.NOT_SURE if unsure and not diagnosis.doubt else _why(diagnosis, room)
+            return Improvement(path, tuple(steps), diagnosis, ended, elsewhere)
         for chosen in plan:
             said(f"Adding {', '.join(chosen.effects)}")
             after = _compared(here, chosen.trial, excluded, said)

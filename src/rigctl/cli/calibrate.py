@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -71,6 +70,7 @@ def calibrate(
       rigctl calibrate supply_pressure --run latest --against reference_pressure
     """
     from rigctl.cli.manual import open_rig
+    from rigctl.cli.running import typing_possible
     from rigctl.rig.calibration_fit import fit_calibration
     from rigctl.rig.calibration_points import read_points
     from rigctl.units import read_si
@@ -101,7 +101,7 @@ def calibrate(
     if not as_json:
         _show(channel, part, fit)
     if not dry and (
-        yes or as_json or not _typing_possible() or typer.confirm("Write it to the rig file?", err=True)
+        yes or as_json or not typing_possible() or typer.confirm("Write it to the rig file?", err=True)
     ):
         told |= _write(bench, channel, fit, on, reference, valid_for)
     _finish(told, as_json=as_json)
@@ -152,13 +152,6 @@ def _from_bench(
             rate=rate or rig.monitor_rate,
             tell=lambda text: echo(f"  {text}", err=True),
         )
-
-
-def _typing_possible() -> bool:
-    try:
-        return sys.stdin is not None and sys.stdin.isatty()
-    except ValueError:  # closed
-        return False
 
 
 def _write(

@@ -51,6 +51,7 @@ ENTRIES = (
         "discover", "rigctl.cli.discover:discover", PHYSICS, "A formula for what no effect of the library is."
     ),
     Entry("design", "rigctl.cli.design:design", PHYSICS, "What to measure next, to tell apart what is left."),
+    Entry("learn", "rigctl.cli.learn:learn", PHYSICS, "Measure, add what is sure, design, measure again."),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry(
         "family", "rigctl.cli.family_new:app", PHYSICS, "A first family, rig and model from your own data."

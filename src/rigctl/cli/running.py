@@ -31,7 +31,7 @@ def attended(how: Launch, plan: Plan, answers: Mapping[str, str]) -> Iterator[La
 
     kind = how.backend or plan.rig.backend.kind
     by_hand = kind not in _UNATTENDED and not answers
-    keys = _typing_possible()
+    keys = typing_possible()
     display = view(plan, hint=HELP if keys else "")
     how = replace(how, observer=display)
     if not by_hand and not keys:
@@ -92,7 +92,7 @@ def say_warnings(warnings: Sequence[str]) -> None:
         echo(f"warning: {warning}", err=True)
 
 
-def _typing_possible() -> bool:
+def typing_possible() -> bool:
     """Whether a person can type here: stdin is a terminal."""
     try:
         return sys.stdin is not None and sys.stdin.isatty()

@@ -29,9 +29,9 @@ def new_run_id(name: str, when: datetime, runs: Path) -> str:
     return next_free(wanted, runs)
 
 
-def next_free(wanted: str, runs: Path) -> str:
-    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that is no entry of `runs`."""
+def next_free(wanted: str, runs: Path, suffix: str = "") -> str:
+    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that with `suffix` is no entry of `runs`."""
     candidate, number = wanted, 2
-    while (runs / candidate).exists():
+    while (runs / f"{candidate}{suffix}").exists():
         candidate, number = f"{wanted}-{number}", number + 1
     return candidate

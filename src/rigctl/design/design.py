@@ -20,11 +20,12 @@ from rigctl.design.criterion import Criterion, Detection, Discrimination, Precis
 from rigctl.design.procedure_text import Writer, called_so_far
 from rigctl.design.promise import DRAWS, Draws, Promise, promised
 from rigctl.design.recipe import Stage, lines_of
+from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
 from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
-from rigctl.design.rivals import NothingLeft, Question, question_of, require_names
-from rigctl.design.scheme import NothingToSet, schemes_of, stage_of
+from rigctl.design.rivals import Question, question_of, require_names
+from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.sensors import best_sensor, sensor_sets
 from rigctl.design.so_far import Known, known_so_far
@@ -213,7 +214,7 @@ class _Design:
             return
         least = min(self.clock.rising([one.recipe]).seconds for one in self.pool)
         if least > budget:
-            raise RigctlError(
+            raise TooLittleTime(
                 "the budget is too small for any record",
                 value=f"{budget / 60.0:.3g} min",
                 expected=f"at least {math.ceil(least / 6.0) / 10.0:g} min, which the quickest record takes",

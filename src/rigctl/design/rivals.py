@@ -15,6 +15,7 @@ from rigctl.analysis.levels import ODDS
 from rigctl.analysis.power import hidden_at_typical_size
 from rigctl.analysis.refit import RefittedSet, plain, refit
 from rigctl.analysis.search import effective_samples
+from rigctl.design.refusals import NothingLeft
 from rigctl.design.result import NONE, Aim, DesignRival
 from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError, unknown_name
@@ -32,10 +33,6 @@ _LEAST_WEIGHT = 0.1
 _WON = 0.95
 #: what is known of an unknown without a prior beside the data: so many of its typical sizes
 _VAGUE = 100.0
-
-
-class NothingLeft(RigctlError):
-    """A diagnosis leaves nothing open that a record could answer."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.design.recipe import Recipe, Stage, Step, Verb, rounded
-from rigctl.errors import RigctlError
+from rigctl.design.refusals import NothingToSet
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.inputs import InputSource, input_sources
 from rigctl.model.measured.groups import first_reading
@@ -37,10 +37,6 @@ _MOVES: tuple[tuple[Verb, ...], ...] = (
     ("wait", "extend", "wait", "extend", "wait", "retract"),
     ("wait", "extend", "wait", "retract", "wait", "extend", "wait"),
 )
-
-
-class NothingToSet(RigctlError):
-    """Nothing on a rig sets the conditions of a record."""
 
 
 @dataclass(frozen=True)

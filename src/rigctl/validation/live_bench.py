@@ -6,16 +6,25 @@ the runner opens, switches and samples the separate bench, on a virtual clock.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
 
 from rigctl.backends.simulated.bench import SimulatedBench
 from rigctl.backends.simulated.device import Device
 from rigctl.backends.simulated.imperfections import Imperfections
 from rigctl.backends.simulated.initial import initial_commands, initial_values
 from rigctl.backends.simulated.link import Link
-from rigctl.clock import Clock
+from rigctl.clock import Clock, VirtualClock
+from rigctl.dataset import RunWriter
 from rigctl.errors import RigctlError
-from rigctl.rig import Rig
+from rigctl.plan import Plan
+from rigctl.procedure import expand, load_procedure
+from rigctl.rig import Rig, load_rig
+from rigctl.runner.launch import Launch, carry_out, header_of
+from rigctl.runner.operator import AutomaticOperator
+from rigctl.runner.session import RunResult
 from rigctl.validation.bench.campaign import Campaign
 from rigctl.validation.bench.record import Condition
 from rigctl.validation.bench.running import RunningBench
@@ -95,3 +104,35 @@ def live_bench(campaign: Campaign, rig: Rig, clock: Clock) -> SimulatedBench:
     return SimulatedBench(
         rig, clock, switch_on, Link(()), {"plant": "separate bench", "seed": str(campaign.seed)}
     )
+
+
+@dataclass(frozen=True)
+class SeparateBench:
+    """The separate bench as learning measures on it: each round cold again, and with noise of its own.
+
+    Parameters
+    ----------
+    campaign: the bench with what it hides.
+    rig: the rig file.
+    runs: the folder of the runs.
+    """
+
+    campaign: Campaign
+    rig: Path
+    runs: Path
+
+    def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:
+        """The procedure on this rig."""
+        return expand(load_procedure(procedure), load_rig(self.rig), dict(arguments))
+
+    def measure(self, plan: Plan, number: int, since: str) -> RunResult:
+        """Carry it out as a new run, in virtual time."""
+        clock = VirtualClock(started=datetime.now(UTC))
+        backend = live_bench(replace(self.campaign, seed=1000 * self.campaign.seed + number), plan.rig, clock)
+        how = Launch(runs=self.runs, operator=AutomaticOperator(), clock=clock, exclusive=False)
+        backend.open()
+        try:
+            writer = RunWriter.create(self.runs, header_of(plan, backend, how))
+            return carry_out(plan, backend, writer, None, how)
+        finally:
+            backend.close()

@@ -1,4 +1,4 @@
-"""What a comparison, a diagnosis, a designed experiment and a model's history show on the page."""
+"""What a comparison, a diagnosis, a designed experiment, learning and a model's history show on the page."""
 
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.design import design_sections
@@ -6,6 +6,7 @@ from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.discovery import discovery_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.improvement import improvement_sections
+from rigctl.report.analysis.learning import learning_sections
 
 __all__ = [
     "comparison_sections",
@@ -14,4 +15,5 @@ __all__ = [
     "discovery_sections",
     "history_sections",
     "improvement_sections",
+    "learning_sections",
 ]

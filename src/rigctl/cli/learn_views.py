@@ -1,0 +1,97 @@
+"""How learning is printed: each proposal before it is carried out, each round, and the whole story."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.markup import escape
+
+from rigctl.cli.design_views import show_design
+from rigctl.cli.tables import console, table
+from rigctl.design.result import DesignResult
+from rigctl.design.words import share
+from rigctl.learning.result import Ended, Learned, Round, round_text
+from rigctl.planning.outline import clock_time
+
+
+def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False) -> None:
+    """What would be measured and why; with `quiet` on stderr."""
+    out = console(stderr=True)
+    out.print(f"\n[bold]Round {one.number}[/] would be {escape(one.procedure)}", soft_wrap=True)
+    if quiet:
+        out.print(escape(design.statement), soft_wrap=True)
+    else:
+        show_design(design)
+
+
+def show_round(one: Round) -> None:
+    """A round that was judged."""
+    out = console()
+    text = round_text(one).partition(": ")[2]
+    out.print(f"[bold]Round {one.number}[/]: {escape(text)}", soft_wrap=True)
+    out.print(f"  {escape(one.statement)}", soft_wrap=True)
+
+
+def show_learned(learned: Learned, folder: Path, page: Path) -> None:
+    """How it ended, promise beside outcome, and where the story is."""
+    out = console()
+    good = learned.ended is Ended.ADEQUATE
+    out.print(
+        f"\n[bold {'green' if good else 'yellow'}]{_TITLES[learned.ended]}[/]: {escape(learned.statement)}",
+        soft_wrap=True,
+    )
+    if learned.promises:
+        made = table("round", "D promised", "came out", "P promised", "told apart")
+        for column in made.columns[1:4]:
+            column.justify = "right"
+        for one in learned.rounds:
+            if one.promised is None or one.came_out is None:
+                continue
+            gained = min(one.came_out.gains.values(), default=None)
+            made.add_row(
+                str(one.number),
+                f"{min(one.came_out.expected.values(), default=one.promised.separation):.3g}",
+                "–" if gained is None else f"{gained:.3g}",
+                share(one.promised.probability),
+                "yes" if one.came_out.told else "no",
+            )
+        out.print(made)
+    added = ", ".join(learned.added) or "nothing"
+    out.print(
+        f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True
+    )
+    out.print(
+        f"  {clock_time(learned.spent)} of the rig's time; the story: {escape(str(page))}", soft_wrap=True
+    )
+    for name in learned.sensor:
+        out.print(f"  a sensor of {escape(name)} would tell them apart", soft_wrap=True)
+    _lead_on(learned, folder)
+
+
+_TITLES = {
+    Ended.ADEQUATE: "Learnt",
+    Ended.NOT_SEPARABLE: "Not to be told apart on this bench",
+    Ended.OUTSIDE_LIBRARY: "Outside the library",
+    Ended.NOT_DECIDED: "Not decided",
+    Ended.BUDGET: "Out of time",
+    Ended.ROUNDS: "Out of rounds",
+    Ended.DECLINED: "Declined",
+    Ended.STOPPED: "Stopped",
+}
+
+
+def _lead_on(learned: Learned, folder: Path) -> None:
+    from rigctl.cli.next_command import command, show_next
+
+    runs = [one.run for one in learned.rounds if one.run]
+    if learned.ended is Ended.OUTSIDE_LIBRARY and runs:
+        discover = command(["discover", *runs, "--model", learned.model])
+        show_next(discover, "looks for a formula of what no effect of the library is")
+    elif learned.ended is Ended.BUDGET:
+        show_next("rigctl learn --resume --budget 1h", "goes on with more of the rig's time")
+    elif learned.ended is Ended.ROUNDS:
+        show_next("rigctl learn --resume --max-rounds 10", "goes on with more rounds")
+    elif learned.ended is Ended.DECLINED:
+        show_next("rigctl learn --resume", f"asks again; the proposal is kept in {folder}")
+    elif learned.ended is Ended.STOPPED:
+        show_next("rigctl learn --resume", "goes on with the run that did not finish")

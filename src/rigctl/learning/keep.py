@@ -1,0 +1,209 @@
+"""What learning keeps on disk, so that it can go on after anything: its task, and each round as it stands."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rigctl.dataset.run_id import new_run_id, next_free
+from rigctl.errors import RigctlError, nearest_name
+from rigctl.files.write import write_json, write_new
+from rigctl.learning.result import Ended, Learned, Round
+
+_STATE = "learning.json"
+_VERSION = 1
+#: endings after which another answer, more time or more rounds go on
+_GOES_ON = (Ended.DECLINED, Ended.BUDGET, Ended.ROUNDS, Ended.STOPPED)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What was asked for.
+
+    Attributes
+    ----------
+    procedure: the first round's; `arguments` of it.
+    model: the file whose next versions are saved; it was at `version` when learning began.
+    rig: another rig file than the procedure names; "" for that one.
+    bench: how the bench is reached: backend, port, seed, hidden effects, as they were given.
+    runs: data that were there already; the first round is not carried out then.
+    budget: s of the rig's time, None for as much as it takes; `rounds` at most.
+    """
+
+    procedure: str
+    model: str
+    version: int
+    rig: str = ""
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    bench: Mapping[str, Any] = field(default_factory=dict)
+    runs: tuple[str, ...] = ()
+    budget: float | None = None
+    rounds: int = 5
+    hold_out: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            **vars(self),
+            "arguments": dict(self.arguments),
+            "bench": dict(self.bench),
+            "runs": list(self.runs),
+        }
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Task:
+        """The task that `document` made."""
+        return cls(**{**document, "runs": tuple(document["runs"])})
+
+
+@dataclass
+class Kept:
+    """A folder with the task, its rounds so far and the procedures that were designed.
+
+    Attributes
+    ----------
+    folder: ``learning/<date>-<procedure>`` of the project.
+    rounds: as they stand; each change is on disk before anything else happens.
+    """
+
+    folder: Path
+    task: Task
+    rounds: list[Round] = field(default_factory=list)
+    learned: Mapping[str, Any] | None = None
+
+    @classmethod
+    def create(cls, project: Path, task: Task, name: str) -> Kept:
+        """A new folder for a task; no other is touched.
+
+        Raises
+        ------
+        RigctlError
+            the folder cannot be made.
+        """
+        parent = project / "learning"
+        folder = parent / new_run_id(name, datetime.now(UTC), parent)
+        try:
+            folder.mkdir(parents=True)
+        except OSError as problem:
+            raise RigctlError("the folder cannot be made", value=str(folder), hint=str(problem)) from problem
+        kept = cls(folder, task)
+        kept.write()
+        return kept
+
+    @classmethod
+    def find(cls, project: Path, wanted: str = "") -> Kept:
+        """The folder of this name, or the last one.
+
+        Raises
+        ------
+        RigctlError
+            there is none, or its file cannot be read.
+        """
+        folders = sorted(one.parent for one in (project / "learning").glob(f"*/{_STATE}"))
+        if wanted:
+            chosen = [one for one in folders if one.name.startswith(wanted)]
+            if len(chosen) != 1:
+                names = [one.name for one in folders]
+                raise RigctlError(
+                    "no such learning" if not chosen else "several begin like this",
+                    value=wanted,
+                    nearest=nearest_name(wanted, names),
+                )
+            return cls._read(chosen[0])
+        if folders:
+            return cls._read(folders[-1])
+        raise RigctlError(
+            "there is nothing to go on with",
+            hint="'rigctl learn PROCEDURE --model M' begins",
+            value=str(project),
+        )
+
+    @classmethod
+    def _read(cls, folder: Path) -> Kept:
+        path = folder / _STATE
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+            if document["version"] != _VERSION:
+                raise ValueError(f"version {document['version']}")
+            rounds = [Round.read(one) for one in document["rounds"]]
+            return cls(folder, Task.read(document["task"]), rounds, document["learned"])
+        except (OSError, ValueError, KeyError, TypeError) as problem:
+            raise RigctlError(
+                "what was learned cannot be read", value=str(path), hint=str(problem)
+            ) from problem
+
+    def write(self) -> None:
+        """Put all of it on disk at once."""
+        write_json(
+            self.folder / _STATE,
+            {
+                "version": _VERSION,
+                "task": self.task.document(),
+                "rounds": [one.document() for one in self.rounds],
+                "learned": self.learned,
+            },
+        )
+
+    def begin(self, one: Round, text: str = "") -> Round:
+        """Add a round; `text` is the procedure that was designed for it, kept in the folder."""
+        if text:
+            path = self.folder / f"{next_free(f'round-{one.number}', self.folder, '.yaml')}.yaml"
+            write_new(path, text.encode("utf-8"))
+            one = replace(one, procedure=str(path))
+        self.rounds.append(one)
+        self.write()
+        return one
+
+    def update(self, one: Round) -> Round:
+        """Put the last round as it stands now on disk."""
+        self.rounds[-1] = one
+        self.write()
+        return one
+
+    def close(self, learned: Learned) -> Learned:
+        """Say that it has ended, unless it can go on."""
+        if learned.ended is not Ended.STOPPED:
+            self.learned = learned.document()
+            self.write()
+        return learned
+
+    def reopen(self, *, budget: float | None = None, rounds: int | None = None) -> None:
+        """Go on with what was cut off, declined, or out of time or rounds.
+
+        Parameters
+        ----------
+        budget, rounds: in place of those of the task.
+
+        Raises
+        ------
+        RigctlError
+            it came to an end of which more rounds change nothing.
+        """
+        ended = None if self.learned is None else Ended(self.learned["ended"])
+        if ended is not None and ended not in _GOES_ON:
+            raise RigctlError(
+                f"this learning has ended: {ended.value.replace('_', ' ')}",
+                value=self.folder.name,
+                hint=str(self.learned and self.learned["statement"]),
+            )
+        self.learned = None
+        self.task = replace(
+            self.task,
+            budget=self.task.budget if budget is None else budget,
+            rounds=self.task.rounds if rounds is None else rounds,
+        )
+        self.write()
+
+    @property
+    def runs(self) -> Sequence[str]:
+        """Every run so far, those that were there already first."""
+        return [*self.task.runs, *(one.run for one in self.rounds if one.run)]
+
+    @property
+    def spent(self) -> float:
+        """s of the rig's time so far."""
+        return sum(one.duration for one in self.rounds)

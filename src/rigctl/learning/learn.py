@@ -1,0 +1,240 @@
+"""The loop: measure, compare, add what is sure, design the next records, ask, and measure again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rigctl.analysis.comparison import compare
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.improve import Improvement, improve
+from rigctl.analysis.search import OnProgress
+from rigctl.dataset import Run, find_run, open_run
+from rigctl.design.design import design_experiment
+from rigctl.design.refusals import NothingLeft, TooLittleTime
+from rigctl.design.result import DesignResult
+from rigctl.discovery.gate import gate_of
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.learning.bench import Bench, seconds_of
+from rigctl.learning.keep import Kept
+from rigctl.learning.outcome import promise_of, what_came_out
+from rigctl.learning.result import Ended, Learned, Round
+from rigctl.model import current_version, load_model, versions
+from rigctl.plan import Plan
+
+#: asked before a round: what would be measured, and why; the answer is whether it is to be
+Ask = Callable[[Round, DesignResult], bool]
+
+
+@dataclass
+class Learner:
+    """One learning, as it stands on disk and as it goes on.
+
+    Every step of it is on disk before the next begins: a run that was carried out is not carried out again, a
+    proposal that was made is asked again.
+
+    Parameters
+    ----------
+    kept: the task, and the rounds so far.
+    bench: where rounds are measured.
+    runs: the folder of the runs.
+    ask: called before each designed round.
+    on_round: told of each round that has been judged.
+    """
+
+    kept: Kept
+    bench: Bench
+    runs: Path
+    ask: Ask
+    on_progress: OnProgress = lambda _: None
+    on_round: Callable[[Round], None] = lambda _: None
+
+    def learn(self) -> Learned:
+        """Go on until there is no further round.
+
+        Raises
+        ------
+        RigctlError
+            the procedure, the model or the bench is wrong; or a file cannot be written.
+        """
+        task = self.kept.task
+        if not self.kept.rounds:
+            self.kept.begin(Round(1, task.procedure, answer="yes"))
+        while True:
+            here = self.kept.rounds[-1]
+            if here.answer != "yes":  # a proposal that was made before learning was cut off
+                self.kept.rounds.pop()
+                here = self.kept.rounds[-1]
+            if not here.run and not (here.number == 1 and task.runs):
+                ended = self._measure(here)
+                if ended is not None:
+                    return self.kept.close(ended)
+                here = self.kept.rounds[-1]
+            judged, improved = self._judge(here)
+            ended = self._next(judged, improved)
+            if ended is not None:
+                return self.kept.close(ended)
+
+    # --- one round ------------------------------------------------------------------------------------------
+
+    def _measure(self, here: Round) -> Learned | None:
+        """Carry out a round's procedure; how learning ended where the run did not finish."""
+        task = self.kept.task
+        arguments = task.arguments if here.number == 1 else {}
+        plan = self.bench.plan(Path(here.procedure), arguments)
+        if here.number == 1:
+            require_time(plan, task.budget)
+        result = self.bench.measure(plan, here.number, self.kept.folder.name)
+        if result.folder is None or result.status != "finished":
+            where = f"{result.folder.name} " if result.folder is not None else ""
+            return self._ended(Ended.STOPPED, f"the run {where}{result.status}: {result.reason}")
+        self.kept.update(replace(here, run=result.folder.name, duration=result.duration))
+        return None
+
+    def _judge(self, here: Round) -> tuple[Round, Improvement]:
+        """Compare and diagnose on all runs so far, add what is sure, hold it against what was promised."""
+        task = self.kept.task
+        path = Path(task.model)
+        self.on_progress(f"Round {here.number}: comparing")
+        compared = compare(
+            self._open_runs(),
+            [load_model(path)],
+            hold_out=task.hold_out or None,
+            on_progress=self.on_progress,
+        )
+        improved = improve(compared, path, sure=True, on_progress=self.on_progress)
+        if here.judged:  # before learning was cut off: what was said then stays
+            return here, improved
+        first, now = improved.first, improved.last.before.fit
+        judged = replace(
+            here,
+            verdict=first.verdict.value,
+            effects=first.effects,
+            classes=first.classes,
+            probabilities={one.effect: one.probability for one in first.ranking if one.probability > 1e-3},
+            added=self._added(path),
+            error={name: error.nrmse for name, error in now.errors.items()},
+            chi2=now.chi2_reduced,
+            statement=first.statement,
+            came_out=None if here.promised is None else what_came_out(here.promised, first),
+        )
+        self.kept.update(judged)
+        self.on_round(judged)
+        return judged, improved
+
+    def _added(self, path: Path) -> tuple[tuple[str, int], ...]:
+        """The effects that the model's versions have since the last round, a kill in between included."""
+        known = max(
+            (number for one in self.kept.rounds for _, number in one.added), default=self.kept.task.version
+        )
+        return tuple(
+            (name, version.number)
+            for version in versions(path)
+            if version.number > known and version.done.kind == "add"
+            for name in version.done.effect.split(", ")
+        )
+
+    def _next(self, judged: Round, improved: Improvement) -> Learned | None:
+        """Propose the next round and ask for it; how learning ended where there is none."""
+        last = improved.last
+        ended = self._settled(judged, last) or self._exhausted(judged)
+        if ended is not None:
+            return ended
+        self.on_progress("Designing the next records")
+        try:
+            design = self._design(last, judged.number)
+        except TooLittleTime as problem:
+            return self._ended(Ended.BUDGET, problem.what)
+        except NothingLeft as problem:
+            return self._ended(Ended.NOT_SEPARABLE, problem.what)
+        if not design.separable:
+            channels = () if design.sensor is None else design.sensor.channels
+            return self._ended(Ended.NOT_SEPARABLE, design.statement, channels)
+        return self._proposed(design)
+
+    def _exhausted(self, judged: Round) -> Learned | None:
+        """How learning ended where no further round is allowed."""
+        if judged.number >= self.kept.task.rounds:
+            return self._ended(Ended.ROUNDS, f"{judged.number} rounds were allowed")
+        if self._time_left is not None and self._time_left <= 0.0:
+            return self._ended(Ended.BUDGET, "the budget is spent")
+        return None
+
+    def _design(self, last: Diagnosis, number: int) -> DesignResult:
+        """The next records; with the sensors that the bench could have where no record does it."""
+
+        def designed(*, sensors: bool) -> DesignResult:
+            return design_experiment(
+                self._open_runs(),
+                last.before.fit.problem.model,
+                budget=self._time_left,
+                sensors=sensors,
+                seed=number,
+                hold_out=self.kept.task.hold_out or None,
+                diagnosis=last,
+                on_progress=self.on_progress,
+            )
+
+        found = designed(sensors=False)
+        return found if found.separable or found.sensor is not None else designed(sensors=True)
+
+    @property
+    def _time_left(self) -> float | None:
+        budget = self.kept.task.budget
+        return None if budget is None else budget - self.kept.spent
+
+    def _proposed(self, design: DesignResult) -> Learned | None:
+        number = self.kept.rounds[-1].number + 1
+        proposal = self.kept.begin(Round(number, "", promised=promise_of(design)), design.procedure)
+        yes = self.ask(proposal, design)
+        self.kept.update(replace(proposal, answer="yes" if yes else "no"))
+        if yes:
+            return None
+        return self._ended(Ended.DECLINED, f"the proposal is kept in {proposal.procedure}")
+
+    def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
+        """How learning ended where no further record is worth asking for."""
+        if last.verdict is Verdict.ADEQUATE and not last.doubt:
+            return self._ended(Ended.ADEQUATE, last.statement)
+        if last.doubt:
+            return self._ended(
+                Ended.NOT_DECIDED, f"these data cannot tell whether anything is missing: {last.doubt}"
+            )
+        if judged.came_out is not None and not judged.came_out.kept:
+            return self._ended(Ended.OUTSIDE_LIBRARY, judged.came_out.statement)
+        if gate_of(last).open:
+            return self._ended(Ended.OUTSIDE_LIBRARY, last.statement)
+        return None
+
+    # --- what is common to them -----------------------------------------------------------------------------
+
+    def _open_runs(self) -> list[Run]:
+        return [open_run(find_run(name, self.runs)) for name in self.kept.runs]
+
+    def _ended(self, why: Ended, statement: str, sensor: tuple[str, ...] = ()) -> Learned:
+        rounds = tuple(self.kept.rounds)
+        version = current_version(Path(self.kept.task.model)).number
+        return Learned(rounds, why, self.kept.task.model, version, self.kept.spent, statement, sensor)
+
+
+def require_time(plan: Plan, budget: float | None) -> None:
+    """Refuse a first round that takes longer than all rounds may.
+
+    Raises
+    ------
+    RigctlError
+        it does.
+    """
+    seconds = seconds_of(plan)
+    if budget is not None and seconds > budget:
+        raise RigctlError(
+            "the budget is too small for the first round",
+            value=f"{budget / 60.0:.3g} min",
+            expected=f"at least {seconds / 60.0:.3g} min of the rig's time",
+        )
+
+
+def exit_code(learned: Learned) -> ExitCode:
+    """0 unless a run failed."""
+    return ExitCode.FAILED if learned.ended is Ended.STOPPED else ExitCode.DONE

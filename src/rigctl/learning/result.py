@@ -1,0 +1,293 @@
+"""What `rigctl learn` did, round by round: what was measured, what came of it, what was promised of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from rigctl.notebook import as_html, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Ended(StrEnum):
+    """Why there was no further round."""
+
+    ADEQUATE = "adequate"  #: the model agrees, and each effect in it is told from its rivals
+    NOT_SEPARABLE = "not_separable"  #: no record on this bench would tell what is left apart
+    OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no effect of the library is sure to be
+    NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing
+    BUDGET = "budget"  #: the next records need more of the rig's time than is left
+    ROUNDS = "rounds"  #: as many rounds as were allowed
+    DECLINED = "declined"  #: whoever was asked said no; the proposal is kept
+    STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can go on
+
+
+@dataclass(frozen=True)
+class Promised:
+    """What a designed round was promised to tell, as it stood before anything was measured.
+
+    Attributes
+    ----------
+    rivals: names, the most probable first, with the weights that they had.
+    separation: D, the expected gain of 2·ln L.
+    probability: that a verdict names what is right, alone.
+    outlooks: of each ordered pair (truth, rival): margin so far, D and probability.
+    duration: s of the rig's time.
+    records: what was to be measured, in words.
+    """
+
+    rivals: Mapping[str, float]
+    separation: float
+    probability: float
+    outlooks: tuple[Mapping[str, Any], ...]
+    duration: float
+    records: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "rivals": dict(self.rivals),
+            "expected_separation": self.separation,
+            "probability": self.probability,
+            "outlooks": [dict(one) for one in self.outlooks],
+            "duration": self.duration,
+            "records": list(self.records),
+        }
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Promised:
+        """The promise that `document` made."""
+        return cls(
+            rivals=dict(document["rivals"]),
+            separation=float(document["expected_separation"]),
+            probability=float(document["probability"]),
+            outlooks=tuple(document["outlooks"]),
+            duration=float(document["duration"]),
+            records=tuple(document["records"]),
+        )
+
+
+@dataclass(frozen=True)
+class CameOut:
+    """What came of a promise.
+
+    Attributes
+    ----------
+    winner: the rival that the data prefer now; "" where they prefer none of them.
+    gains: of each other rival, by how much the winner's margin over it grew: what D promised.
+    expected: the same as it was promised, were the winner right.
+    told: whether the winner is told from all the others now.
+    kept: whether the bench answered as one of the rivals said; False sends a user to `rigctl discover`.
+    statement: in words.
+    """
+
+    winner: str
+    gains: Mapping[str, float]
+    expected: Mapping[str, float]
+    told: bool
+    kept: bool
+    statement: str
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "winner": self.winner,
+            "gains": dict(self.gains),
+            "expected": dict(self.expected),
+            "told_apart": self.told,
+            "kept": self.kept,
+            "statement": self.statement,
+        }
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> CameOut:
+        """The outcome that `document` made."""
+        return cls(
+            winner=document["winner"],
+            gains=dict(document["gains"]),
+            expected=dict(document["expected"]),
+            told=bool(document["told_apart"]),
+            kept=bool(document["kept"]),
+            statement=document["statement"],
+        )
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round: a procedure, its run, and the verdict on all runs so far.
+
+    Attributes
+    ----------
+    number: from 1 on.
+    procedure: the file that was carried out.
+    run: the run's folder name; "" where nothing has been measured yet.
+    duration: s of the rig's time that it took.
+    verdict, effects, classes: of the diagnosis on all runs so far, before anything was added.
+    probabilities: of the effects that were in question, by name.
+    added: effects that were added as they were sure, each with the version it made.
+    error: by channel, the normalised root mean square error with the model as it is after the round.
+    chi2: reduced, the same.
+    statement: of the diagnosis, in words.
+    promised: what the round was promised to tell; None for the first.
+    came_out: what came of that.
+    answer: whether the round should be carried out: ``yes``, ``no``, or "" where nobody was asked yet.
+    """
+
+    number: int
+    procedure: str
+    run: str = ""
+    duration: float = 0.0
+    verdict: str = ""
+    effects: tuple[str, ...] = ()
+    classes: tuple[tuple[str, ...], ...] = ()
+    probabilities: Mapping[str, float] = field(default_factory=dict)
+    added: tuple[tuple[str, int], ...] = ()
+    error: Mapping[str, float] = field(default_factory=dict)
+    chi2: float | None = None
+    statement: str = ""
+    promised: Promised | None = None
+    came_out: CameOut | None = None
+    answer: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether its run has been looked at."""
+        return bool(self.verdict)
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "round": self.number,
+            "procedure": self.procedure,
+            "run": self.run or None,
+            "duration": self.duration,
+            "verdict": self.verdict or None,
+            "effects": list(self.effects),
+            "classes": [list(names) for names in self.classes],
+            "probabilities": dict(self.probabilities),
+            "added": [{"effect": name, "version": version} for name, version in self.added],
+            "error": dict(self.error),
+            "chi2_reduced": self.chi2,
+            "statement": self.statement,
+            "promised": None if self.promised is None else self.promised.document(),
+            "came_out": None if self.came_out is None else self.came_out.document(),
+            "answer": self.answer or None,
+        }
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Round:
+        """The round that `document` made."""
+        promised, came_out = document["promised"], document["came_out"]
+        return cls(
+            number=int(document["round"]),
+            procedure=document["procedure"],
+            run=document["run"] or "",
+            duration=float(document["duration"]),
+            verdict=document["verdict"] or "",
+            effects=tuple(document["effects"]),
+            classes=tuple(tuple(names) for names in document["classes"]),
+            probabilities=dict(document["probabilities"]),
+            added=tuple((one["effect"], int(one["version"])) for one in document["added"]),
+            error=dict(document["error"]),
+            chi2=document["chi2_reduced"],
+            statement=document["statement"],
+            promised=None if promised is None else Promised.read(promised),
+            came_out=None if came_out is None else CameOut.read(came_out),
+            answer=document["answer"] or "",
+        )
+
+
+@dataclass(frozen=True)
+class Learned:
+    """The whole of it.
+
+    Attributes
+    ----------
+    rounds: in order; the last may be a proposal that was not carried out.
+    ended: why it went no further; `statement` says it in words.
+    model: the file whose versions were saved, and `version` the last of them.
+    spent: s of the rig's time.
+    sensor: names of channels that would tell what is left apart, where the bench as it is could not.
+    """
+
+    rounds: tuple[Round, ...]
+    ended: Ended
+    model: str
+    version: int
+    spent: float
+    statement: str
+    sensor: tuple[str, ...] = ()
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Every effect that was added, in order."""
+        return tuple(name for one in self.rounds for name, _ in one.added)
+
+    @property
+    def promises(self) -> tuple[tuple[Promised, CameOut], ...]:
+        """What was promised of each round that was carried out, beside what came out."""
+        return tuple((one.promised, one.came_out) for one in self.rounds if one.promised and one.came_out)
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer."""
+        return {
+            "ended": self.ended.value,
+            "statement": self.statement,
+            "model": self.model,
+            "version": self.version,
+            "added": list(self.added),
+            "spent": self.spent,
+            "sensor": list(self.sensor),
+            "rounds": [one.document() for one in self.rounds],
+        }
+
+    def summary(self) -> str:
+        """A line for each round, and how it ended."""
+        return "\n".join([*map(round_text, self.rounds), self.statement])
+
+    def frame(self) -> pd.DataFrame:
+        """The rounds, one row for each, with promised beside realised."""
+        import pandas as pd
+
+        return pd.DataFrame([_row(one) for one in self.rounds])
+
+    def __repr__(self) -> str:
+        """How it ended, on one line."""
+        return one_line(self, f"{len(self.rounds)} rounds, {self.ended.value}")
+
+    def _repr_html_(self) -> str:
+        """The summary and the rounds, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())
+
+
+def round_text(one: Round) -> str:
+    """A round in one line."""
+    begun = f"round {one.number}: "
+    if not one.judged:
+        return begun + ("proposed, and declined" if one.answer == "no" else "not carried out")
+    named = f" ({' + '.join(one.effects)})" if one.effects else ""
+    text = f"{begun}{one.verdict.replace('_', ' ')}{named}"
+    if one.added:
+        text += f", added {', '.join(name for name, _ in one.added)}"
+    return text if one.came_out is None else f"{text}; {one.came_out.statement}"
+
+
+def _row(one: Round) -> dict[str, Any]:
+    gains: Sequence[float] = () if one.came_out is None else tuple(one.came_out.gains.values())
+    return {
+        "round": one.number,
+        "run": one.run,
+        "verdict": one.verdict,
+        "effects": ", ".join(one.effects),
+        "added": ", ".join(name for name, _ in one.added),
+        "chi2_reduced": one.chi2,
+        "duration_s": one.duration,
+        "D_promised": None if one.promised is None else one.promised.separation,
+        "P_promised": None if one.promised is None else one.promised.probability,
+        "D_came_out": min(gains, default=None),
+        "told_apart": None if one.came_out is None else one.came_out.told,
+    }

@@ -1,0 +1,115 @@
+"""The page's part on learning: by round the verdict, the rivals, the error, and promise beside outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from rigctl.design.words import share
+from rigctl.learning.result import Ended, Learned, Round
+from rigctl.planning.outline import clock_time
+from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.analysis.history import history_sections
+from rigctl.report.plot import Look, Panel, Plot, Trace
+from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.signals import plain_name
+
+#: effects that are drawn, those first that were ever the most probable
+_DRAWN = 6
+#: an effect that was never more probable than this is not drawn
+_PROBABLE = 0.01
+
+
+def learning_sections(learned: Learned, model: Path) -> list[Section]:
+    """The story, and the versions of the model that came of it."""
+    plot = rounds_plot(learned)
+    body = render(
+        "learning.html",
+        learned=learned,
+        good=learned.ended is Ended.ADEQUATE,
+        rounds=[_shown(one) for one in learned.rounds],
+        spent=clock_time(learned.spent),
+        plot=None if plot is None else plot_slot(plot),
+        promises=_promises(learned),
+    )
+    story = Section("learning", "What was learnt", body, () if plot is None else (plot,))
+    return [story, *history_sections(model)]
+
+
+def rounds_plot(learned: Learned) -> Plot | None:
+    """The probability of each rival and the error, by round; nothing of a single one."""
+    judged = [one for one in learned.rounds if one.judged]
+    if len(judged) < 2:
+        return None
+    numbers = np.array([float(one.number) for one in judged])
+    rivals = [
+        Trace(plain_name(name), numbers, _course(judged, name), Look.MARKED, k)
+        for k, name in enumerate(_drawn(judged))
+    ]
+    channels = list(dict.fromkeys(name for one in judged for name in one.error))
+    errors = [
+        Trace(
+            plain_name(name),
+            numbers,
+            np.array([one.error.get(name, np.nan) for one in judged]),
+            Look.MARKED,
+            k,
+            "of the noise",
+        )
+        for k, name in enumerate(channels)
+    ]
+    panels = [Panel("probability", tuple(rivals), 1.4, (0.0, 1.05))] if rivals else []
+    panels.append(Panel("error / noise", tuple(errors), 1.0))
+    return Plot("rounds", "What the data said after each round", "round", tuple(panels))
+
+
+def _drawn(judged: Sequence[Round]) -> list[str]:
+    most = dict[str, float]()
+    for one in judged:
+        for name, probability in one.probabilities.items():
+            most[name] = max(most.get(name, 0.0), probability)
+    likely = [name for name, probability in most.items() if probability > _PROBABLE]
+    return sorted(likely, key=lambda name: -most[name])[:_DRAWN]
+
+
+def _course(judged: Sequence[Round], name: str) -> np.ndarray:
+    return np.array([one.probabilities.get(name, 0.0) for one in judged])
+
+
+def _shown(one: Round) -> dict[str, object]:
+    """A round as the table has it."""
+    return {
+        "number": one.number,
+        "run": one.run or ("declined" if one.answer == "no" else "not measured"),
+        "measured": "; ".join(one.promised.records) if one.promised else "the procedure",
+        "duration": clock_time(one.duration) if one.duration else "–",
+        "verdict": one.verdict.replace("_", " ") or "–",
+        "classes": [", ".join(map(plain_name, names)) for names in one.classes],
+        "added": ", ".join(f"{plain_name(name)} (version {version})" for name, version in one.added),
+        "chi2": one.chi2,
+        "statement": one.statement,
+        "came_out": "" if one.came_out is None else one.came_out.statement,
+    }
+
+
+def _promises(learned: Learned) -> Markup:
+    """Of each designed round what D promised of the winner, beside what came out."""
+    shown: list[Bar] = []
+    largest = 1.0
+    for promised, came_out in learned.promises:
+        sizes = [*came_out.gains.values(), *came_out.expected.values(), promised.separation]
+        largest = max(largest, *map(abs, sizes))
+    for one in learned.rounds:
+        if one.promised is None or one.came_out is None:
+            continue
+        label = f"round {one.number}, P {share(one.promised.probability)}"
+        for rival, gain in one.came_out.gains.items():
+            expected = one.came_out.expected[rival]
+            against = f"{plain_name(one.came_out.winner)} over {plain_name(rival)}"
+            shown.append(Bar(label, expected / largest, f"{expected:.3g}", f"promised: {against}", 7))
+            shown.append(Bar("", max(gain, 0.0) / largest, f"{gain:.3g}", "came out", 0))
+            label = ""
+    return bars("Gain of 2·ln L: promised, and what came out", shown) if shown else Markup()

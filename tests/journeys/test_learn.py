@@ -1,0 +1,73 @@
+"""A bench that learns, by the commands alone: declined where nobody can say yes, gone on with, and told."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from commands import answer, call, refusal, textbook_copy, told
+from rigctl.cli.init import create_project
+
+pytestmark = pytest.mark.usefixtures("inside")
+
+CAMPAIGN = (
+    *("procedures/campaign.yaml", "-a", "temperatures=20 degC, 40 degC, 60 degC, 80 degC"),
+    *("-a", "pressures=20 bar, 35 bar, 50 bar", "--seed", "4"),
+)
+LEAK = "valve_leakage:conductance=6e-16 m^3"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("learn")
+    create_project(folder)
+    with chdir(folder):
+        textbook_copy("own")
+    return folder
+
+
+def test_from_an_ambiguous_campaign_to_what_is_hidden() -> None:
+    """The campaign leaves a leak and a drift of the sensor; the records that it asks for tell them apart."""
+    declined = answer("learn", *CAMPAIGN, "--model", "models/own.yaml", "--with", LEAK)
+    first, proposal = declined["rounds"]
+    assert declined["ended"] == "declined"  # nobody sits at the terminal, and nobody said --yes
+    assert first["verdict"] == "ambiguous"
+    assert "valve_leakage" in first["classes"][0]
+    assert len(first["classes"][0]) > 1
+    assert (proposal["answer"], proposal["run"]) == ("no", None)
+    assert proposal["promised"]["probability"] > 0.5
+    assert "record" in told("check", proposal["procedure"])
+
+    learned = answer("learn", "--resume", "--yes")
+    assert learned["ended"] == "adequate"
+    assert learned["added"] == ["valve_leakage"]
+    assert learned["rounds"][0] == first
+    out = learned["rounds"][-1]["came_out"]
+    assert (out["winner"], out["told_apart"], out["kept"]) == ("valve_leakage", True, True)
+    runs = {one["id"] for one in answer("runs", "list")["runs"]}
+    assert runs == {one["run"] for one in learned["rounds"]}
+    page = Path(learned["page"]).read_text(encoding="utf-8")
+    assert "What was learnt" in page
+    assert "promised: valve leakage over" in page
+    assert "this learning has ended: adequate" in refusal("learn", "--resume")
+
+
+def test_mistakes_make_no_folder() -> None:
+    before = set(Path().rglob("*"))
+    assert "a procedure is missing" in refusal("learn", "--model", "models/own.yaml")
+    assert "--model is missing" in refusal("learn", "procedures/campaign.yaml")
+    assert "no time" in refusal("learn", *CAMPAIGN, "--model", "models/own.yaml", "--budget", "much")
+    known = ("learn", *CAMPAIGN, "--model", "models/own.yaml")
+    assert "valve_leakage" in refusal(*known, "--with", "valve_leakge")
+    assert "only a simulated bench hides" in refusal(*known, "--backend", "emulated", "--with", LEAK)
+    assert call("learn", "--resume", "procedures/campaign.yaml").exit_code != 0
+    assert set(Path().rglob("*")) == before
+
+
+def test_a_budget_below_the_first_round_is_refused_before_anything_moves() -> None:
+    before = set(Path().rglob("*"))
+    said = refusal("learn", *CAMPAIGN, "--model", "models/own.yaml", "--budget", "5m")
+    assert set(Path().rglob("*")) == before
+    assert "the budget is too small for the first round" in said

@@ -1,0 +1,106 @@
+"""What learning keeps: read as it was written, gone on with where that makes sense, refused where not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigctl.errors import RigctlError
+from rigctl.learning.keep import Kept, Task
+from rigctl.learning.result import CameOut, Ended, Learned, Promised, Round
+
+NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
+TEXTS = st.text(max_size=20)
+
+PROMISES = st.builds(
+    Promised,
+    rivals=st.dictionaries(NAMES, st.floats(0, 1), max_size=3),
+    separation=NUMBERS,
+    probability=st.floats(0, 1),
+    outlooks=st.lists(
+        st.fixed_dictionaries({"truth": NAMES, "rival": NAMES, "margin": NUMBERS}), max_size=2
+    ).map(tuple),
+    duration=NUMBERS,
+    records=st.lists(TEXTS, max_size=2).map(tuple),
+)
+OUTCOMES = st.builds(
+    CameOut,
+    winner=NAMES,
+    gains=st.dictionaries(NAMES, NUMBERS, max_size=2),
+    expected=st.dictionaries(NAMES, NUMBERS, max_size=2),
+    told=st.booleans(),
+    kept=st.booleans(),
+    statement=TEXTS,
+)
+ROUNDS = st.builds(
+    Round,
+    number=st.integers(1, 9),
+    procedure=TEXTS,
+    run=TEXTS,
+    duration=NUMBERS,
+    verdict=st.sampled_from(["", "adequate", "ambiguous"]),
+    effects=st.lists(NAMES, max_size=2).map(tuple),
+    classes=st.lists(st.lists(NAMES, max_size=2).map(tuple), max_size=2).map(tuple),
+    probabilities=st.dictionaries(NAMES, st.floats(0, 1), max_size=3),
+    added=st.lists(st.tuples(NAMES, st.integers(1, 9)), max_size=2).map(tuple),
+    error=st.dictionaries(NAMES, NUMBERS, max_size=2),
+    chi2=st.none() | NUMBERS,
+    statement=TEXTS,
+    promised=st.none() | PROMISES,
+    came_out=st.none() | OUTCOMES,
+    answer=st.sampled_from(["", "yes", "no"]),
+)
+TASK = Task("campaign.yaml", "m.yaml", 1, arguments={"supply": "30 bar"}, bench={"seed": 3}, rounds=4)
+
+
+@given(ROUNDS)
+def test_a_round_is_read_as_it_was_written(one: Round) -> None:
+    assert Round.read(one.document()) == one
+
+
+def test_what_is_kept_is_found_again(tmp_path: Path) -> None:
+    kept = Kept.create(tmp_path, TASK, "Stroke campaign")
+    kept.begin(Round(1, "campaign.yaml", answer="yes"))
+    proposal = kept.begin(Round(2, ""), "procedure: next\n")
+    assert Path(proposal.procedure).read_text() == "procedure: next\n"
+    again = Kept.find(tmp_path)
+    assert again.task == TASK
+    assert again.rounds == kept.rounds
+    assert again.folder == kept.folder
+
+
+def test_two_in_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
+    first, second = (Kept.create(tmp_path, TASK, "stroke") for _ in range(2))
+    assert first.folder != second.folder
+
+
+@pytest.mark.parametrize("ended", list(Ended))
+def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: Ended) -> None:
+    kept = Kept.create(tmp_path, TASK, "stroke")
+    kept.close(Learned((), ended, "m.yaml", 1, 0.0, "why"))
+    again = Kept.find(tmp_path)
+    if ended in (Ended.DECLINED, Ended.BUDGET, Ended.ROUNDS, Ended.STOPPED):
+        again.reopen(rounds=9)
+        assert Kept.find(tmp_path).task.rounds == 9
+        assert Kept.find(tmp_path).learned is None
+    else:
+        with pytest.raises(RigctlError, match="this learning has ended"):
+            again.reopen()
+
+
+def test_there_may_be_nothing_to_go_on_with(tmp_path: Path) -> None:
+    with pytest.raises(RigctlError, match="there is nothing to go on with"):
+        Kept.find(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "{", '{"version": 2}', '{"version": 1, "rounds": []}', "[]"])
+def test_a_damaged_file_is_said(tmp_path: Path, text: str) -> None:
+    folder = tmp_path / "learning" / "20260101-000000-x"
+    folder.mkdir(parents=True)
+    (folder / "learning.json").write_text(text)
+    with pytest.raises(RigctlError, match="what was learned cannot be read"):
+        Kept.find(tmp_path)

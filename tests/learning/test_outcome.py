@@ -1,0 +1,77 @@
+"""What came of a promise: margins before and after, and a bench that answers otherwise than anybody said."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.learning.outcome import what_came_out
+from rigctl.learning.result import Promised
+
+
+def promised(**weights: float) -> Promised:
+    """Between leak and drift; the data so far prefer the leak by 3."""
+    pairs = [("leak", "drift", 3.0, 20.0), ("drift", "leak", -3.0, 16.0)]
+    outlooks = tuple(
+        {"truth": truth, "rival": rival, "margin": margin, "separation": d}
+        for truth, rival, margin, d in pairs
+    )
+    return Promised(weights or {"leak": 0.8, "drift": 0.2}, 19.0, 0.9, outlooks, 600.0, ("oil 60 degC",))
+
+
+def diagnosis(verdict: Verdict, classes: list[list[str]], **scores: float) -> Diagnosis:
+    ranking = [SimpleNamespace(effect=name, delta_bic=score) for name, score in scores.items()]
+    effects = tuple(names[0] for names in classes)
+    made: Any = SimpleNamespace(
+        verdict=verdict, classes=tuple(map(tuple, classes)), effects=effects, ranking=ranking
+    )
+    return cast("Diagnosis", made)
+
+
+def test_the_gain_is_the_change_of_the_margin() -> None:
+    out = what_came_out(promised(), diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0))
+    assert out.winner == "leak"
+    assert out.told
+    assert out.kept
+    assert out.gains == {"drift": pytest.approx(25.0 - 3.0)}
+    assert out.expected == {"drift": 20.0}
+    assert out.statement == "leak is told apart: its margin over drift grew by 22, 20 were expected"
+
+
+def test_the_other_one_may_win() -> None:
+    out = what_came_out(promised(), diagnosis(Verdict.MISSING_EFFECT, [["drift"]], leak=-30.0, drift=-45.0))
+    assert out.winner == "drift"
+    assert out.gains == {"leak": pytest.approx(15.0 + 3.0)}
+
+
+def test_two_that_are_still_in_one_class_are_not_told_apart() -> None:
+    found = diagnosis(Verdict.AMBIGUOUS, [["leak", "drift"]], leak=-40.0, drift=-38.0)
+    out = what_came_out(promised(), found)
+    assert out.winner == "leak"
+    assert not out.told
+    assert out.kept
+    assert out.gains["drift"] == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0),
+        diagnosis(Verdict.OUTSIDE_LIBRARY, [], leak=-20.0, drift=-10.0),
+        diagnosis(Verdict.ADEQUATE, []),
+    ],
+)
+def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise(found: Diagnosis) -> None:
+    out = what_came_out(promised(), found)
+    assert not out.kept
+    assert out.winner == ""
+    assert "answered otherwise than every rival said" in out.statement
+
+
+def test_nothing_may_be_one_of_the_rivals() -> None:
+    out = what_came_out(promised(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
+    assert out.winner == "none"
+    assert out.kept
