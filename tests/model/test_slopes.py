@@ -75,6 +75,11 @@ def test_spoilt_derivatives_are_those_of_a_tight_integration_and_the_outputs_sta
 
     monkeypatch.setattr(slopes, "simulate", integrate)
     found = simulate_soundly(cast("Any", None), cast("Any", range(6)), ("a", "b"), ())
+    np.testing.assert_array_equal(found.sensitivities[5], sound()[5])
+    assert asked == [([0, 1, 2, 3, 4, 5], DEFAULT)]  # of a step that is taken back nobody asks for more
+    for _ in range(2):
+        for slope, right in zip(found.sensitivities, sound(), strict=True):
+            np.testing.assert_array_equal(slope, right)
     assert asked == [([0, 1, 2, 3, 4, 5], DEFAULT), ([2], TIGHT)]
-    for slope, right in zip(found.sensitivities, sound(), strict=True):
+    for slope, right in zip(found.sensitivities[1:-1], sound()[1:-1], strict=True):
         np.testing.assert_array_equal(slope, right)

@@ -53,7 +53,7 @@ class Trajectories:
     times: tuple[Floats, ...]
     states: tuple[Floats, ...]
     outputs: tuple[Floats, ...]
-    sensitivities: tuple[Floats, ...]
+    sensitivities: Sequence[Floats]
     failures: tuple[Failure | None, ...]
     state_names: tuple[str, ...]
     output_names: tuple[str, ...]

@@ -14,7 +14,10 @@ from rigctl.errors import RigctlError
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+#: derivatives by the shared parameters (n, p), and by the record's own (n, m)
+Derivatives: TypeAlias = tuple[Floats | None, Floats | None]
+
+
 class Block:
     """The residuals of one record, in units of their standard deviation, and their derivatives.
 
@@ -23,11 +26,38 @@ class Block:
     residual: (n).
     shared: (n, p) by the shared parameters; None where derivatives were not asked for.
     local: (n, m) by the record's own parameters; None likewise.
+
+    Derivatives that are given as `later` are worked out when they are first asked for: those of a step that
+    is taken back never are.
     """
 
-    residual: Floats
-    shared: Floats | None = None
-    local: Floats | None = None
+    def __init__(
+        self,
+        residual: Floats,
+        shared: Floats | None = None,
+        local: Floats | None = None,
+        *,
+        later: Callable[[], Derivatives] | None = None,
+    ) -> None:
+        self.residual = residual
+        self._derivatives: Derivatives = shared, local
+        self._later = later
+
+    @property
+    def shared(self) -> Floats | None:
+        """(n, p) by the shared parameters."""
+        return self._complete()[0]
+
+    @property
+    def local(self) -> Floats | None:
+        """(n, m) by the record's own parameters."""
+        return self._complete()[1]
+
+    def _complete(self) -> Derivatives:
+        later = self._later
+        if later is not None:
+            self._derivatives, self._later = later(), None
+        return self._derivatives
 
 
 @dataclass(frozen=True)

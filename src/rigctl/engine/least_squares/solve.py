@@ -176,12 +176,11 @@ class _Search:
             return blocks
         if any(not np.isfinite(block.residual).all() for block in blocks):
             return Refused("a residual is not a finite number")
-        if derivatives:
-            check_blocks(blocks, len(self.unknowns), [len(record_local) for record_local in self.local])
         return blocks
 
     def _linearise(self, blocks: Sequence[Block]) -> None:
         record_local = [len(unknowns) for unknowns in self.local]
+        check_blocks(blocks, len(self.unknowns), record_local)
         self.arrow = reduce_blocks(blocks, self.options.loss, len(self.unknowns), record_local)
         self.residual_count = sum(block.residual.size for block in blocks)
         norms = self.arrow.norms().flat()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from rigctl.engine.least_squares import (
     least_squares,
     started,
 )
-from rigctl.engine.least_squares.block import Evaluate
+from rigctl.engine.least_squares.block import Derivatives, Evaluate
 
 Floats = NDArray[np.float64]
 
@@ -119,10 +120,7 @@ def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
         blocks = evaluate(whole, local, derivatives)
         if isinstance(blocks, Refused):
             return blocks
-        return [
-            Block(block.residual, None if block.shared is None else block.shared[:, list(moved)], block.local)
-            for block in blocks
-        ]
+        return [Block(block.residual, later=partial(_of_some, block, list(moved))) for block in blocks]
 
     return part
 
@@ -156,11 +154,18 @@ def _blurred(evaluate: Evaluate, factor: float) -> Evaluate:
 
 
 def _divided(block: Block, factor: float) -> Block:
-    return Block(
-        block.residual / factor,
+    return Block(block.residual / factor, later=partial(_slopes_divided, block, factor))
+
+
+def _slopes_divided(block: Block, factor: float) -> Derivatives:
+    return (
         None if block.shared is None else block.shared / factor,
         None if block.local is None else block.local / factor,
     )
+
+
+def _of_some(block: Block, moved: list[int]) -> Derivatives:
+    return None if block.shared is None else block.shared[:, moved], block.local
 
 
 def _held(unknown: Unknown) -> Unknown:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
@@ -66,11 +66,10 @@ class _Recent:
                 return blocks
         return None
 
-    def keep(self, point: tuple[bytes, ...], derivatives: bool, blocks: list[Block]) -> None:
-        """Remember one more."""
-        columns = blocks[0].residual[:, None] if blocks[0].shared is None else blocks[0].shared
-        if sum(block.residual.size for block in blocks) * max(1, columns.shape[1]) <= _ROOM:
-            self._found = ((point, derivatives, blocks), *self._found[: _RECENT - 1])
+    def keep(self, point: tuple[bytes, ...], columns: int, blocks: list[Block]) -> None:
+        """Remember one more, with derivatives by so many columns."""
+        if sum(block.residual.size for block in blocks) * max(1, columns) <= _ROOM:
+            self._found = ((point, columns > 0, blocks), *self._found[: _RECENT - 1])
 
 
 @dataclass(frozen=True)
@@ -307,9 +306,10 @@ class Problem:
         excitations = [self.excitation(index, shared, values, moving) for index, values in enumerate(local)]
         starts = self.initial_names if initial else ()
         simulated = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
-        for record, slopes in zip(self.records, simulated.sensitivities, strict=True):
+        for index, record in enumerate(self.records):
             recorded = [simulated.columns.index(name) for name in self._recorded(record) if name in plain]
-            slopes[:, :, recorded] = 0.0
+            if recorded:
+                simulated.sensitivities[index][:, :, recorded] = 0.0
         return simulated
 
     def parts(self, columns: int) -> list[list[int]]:
@@ -333,7 +333,7 @@ class Problem:
             return blocks
         found = self._evaluated(shared, local, derivatives)
         if not isinstance(found, Refused) and found:
-            self._recent.keep(point, derivatives, found)
+            self._recent.keep(point, 1 + len(self.shared) if derivatives else 0, found)
         return found
 
     def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
@@ -345,12 +345,9 @@ class Problem:
             simulated = inner.simulate(shared, [local[index] for index in part], columns, initial=derivatives)
             if not simulated.ok:
                 return Refused(simulated.summary())
-            blocks += [
-                self._block(index, outputs, slopes, simulated.columns, names, derivatives)
-                for index, outputs, slopes in zip(
-                    part, self._seen(simulated.outputs), self._seen(simulated.sensitivities), strict=True
-                )
-            ]
+            for at, (index, outputs) in enumerate(zip(part, self._seen(simulated.outputs), strict=True)):
+                later = partial(self._derivatives, index, simulated, at, names) if derivatives else None
+                blocks.append(Block(self._residual(index, outputs), later=later))
         return blocks
 
     @cached_property
@@ -406,24 +403,19 @@ class Problem:
     def _index(self) -> dict[str, int]:
         return {name: k for k, name in enumerate(self.compiled.system.parameter_names)}
 
-    def _block(
-        self,
-        index: int,
-        outputs: Floats,
-        slopes: Floats,
-        columns: Sequence[str],
-        names: Sequence[str],
-        derivatives: bool,
-    ) -> Block:
-        whitener, record = self.whiteners[index], self.records[index]
-        difference = np.where(self.ok[index], outputs - np.where(self.ok[index], record.values, 0.0), 0.0)
-        residual = whitener(difference)
-        if not derivatives:
-            return Block(residual)
-        white = whitener(slopes)
-        at = {name: k for k, name in enumerate(columns)}
-        record_local = [at[one.name] for one in self.local[index]]
-        return Block(residual, white[:, [at[name] for name in names]], white[:, record_local])
+    def _residual(self, index: int, outputs: Floats) -> Floats:
+        """Whitened, of the record at `index`."""
+        ok, values = self.ok[index], self.records[index].values
+        return self.whiteners[index](np.where(ok, outputs - np.where(ok, values, 0.0), 0.0))
+
+    def _derivatives(
+        self, index: int, simulated: Trajectories, at: int, names: Sequence[str]
+    ) -> tuple[Floats, Floats]:
+        """The same of its derivatives by the unknowns `names` and by its own; it is the `at`-th simulated."""
+        white = self.whiteners[index](np.take(simulated.sensitivities[at], self.channels, axis=1))
+        place = {name: k for k, name in enumerate(simulated.columns)}
+        record_local = [place[one.name] for one in self.local[index]]
+        return white[:, [place[name] for name in names]], white[:, record_local]
 
 
 def make_problem(

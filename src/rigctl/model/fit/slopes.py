@@ -7,8 +7,9 @@ next: too large by orders of magnitude in one record of many, and a fit then mov
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from rigctl.engine.simulate import simulate
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.tolerance import TIGHT
 from rigctl.engine.trajectories import Trajectories
+
+Floats = NDArray[np.float64]
 
 #: times the median over the records; the conditions of a campaign make some ten
 _SPOILT = 100.0
@@ -36,32 +39,56 @@ def simulate_soundly(
     shift_columns: Sequence[str] = (),
     splines: SplineColumns = NO_SPLINES,
 ) -> Trajectories:
-    """As `simulate`; records whose derivatives are spoilt have those of a tight integration."""
-    simulated = simulate(
-        compiled,
-        excitations,
-        columns=columns,
-        initial_columns=initial_columns,
-        shift_columns=shift_columns,
-        splines=splines,
-    )
+    """As `simulate`; records whose derivatives are spoilt have those of a tight integration.
+
+    That is made when one of them is first asked for: a fit that takes its step back asks for none.
+    """
+    how: dict[str, Any] = {
+        "columns": columns,
+        "initial_columns": initial_columns,
+        "shift_columns": shift_columns,
+        "splines": splines,
+    }
+    simulated = simulate(compiled, excitations, **how)
     spoilt = spoilt_records(simulated) if simulated.ok and simulated.columns else []
     if not spoilt:
         return simulated
-    again = simulate(
-        compiled,
-        [excitations[index] for index in spoilt],
-        columns=columns,
-        initial_columns=initial_columns,
-        shift_columns=shift_columns,
-        splines=splines,
-        tolerance=TIGHT,
-    )
-    slopes = list(simulated.sensitivities)
-    for index, sensitivities, failure in zip(spoilt, again.sensitivities, again.failures, strict=True):
-        if failure is None:
-            slopes[index] = sensitivities
-    return replace(simulated, sensitivities=tuple(slopes))
+
+    def again() -> Trajectories:
+        return simulate(compiled, [excitations[index] for index in spoilt], tolerance=TIGHT, **how)
+
+    return replace(simulated, sensitivities=_Mended(simulated.sensitivities, spoilt, again))
+
+
+class _Mended(Sequence[Floats]):
+    """Derivatives of all records, of which those at `spoilt` are worked out when one is first asked for."""
+
+    def __init__(
+        self, slopes: Sequence[Floats], spoilt: Sequence[int], again: Callable[[], Trajectories]
+    ) -> None:
+        self._slopes, self._spoilt, self._again = list(slopes), frozenset(spoilt), again
+        self._order = tuple(spoilt)
+
+    def __len__(self) -> int:
+        return len(self._slopes)
+
+    @overload
+    def __getitem__(self, index: int) -> Floats: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Floats]: ...
+    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        if self._spoilt and range(len(self))[index] in self._spoilt:
+            self._mend()
+        return self._slopes[index]
+
+    def _mend(self) -> None:
+        found = self._again()
+        for index, slopes, failure in zip(self._order, found.sensitivities, found.failures, strict=True):
+            if failure is None:
+                self._slopes[index] = slopes
+        self._spoilt = frozenset()
 
 
 def spoilt_records(simulated: Trajectories) -> list[int]:
@@ -75,7 +102,7 @@ def spoilt_records(simulated: Trajectories) -> list[int]:
     return [int(index) for index in np.flatnonzero(np.count_nonzero(beyond, axis=1) >= wanted)]
 
 
-def _sizes(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sizes(slopes: Floats) -> Floats:
     """(outputs, columns) the largest of a record; what is not a number is beyond everything."""
     largest = np.abs(slopes).max(axis=0, initial=0.0)
     return np.where(np.isfinite(largest), largest, np.inf)
