@@ -32,6 +32,7 @@ class TierName(StrEnum):
     ANYONE = "anyone"
     SHAPE = "shape"
     DISCOVERY = "discovery"
+    DESIGN = "design"
 
 
 def validate(
@@ -39,7 +40,8 @@ def validate(
         TierName,
         typer.Option(
             help="quick takes minutes, full hours; anyone: ten small benches; shape: laws that are not the "
-            "library's; discovery: terms that are in no library, and formulas for them."
+            "library's; discovery: terms that are in no library, and formulas for them; design: what "
+            "designed records promise, and what comes of it."
         ),
     ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder that keeps every result.")] = Path(
@@ -67,7 +69,8 @@ def validate(
     shapes than the library's. The tier anyone has ten small benches instead, each with family, rig and model
     as a user writes them, judged from a CSV file to the verdict; the tier shape has effects of up to 1000
     sigmas with laws far from the library's, alone, in pairs, and taken out of the library; the tier discovery
-    plants terms that are in no library, and looks for their formulas. Every finished trial is kept: after a
+    plants terms that are in no library, and looks for their formulas; the tier design lets that bench learn,
+    and holds what designed records promised against what came out. Every finished trial is kept: after a
     kill, --resume goes on. The tables are also written into the folder, as Markdown.
 
     Example: rigctl validate --tier quick
@@ -107,6 +110,14 @@ def _carried_out(
         planted = planted_trials()[:first]
         found = _outcomes(planted, carry_out_planted, path, PlantedTrial.read, workers, resume=resume)
         return planted_figures(found), path
+    if tier is TierName.DESIGN:
+        from rigctl.validation.designed.rates import design_figures
+        from rigctl.validation.designed.trial import DesignTrial, design_trials
+        from rigctl.validation.designed.work import carry_out_design
+
+        designed = design_trials()[:first]
+        learnt = _outcomes(designed, carry_out_design, path, DesignTrial.read, workers, resume=resume)
+        return design_figures(learnt), path
     from rigctl.validation.rates import figures
     from rigctl.validation.scenario import Scenario
     from rigctl.validation.tiers import Tier, scenarios

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, Literal, Protocol, TypeAlias, TypeVar
 
 from rigctl.validation.scenario import Scenario
@@ -93,6 +93,37 @@ class Searched:
 
 
 @dataclass(frozen=True)
+class Learnt:
+    """What came of learning on the separate bench.
+
+    Attributes
+    ----------
+    ended, rounds, added: as of `rigctl.learning.result.Learned`, with the rounds that were measured.
+    left: the classes of more than one that the first campaign left.
+    probability, separation: promised of the first designed round; None where none was carried out.
+    winner, told, kept, gains, expected: what came of it, as of `rigctl.learning.result.CameOut`.
+    """
+
+    ended: str = ""
+    rounds: int = 0
+    added: tuple[str, ...] = ()
+    left: tuple[tuple[str, ...], ...] = ()
+    probability: float | None = None
+    separation: float | None = None
+    winner: str = ""
+    told: bool = False
+    kept: bool = True
+    gains: Mapping[str, float] = field(default_factory=dict)
+    expected: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Learnt:
+        """What `document` was made of, also after a way through JSON."""
+        left = tuple(tuple(names) for names in document["left"])
+        return cls(**{**document, "added": tuple(document["added"]), "left": left})
+
+
+@dataclass(frozen=True)
 class TrialOutcome(Generic[AnyTrial]):
     """What came of one trial.
 
@@ -111,6 +142,7 @@ class TrialOutcome(Generic[AnyTrial]):
     intervals: of parameters whose truth is known.
     exponents: of laws that it corrects, with the exponent that readings without noise ask for.
     searched: what a search for a formula found, where one was made.
+    learnt: what came of learning, where the bench was asked again.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
     failure: what went wrong; such a trial counts against the tool.
     seconds: of processor time that it took.
@@ -131,6 +163,7 @@ class TrialOutcome(Generic[AnyTrial]):
     intervals: tuple[Interval, ...] = ()
     exponents: tuple[Interval, ...] = ()
     searched: Searched | None = None
+    learnt: Learnt | None = None
     untested: str = ""
     failure: str = ""
     seconds: float = 0.0
@@ -181,6 +214,8 @@ class TrialOutcome(Generic[AnyTrial]):
             fields[name] = tuple(Interval(**interval) for interval in fields.get(name, ()))
         searched = fields.get("searched")
         fields["searched"] = None if searched is None else Searched.read(searched)
+        learnt = fields.get("learnt")
+        fields["learnt"] = None if learnt is None else Learnt.read(learnt)
         return cls(**fields)
 
 

@@ -1,0 +1,96 @@
+"""One learning on the separate bench, from the first campaign to its end, and what was promised of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeAlias, cast
+
+from rigctl.engine.kept import switched_off
+from rigctl.engine.one_thread import one_thread
+from rigctl.files.shipped import shipped
+from rigctl.learning.keep import Kept, Task
+from rigctl.learning.learn import Learner
+from rigctl.learning.result import Learned
+from rigctl.validation.designed.trial import PRESSURES, TEMPERATURES, DesignTrial
+from rigctl.validation.live_bench import SeparateBench
+from rigctl.validation.outcome import Learnt, TrialOutcome, Verdict
+from rigctl.validation.work import hidden_amplitudes
+
+DesignOutcome: TypeAlias = TrialOutcome[DesignTrial]
+
+
+@one_thread()
+@switched_off()
+def carry_out_design(trial: DesignTrial) -> DesignOutcome:
+    """Hide, measure, diagnose, design, measure what was designed, and say what came of the promise.
+
+    Raises
+    ------
+    RigctlError
+        the tool cannot diagnose the campaign, or design for it.
+    BenchFailure
+        the bench cannot be simulated with what is hidden in it.
+    """
+    began = time.process_time()
+    scenario = trial.scenario
+    amplitudes = hidden_amplitudes(scenario)
+    made = TrialOutcome(
+        trial,
+        sizes=tuple(each.size for each in amplitudes),
+        amplitudes=tuple(each.value for each in amplitudes),
+    )
+    if not all(each.reached for each in amplitudes):
+        return replace(made, untested="no amplitude has the size wanted")
+    with TemporaryDirectory() as folder:
+        learned = _learned(trial, made.amplitudes, Path(folder))
+    first, last = learned.rounds[0], [one for one in learned.rounds if one.judged][-1]
+    return replace(
+        made,
+        verdict=cast("Verdict", last.verdict),
+        effects=(*learned.added, *(name for name in last.effects if name not in learned.added)),
+        classes=tuple(names for one in learned.rounds for names in one.classes),
+        first=first.effects[0] if first.effects else None,
+        learnt=_learnt(learned),
+        seconds=time.process_time() - began,
+    )
+
+
+def _learned(trial: DesignTrial, amplitudes: tuple[float, ...], folder: Path) -> Learned:
+    model = folder / "model.yaml"
+    model.write_bytes(shipped("models", "hl32-textbook.yaml").read_bytes())
+    runs = folder / "runs"
+    runs.mkdir()
+    task = Task(
+        procedure=str(shipped("procedures", "campaign.yaml")),
+        model=str(model),
+        version=1,
+        arguments={
+            "temperatures": ", ".join(f"{value:g} degC" for value in TEMPERATURES),
+            "pressures": ", ".join(f"{value:g} bar" for value in PRESSURES),
+        },
+        rounds=trial.rounds,
+    )
+    campaign = trial.scenario.campaign(amplitudes)
+    bench = SeparateBench(campaign, shipped("rigs", "hl32-bench.yaml"), runs)
+    return Learner(Kept.create(folder, task, "design"), bench, runs, lambda *_: True).learn()
+
+
+def _learnt(learned: Learned) -> Learnt:
+    first = learned.rounds[0]
+    promised, came_out = learned.promises[0] if learned.promises else (None, None)
+    return Learnt(
+        ended=learned.ended.value,
+        rounds=len([one for one in learned.rounds if one.judged]),
+        added=learned.added,
+        left=tuple(names for names in first.classes if len(names) > 1),
+        probability=None if promised is None else promised.probability,
+        separation=None if promised is None else promised.separation,
+        winner="" if came_out is None else came_out.winner,
+        told=came_out is not None and came_out.told,
+        kept=came_out is None or came_out.kept,
+        gains={} if came_out is None else dict(came_out.gains),
+        expected={} if came_out is None else dict(came_out.expected),
+    )
