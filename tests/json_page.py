@@ -16,6 +16,7 @@ _SECTIONS = {
     "design": ("compare", "diagnose", "design"),
     "discover": ("compare", "diagnose", "discover"),
     "demo": ("compare", "diagnose", "discover"),
+    "compensate": ("compare", "compensate"),
     "run": ("run, simulate, resume",),
     "simulate": ("run, simulate, resume",),
     "resume": ("run, simulate, resume",),

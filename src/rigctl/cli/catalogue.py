@@ -52,6 +52,12 @@ ENTRIES = (
     ),
     Entry("design", "rigctl.cli.design:design", PHYSICS, "What to measure next, to tell apart what is left."),
     Entry("learn", "rigctl.cli.learn:learn", PHYSICS, "Measure, add what is sure, design, measure again."),
+    Entry(
+        "compensate",
+        "rigctl.cli.compensate:compensate",
+        PHYSICS,
+        "A set-point schedule that keeps a quantity, and its check.",
+    ),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry(
         "family", "rigctl.cli.family_new:app", PHYSICS, "A first family, rig and model from your own data."

@@ -1,0 +1,166 @@
+"""`rigctl compensate`: the set-point that keeps a quantity while conditions drift, and its check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.family import FamilyOption
+from rigctl.cli.reuse import NoCache, Verbose
+
+if TYPE_CHECKING:
+    from rigctl.compensation.judge import Verdict
+    from rigctl.compensation.result import Schedule
+
+
+def compensate(
+    runs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[RUN...]",
+            help="Ids, starts of ids, paths, or 'latest', the default.",
+            show_default=False,
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
+        ),
+    ] = None,
+    *,
+    keep: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TARGET", help='A measure and its value: "stroke = 110 mm".', show_default=False
+        ),
+    ] = None,
+    vary: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What is set: supply_pressure.", show_default=False)
+    ] = None,
+    over: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="What it is set for: oil_temperature.", show_default=False),
+    ] = None,
+    rows: Annotated[int, typer.Option(min=2, max=100, help="Operating points of the schedule.")] = 7,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random order of the records that check it.")] = 0,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Write the schedule as a C header (.h) or a table (.csv), or the procedure that checks it "
+            "(.yaml). May be given several times.",
+            show_default=False,
+        ),
+    ] = None,
+    judge: Annotated[
+        bool,
+        typer.Option("--judge", help="Judge the runs of such a check; exit code 1 where it does not hold."),
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Let -o replace a file that is there.")] = False,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Work out the set-point that keeps a measured quantity over the operating point, and check that it does.
+
+    The model is fitted to the runs, and solved for the set-point at each operating point; what the fit does
+    not know of its parameters is carried over to the set-point. Records in pairs, with the schedule and
+    without, in a random order, tell whether it holds: it is accepted where the error is smaller with it, and
+    not by chance.
+
+    Examples:
+
+      rigctl compensate latest -m models/hl32-textbook.yaml --keep "stroke = 110 mm" \\
+        --vary supply_pressure --over oil_temperature -o schedule.h -o procedures/check.yaml
+
+      rigctl compensate latest --judge
+    """
+    from rigctl.errors import RigctlError
+
+    chosen = runs or ["latest"]
+    if judge:
+        given = {"--model": model, "--keep": keep, "--vary": vary, "--over": over, "-o": output}
+        extra = [name for name, value in given.items() if value]
+        if extra:
+            raise RigctlError(
+                "--judge takes what a check was made for from its records", value=", ".join(extra)
+            )
+        _judge(chosen, as_json=as_json)
+        return
+    named = {"--model": model, "--keep": keep, "--vary": vary, "--over": over}
+    missing = [name for name, value in named.items() if not value]
+    if model is None or keep is None or vary is None or over is None:
+        raise RigctlError("a schedule needs more", expected=", ".join(missing))
+    from rigctl.cli.compare import open_models, open_runs
+    from rigctl.cli.compensate_views import show_schedule
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.telling import telling
+    from rigctl.compensation.schedule import compensate as compensated
+
+    written = output or []
+    _require(written, force=force)
+    (opened,) = open_models([model])
+    measured = open_runs(chosen, opened)
+    with telling("nothing was saved") as on_progress:
+        found = compensated(
+            measured, opened, keep=keep, vary=vary, over=over, rows=rows, seed=seed, on_progress=on_progress
+        )
+    _write(found, written)
+    if as_json:
+        print_json(found.document())
+    else:
+        show_schedule(found, written)
+
+
+def _judge(chosen: list[str], *, as_json: bool) -> None:
+    from rigctl.cli.compare import open_runs
+    from rigctl.cli.compensate_views import show_verdict
+    from rigctl.cli.tables import print_json
+    from rigctl.compensation.judge import judge as judged
+    from rigctl.errors import ExitCode
+
+    found: Verdict = judged(open_runs(chosen))
+    if as_json:
+        print_json(found.document())
+    else:
+        show_verdict(found)
+    if not found.accepted:
+        raise typer.Exit(int(ExitCode.FAILED))
+
+
+def _texts() -> dict[str, Callable[[Schedule], str]]:
+    from rigctl.compensation.tables import csv_text, header_text
+
+    return {".h": header_text, ".csv": csv_text, ".yaml": lambda schedule: schedule.procedure}
+
+
+def _require(written: list[Path], *, force: bool) -> None:
+    """Refuse a kind of file that there is none of, and one that is there."""
+    from rigctl.dataset.outputs import require_output
+    from rigctl.errors import RigctlError
+
+    known = _texts()
+    for path in written:
+        if path.suffix not in known:
+            raise RigctlError(
+                "no kind of file for a schedule",
+                value=path.name,
+                expected=f"a name that ends in {', '.join(known)}",
+            )
+        require_output(path, force=force)
+
+
+def _write(found: Schedule, written: list[Path]) -> None:
+    from rigctl.files.write import write_text
+
+    known = _texts()
+    for path in written:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, known[path.suffix](found))

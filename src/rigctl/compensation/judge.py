@@ -1,0 +1,188 @@
+"""Whether a schedule holds: records with it and without, in pairs whose order was drawn.
+
+The error is the quantity less its target, the ratio that of the root mean squares with and without the
+schedule. Were the schedule's error r times the other, ``|e_with|/r`` and ``|e_without|`` of a pair could
+change places: the largest r that this is not rejected at is the ratio's upper bound, exact for any
+distribution of the errors as the order was drawn (R. A. Fisher, The Design of Experiments, 1935).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.compensation.check_text import COMPENSATED, PAIR, TARGET
+from rigctl.dataset.run import Run
+from rigctl.errors import RigctlError
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+#: one-sided level of the bound
+LEVEL = 0.05
+#: orders that are all looked at; of more, so many are drawn
+_ALL, _DRAWN = 12, 20_000
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the pairs say of a schedule.
+
+    Attributes
+    ----------
+    quantity, target: SI, shown in `unit`.
+    pairs: how many.
+    with_it, without: root mean square errors, SI.
+    ratio: of the two; `bound` its upper bound at 95 %, infinite where so few pairs give none.
+    accepted: the bound is below 1.
+    """
+
+    runs: tuple[str, ...]
+    quantity: str
+    target: float
+    unit: str
+    pairs: int
+    with_it: float
+    without: float
+    ratio: float
+    bound: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the schedule makes the error smaller, and not by chance."""
+        return self.bound < 1.0
+
+    @property
+    def statement(self) -> str:
+        """In words."""
+        error, plain = (show(one, self.unit, difference=True) for one in (self.with_it, self.without))
+        said = (
+            f"{self.quantity} was off {show(self.target, self.unit)} by {error} with the schedule and by "
+            f"{plain} without, in {self.pairs} pairs: a ratio of {self.ratio:.2f}"
+        )
+        if not math.isfinite(self.bound):
+            fewest = math.ceil(math.log2(1.0 / LEVEL))
+            why = (
+                f"so few pairs give no bound; {fewest} are the fewest" if self.pairs < fewest else "no bound"
+            )
+            return f"{said}, {why}"
+        return f"{said}, below {self.bound:.2f} in 95 of 100 cases"
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer; errors in the unit."""
+        factor = parse_unit(self.unit).factor
+        return {
+            "runs": list(self.runs),
+            "quantity": self.quantity,
+            "target": parse_unit(self.unit).from_si(self.target),
+            "unit": self.unit,
+            "pairs": self.pairs,
+            "error_with": self.with_it / factor,
+            "error_without": self.without / factor,
+            "ratio": self.ratio,
+            "bound": self.bound if math.isfinite(self.bound) else None,
+            "accepted": self.accepted,
+            "statement": self.statement,
+        }
+
+
+def judge(runs: Sequence[Run]) -> Verdict:
+    """Judge the recorded pairs of a check; a pair of which a record is missing or excluded does not count.
+
+    Raises
+    ------
+    RigctlError
+        these are no runs of such a check, or of different ones.
+    """
+    quantity, target, unit = _asked(runs)
+    errors: dict[tuple[str, float], dict[bool, float]] = {}
+    for run in runs:
+        for record in run.each(run.usable):
+            value = record.measures.get(quantity, math.nan)
+            if math.isfinite(value):
+                pair = errors.setdefault((run.id, record.sweep[PAIR]), {})
+                pair[bool(record.sweep[COMPENSATED])] = value - target
+    whole = [one for one in errors.values() if len(one) == 2]
+    if not whole:
+        raise RigctlError("no pair of records is whole", value=", ".join(run.id for run in runs))
+    with_it = np.array([one[True] for one in whole])
+    without = np.array([one[False] for one in whole])
+    mean = [float(np.sqrt(np.square(one).mean())) for one in (with_it, without)]
+    return Verdict(
+        runs=tuple(run.id for run in runs),
+        quantity=quantity,
+        target=target,
+        unit=unit,
+        pairs=len(whole),
+        with_it=mean[0],
+        without=mean[1],
+        ratio=mean[0] / mean[1] if mean[1] > 0.0 else math.inf,
+        bound=upper_bound(with_it, without),
+    )
+
+
+def upper_bound(with_it: Floats, without: Floats, level: float = LEVEL) -> float:
+    """The largest ratio r that pairs of errors do not reject, of ``with_it`` over ``without``.
+
+    p(r) is the share of all orders in which the ratio of ``|e_with|/r`` to ``|e_without|`` comes out as small
+    as it did, and falls as r grows; infinite where so few pairs reject none.
+    """
+    a, b = np.abs(with_it), np.abs(without)
+    if 0.5**a.size > level or not b.any():
+        return math.inf
+    if not a.any():
+        return 0.0
+    swaps = _orders(a.size)
+
+    def rejected(r: float) -> bool:
+        squares, others = np.square(a / r), np.square(b)
+        mine = squares.sum() + swaps @ (others - squares)
+        return float(np.mean(mine <= squares.sum() * (1.0 + 1e-12))) <= level
+
+    ratio = float(np.sqrt(np.square(a).sum() / np.square(b).sum()))
+    low, high = math.log(ratio), math.log(ratio) + 1.0
+    while not rejected(math.exp(high)):
+        high += 1.0
+        if high > low + 20.0:
+            return math.inf
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if rejected(math.exp(middle)) else (middle, high)
+    return math.exp(high)
+
+
+def _orders(pairs: int) -> Floats:
+    """(orders, pairs) 1 where the records of a pair change places; all, or a drawn sample of them."""
+    if pairs <= _ALL:
+        return ((np.arange(2**pairs)[:, None] >> np.arange(pairs)) & 1).astype(float)
+    drawn = np.random.default_rng(0).integers(0, 2, (_DRAWN, pairs)).astype(float)
+    drawn[0] = 0.0  # as it was
+    return drawn
+
+
+def _asked(runs: Sequence[Run]) -> tuple[str, float, str]:
+    """The quantity and its target, from the records' own sweeps."""
+    found: set[tuple[str, float, str]] = set()
+    for run in runs:
+        ending = f"_{TARGET}"
+        names = [str(name) for name in run.records.columns if str(name).endswith(ending)]
+        wanted = {PAIR, COMPENSATED} <= set(run.records.columns)
+        if len(names) != 1 or not wanted or names[0].removesuffix(ending) not in run.records.columns:
+            raise RigctlError(
+                f"the run {run.id} is no check of a schedule",
+                value=run.header.procedure.name,
+                expected="a run of a procedure that 'rigctl compensate -o check.yaml' wrote",
+            )
+        unit = run.record_units.get(names[0], "1")
+        targets = {parse_unit(unit).to_si(float(one)) for one in run.records[names[0]].dropna()}
+        found |= {(names[0].removesuffix(ending), one, unit) for one in targets}
+    if len(found) != 1:
+        raise RigctlError(
+            "the records are of no check, or of several", value=", ".join(run.id for run in runs)
+        )
+    return found.pop()

@@ -1,0 +1,115 @@
+"""What is varied, and what it is varied over: how each acts on a record, and how far the rig goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.recipe import Recipe, Stage
+from rigctl.design.scheme import schemes_of
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.model.measured.record import MeasuredRecord
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lever:
+    """A quantity of the operating point that a record begins with.
+
+    Attributes
+    ----------
+    name: of the channel, or of the input.
+    unit: that it is shown in.
+    low, high: how far the rig goes, SI; infinite where nothing says.
+    role: ``heat``, ``set_pressure``, or "" of an input of the model.
+    inputs: columns of a record's inputs that it sets, each with the factor to them.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    role: str
+    inputs: tuple[tuple[int, float], ...] = ()
+
+    def of(self, record: MeasuredRecord, outputs: Sequence[str]) -> float:
+        """Its value in a record, SI: as set, or as first read."""
+        if self.inputs:
+            column, factor = self.inputs[0]
+            course = record.inputs[:, column] / factor  # the last may be what is set for the next record
+            return float(course[np.argmax(course != 0.0)])
+        present = record.values[:, list(outputs).index(self.name)]
+        present = present[np.isfinite(present)][:5]
+        return float(np.median(present)) if present.size else float("nan")
+
+    def set(self, inputs: Floats, value: float) -> None:
+        """Write it into a record's inputs, wherever they are not off."""
+        for column, factor in self.inputs:
+            course = inputs[:, column]
+            on = course != 0.0 if bool(course.any()) else np.ones(course.size, dtype=bool)
+            inputs[on, column] = value * factor
+
+    def recipe(self, recipe: Recipe, value: float) -> Recipe:
+        """As a recipe has it."""
+        if self.role == "heat":
+            return replace(recipe, temperature=value)
+        return replace(recipe, pressure=value) if self.role == "set_pressure" else recipe
+
+
+def levers_of(stage: Stage, records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[str, Lever]:
+    """All that a record of this rig may begin with, by name."""
+    rig = stage.rig
+    known = {free.name: free for scheme in schemes_of(stage, records) for free in scheme.free}
+    found: dict[str, Lever] = {}
+    heat, pressure = rig.roles.heat, rig.roles.set_pressure
+    if heat is not None and heat.channel in outputs:
+        free = known.get("temperature")
+        low, high = (free.low, free.high) if free is not None else (-np.inf, np.inf)
+        found[heat.channel] = Lever(heat.channel, rig.channels[heat.channel].unit, low, high, "heat")
+    moves = {role.actuator for role in (rig.roles.extend, rig.roles.retract) if role is not None}
+    for column, source in enumerate(stage.sources):
+        for actuator, factor in source.actuators:
+            if actuator in moves or (heat is not None and actuator == heat.actuator) or not factor:
+                continue
+            declared = rig.actuators[actuator]
+            if declared.low is None or declared.high is None:
+                continue
+            low, high = float(declared.low), float(declared.high)
+            unit = declared.display_unit
+            if pressure is not None and actuator == pressure.actuator:
+                free = known.get("pressure")
+                low, high = (free.low, free.high) if free is not None else (low, high)
+                role, names = "set_pressure", [pressure.channel, actuator]
+            else:
+                role, names = "", [actuator]
+            for name in names:
+                found[name] = Lever(name, unit, low, high, role, ((column, factor),))
+    for column, source in enumerate(stage.sources):
+        if not source.actuators and source.input in stage.standing:
+            unit = next((u for n, u in _shown(stage) if n == source.channel), "")
+            if unit:
+                found[source.input] = Lever(source.input, unit, -np.inf, np.inf, "", ((column, 1.0),))
+    return found
+
+
+def _shown(stage: Stage) -> list[tuple[str, str]]:
+    return [(name, channel.unit) for name, channel in stage.rig.channels.items()]
+
+
+def lever(known: Mapping[str, Lever], name: str, option: str) -> Lever:
+    """The one that was asked for.
+
+    Raises
+    ------
+    RigctlError
+        there is none; it says the nearest.
+    """
+    if name not in known:
+        if not known:
+            raise RigctlError("nothing of this rig's operating point can be set", value=name)
+        raise unknown_name(f"quantity of the operating point for {option}", name, list(known))
+    return known[name]

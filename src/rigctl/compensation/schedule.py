@@ -1,0 +1,312 @@
+"""Work out the set-point that keeps a quantity over an operating variable.
+
+At each operating point x the model's prediction q(x, u) is solved for ``q(x, u) = q*``. The set-point's
+standard deviation follows from that of the prediction by the fitted parameters, ``σ_u = √(gᵀΣg)/|∂q/∂u|``;
+what each record has of its own comes on top, of the quantity itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.comparison import compare
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.search import OnProgress
+from rigctl.compensation.check_text import procedure_text
+from rigctl.compensation.levers import Lever, lever, levers_of
+from rigctl.compensation.measured import TakenMeasure, Target, find_measure
+from rigctl.compensation.prediction import Predictor
+from rigctl.compensation.result import Row, Schedule
+from rigctl.dataset.run import Run
+from rigctl.design.scheme import stage_of
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.model import Model
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit, show
+
+Floats = NDArray[np.float64]
+
+#: rows of a schedule, and set-points at which the quantity is first looked at
+ROWS, _LOOKED_AT = 7, 7
+#: steps by which a set-point is found within its bracket
+_STEPS = 10
+#: a quantity that changes by less than this share of its scatter over all set-points does not depend on them
+_NOTHING = 0.1
+
+
+def compensate(
+    runs: Sequence[Run],
+    model: Model,
+    *,
+    keep: str,
+    vary: str,
+    over: str,
+    rows: int = ROWS,
+    seed: int = 0,
+    on_progress: OnProgress | None = None,
+) -> Schedule:
+    """The schedule of `vary` over `over` that keeps a measure at its target, by a model fitted to `runs`.
+
+    Parameters
+    ----------
+    keep: ``stroke = 110 mm``: a measure that the procedure of the runs takes in its records, and its value.
+    vary: what is set, a channel with a `set_pressure` or an actuator; `over` what it is set for.
+    seed: of the random order of the records that check it.
+
+    Raises
+    ------
+    RigctlError
+        the runs have no such measure, or the model predicts no channel of it; nothing of that name can be
+        set; setting it changes nothing; the target is out of reach everywhere.
+    """
+    said = on_progress or (lambda _: None)
+    target = Target.read(keep)
+    compared = compare(runs, [model], on_progress=on_progress)
+    (judged,) = compared.models
+    fit = judged.fit
+    rig = fit.problem.measurements.rig or model.rig
+    if rig is None:
+        raise RigctlError("these runs are of no rig, so that nothing can be set", value=runs[0].id)
+    measure = find_measure(runs, rig, target)
+    _require_predicted(measure, target, fit)
+    said("Looking for the set-points")
+    predictor = _predictor(fit, rig, measure, vary, over)
+    found = _solved(predictor, target, _range(predictor.over, fit), max(rows, 2))
+    valid = tuple((one.name, *_range(one, fit), one.unit) for one in (predictor.over, predictor.vary))
+    schedule = Schedule(
+        runs=tuple(run.id for run in runs),
+        model=judged.name,
+        quantity=target.name,
+        target=target.value,
+        unit=target.unit,
+        vary=predictor.vary.name,
+        vary_unit=predictor.vary.unit,
+        over=predictor.over.name,
+        over_unit=predictor.over.unit,
+        rows=found.rows,
+        fixed=found.fixed,
+        off=found.off,
+        valid=valid,
+        ends=tuple(_ends(found, predictor, target)),
+        statement="",
+        notes=tuple(_notes(judged, found, predictor, target, valid)),
+    )
+    text = procedure_text(schedule, measure, predictor, runs, seed)
+    return _worded(schedule, text)
+
+
+def _require_predicted(measure: TakenMeasure, target: Target, fit: FitResult) -> None:
+    outputs = fit.problem.measurements.outputs
+    for channel in measure.channels:
+        if channel not in outputs:
+            raise RigctlError(
+                f"the model does not give '{target.name}': it does not predict the channel of it",
+                value=channel,
+                expected=f"a measure of {', '.join(outputs)}",
+            )
+    unit = parse_unit(measure.measure.unit)
+    if unit.dimension != parse_unit(target.unit).dimension:
+        raise RigctlError(
+            f"'{target.name}' is measured in another dimension",
+            value=target.unit or "no unit",
+            expected=unit.text,
+        )
+
+
+def _predictor(fit: FitResult, rig: Rig, measure: TakenMeasure, vary: str, over: str) -> Predictor:
+    stage = stage_of(fit, rig)
+    records, outputs = fit.problem.records, fit.problem.measurements.outputs
+    known = levers_of(stage, records, outputs)
+    varied, drifting = lever(known, vary, "--vary"), lever(known, over, "--over")
+    if varied.inputs == drifting.inputs and varied.role == drifting.role:
+        raise RigctlError("what is varied and what it is varied over are the same", value=vary)
+    if not varied.inputs:
+        raise RigctlError(
+            f"'{vary}' is brought about slowly, and is no set-point",
+            value=vary,
+            expected="one that a record begins with",
+        )
+    taken = [k for k in fit.fitted if (records[k].run, records[k].index) in measure.arguments]
+    if not taken:
+        raise RigctlError("no fitted record takes this measure", value=measure.measure.name)
+    return Predictor(fit, stage, measure, records[taken[0]], varied, drifting)
+
+
+def _range(one: Lever, fit: FitResult) -> tuple[float, float]:
+    """What the fitted records visit of it."""
+    outputs = fit.problem.measurements.outputs
+    values = np.array([one.of(fit.problem.records[k], outputs) for k in fit.fitted])
+    values = values[np.isfinite(values)]
+    if not values.size or float(np.ptp(values)) <= 1e-6 * float(np.abs(values).max(initial=0.0)):
+        raise RigctlError(
+            "all records are at one value of it, so that the model is tested at no other",
+            value=one.name,
+            expected="records over the range that the schedule is for",
+        )
+    return float(values.min()), float(values.max())
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """The rows, and what was seen on the way to them: `reach`, (rows, 2), is the quantity at the lowest and
+    at the highest set-point."""
+
+    rows: tuple[Row, ...]
+    fixed: float
+    off: float
+    reach: Floats = field(repr=False)
+
+
+def _solved(predictor: Predictor, target: Target, span: tuple[float, float], count: int) -> _Solved:
+    at = np.linspace(*span, count)
+    low, high = predictor.vary.low, predictor.vary.high
+    looked = np.linspace(low, high, _LOOKED_AT)
+    values = predictor.values([(x, u) for x in at for u in looked]).reshape(count, looked.size)
+    middle = predictor.with_spread([(float(at[count // 2]), float(looked[looked.size // 2]))])[0]
+    if float(np.ptp(values, axis=1).max()) <= _NOTHING * math.hypot(middle.common, middle.scatter):
+        raise RigctlError(
+            f"setting '{predictor.vary.name}' does not change '{target.name}' in this model",
+            value=predictor.vary.name,
+        )
+    set_points = _roots(predictor, at, looked, values - target.value, target)
+    reached = np.isfinite(set_points)
+    if not reached.any():
+        raise RigctlError(
+            f"the rig does not reach this '{target.name}' at any operating point",
+            value=show(target.value, target.unit),
+            expected=f"{show(float(values.min()), target.unit)} to {show(float(values.max()), target.unit)}",
+        )
+    nearest = int(np.flatnonzero(reached)[np.argmin(np.abs(np.flatnonzero(reached) - count // 2))])
+    fixed = float(set_points[nearest])
+    return _Solved(
+        tuple(_rows(predictor, at, set_points, fixed)),
+        fixed,
+        _between(predictor, at, set_points, target),
+        values[:, [0, -1]],
+    )
+
+
+def _roots(predictor: Predictor, at: Floats, looked: Floats, excess: Floats, target: Target) -> Floats:
+    """(points) where the quantity is the target, by regula falsi (Illinois) at all points at once; NaN where
+    nowhere."""
+    sides: list[tuple[int, float, float, float, float]] = []
+    for row, one in enumerate(excess):
+        crossing = np.flatnonzero(np.sign(one[:-1]) * np.sign(one[1:]) <= 0.0)
+        if crossing.size:
+            k = int(crossing[0])
+            sides.append((row, float(looked[k]), float(looked[k + 1]), float(one[k]), float(one[k + 1])))
+    found = np.full(at.size, np.nan)
+    for _ in range(_STEPS):
+        if not sides:
+            break
+        tried = [
+            (row, (a * fb - b * fa) / (fb - fa) if fb != fa else 0.5 * (a + b)) for row, a, b, fa, fb in sides
+        ]
+        left = predictor.values([(float(at[row]), u) for row, u in tried]) - target.value
+        narrower = []
+        for (row, a, b, fa, fb), (_, u), f in zip(sides, tried, left.tolist(), strict=True):
+            found[row] = u
+            narrower.append((row, a, u, 0.5 * fa, f) if f * fb > 0.0 else (row, u, b, f, 0.5 * fb))
+        sides = narrower
+    return found
+
+
+def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) -> list[Row]:
+    width = 1e-3 * (predictor.vary.high - predictor.vary.low)
+    reached = [k for k, u in enumerate(set_points) if math.isfinite(u)]
+    here = [(float(at[k]), float(set_points[k])) for k in reached]
+    points = predictor.with_spread(here)
+    beside = [(x, u + side * width) for x, u in here for side in (-1.0, 1.0)]
+    slopes = np.diff(predictor.values(beside).reshape(-1, 2), axis=1)[:, 0] / (2.0 * width)
+    unchanged = predictor.values([(float(x), fixed) for x in at])
+    by_row = dict(zip(reached, zip(points, slopes.tolist(), strict=True), strict=True))
+    rows = []
+    for k, x in enumerate(at.tolist()):
+        if k not in by_row:
+            rows.append(Row(x, math.nan, math.nan, math.nan, math.nan, float(unchanged[k])))
+            continue
+        point, slope = by_row[k]
+        std = point.common / abs(slope) if slope else math.inf
+        rows.append(Row(x, float(set_points[k]), std, point.value, point.scatter, float(unchanged[k])))
+    return rows
+
+
+def _between(predictor: Predictor, at: Floats, set_points: Floats, target: Target) -> float:
+    """The largest error of the quantity halfway between two rows, the set-point interpolated."""
+    halfway = [
+        (0.5 * float(at[k] + at[k + 1]), 0.5 * float(set_points[k] + set_points[k + 1]))
+        for k in range(at.size - 1)
+        if math.isfinite(set_points[k] + set_points[k + 1])
+    ]
+    return float(np.abs(predictor.values(halfway) - target.value).max()) if halfway else 0.0
+
+
+def _ends(found: _Solved, predictor: Predictor, target: Target) -> list[str]:
+    """Where the rig does not go far enough, and what the quantity would be there."""
+    said = []
+    vary, over = predictor.vary, predictor.over
+    for row, (lowest, highest) in zip(found.rows, found.reach.tolist(), strict=True):
+        if row.reached:
+            continue
+        nearest = min((lowest, vary.low), (highest, vary.high), key=lambda one: abs(one[0] - target.value))
+        said.append(
+            f"at {over.name} {show(row.over, over.unit)} the rig does not go far enough: at {vary.name} "
+            f"{show(nearest[1], vary.unit)}, its {'lowest' if nearest[1] == vary.low else 'highest'}, "
+            f"{target.name} is {show(nearest[0], target.unit)}"
+        )
+    return said
+
+
+def _notes(
+    judged: ModelComparison,
+    found: _Solved,
+    predictor: Predictor,
+    target: Target,
+    valid: Sequence[tuple[str, float, float, str]],
+) -> list[str]:
+    said = []
+    if not judged.adequate:
+        said.append(
+            f"{judged.name} does not agree with these data (p = {judged.adequacy.p_value:.2g}): a schedule "
+            "is as good as its model; 'rigctl diagnose' says what it lacks"
+        )
+    name, low, high, unit = valid[1]
+    beyond = [row for row in found.rows if row.reached and not low <= row.vary <= high]
+    if beyond:
+        said.append(
+            f"{len(beyond)} of {len(found.rows)} set-points lie outside of what was measured, {name} "
+            f"{show(low, unit)} to {show(high, unit)}: there the model is extrapolated"
+        )
+    reached = [row for row in found.rows if row.reached]
+    worst = max(abs(row.fixed - target.value) for row in reached)
+    scatter = max(row.scatter for row in reached)
+    if worst < 2.0 * scatter:
+        said.append(
+            f"with {predictor.vary.name} left where it is, {target.name} would be off by no more than "
+            f"{show(worst, target.unit, difference=True)}, and records scatter by "
+            f"{show(scatter, target.unit, difference=True)}: there is little to compensate"
+        )
+    return said
+
+
+def _worded(schedule: Schedule, text: str) -> Schedule:
+    reached = schedule.reached
+    first, last = reached[0], reached[-1]
+    off = max(abs(row.fixed - schedule.target) for row in reached)
+    statement = (
+        f"To keep {schedule.quantity} at {show(schedule.target, schedule.unit)}, set {schedule.vary} "
+        f"from {show(first.vary, schedule.vary_unit)} at {schedule.over} "
+        f"{show(first.over, schedule.over_unit)} to "
+        f"{show(last.vary, schedule.vary_unit)} at {show(last.over, schedule.over_unit)}; left at "
+        f"{show(schedule.fixed, schedule.vary_unit)} it would be off by up to "
+        f"{show(off, schedule.unit, difference=True)}"
+    )
+    if schedule.ends:
+        statement += f". The schedule ends: {schedule.ends[0]}"
+    return replace(schedule, statement=statement, procedure=text)

@@ -1,0 +1,139 @@
+"""A set-point schedule on the simulated bench: solved, checked by records in pairs, accepted or not."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Iterator
+from contextlib import chdir
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from commands import MODEL, answer, call, create_project, refusal, told
+from rigctl.errors import RigctlError
+
+pytestmark = pytest.mark.usefixtures("shared_results")
+
+#: hidden in the bench: the flow-control valve closes as it warms, so that the stroke falls
+HIDDEN = "flow_area_thermal_drift"
+WANTED = ("--keep", "stroke = 95 mm", "--vary", "supply_pressure", "--over", "oil_temperature")
+
+
+@pytest.fixture(scope="module")
+def bench(shared_results: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A campaign on a bench that drifts with its oil, and the model with that effect fitted to it."""
+    folder = tmp_path_factory.mktemp("compensation")
+    create_project(folder)
+    with chdir(folder):
+        arguments = ("temperatures=30 degC, 60 degC", "pressures=20 bar, 45 bar")
+        words = [word for argument in arguments for word in ("-a", argument)]
+        run = answer("simulate", "procedures/campaign.yaml", *words, "--with", HIDDEN, "--seed", "4")["run"]
+        told("model", "add", MODEL, HIDDEN, run)
+        yield run
+
+
+@pytest.fixture(scope="module")
+def schedule(bench: str) -> dict[str, Any]:
+    files = ("schedule.h", "schedule.csv", "procedures/check.yaml")
+    outputs = [word for file in files for word in ("-o", file)]
+    return answer("compensate", bench, "--model", MODEL, *WANTED, "--rows", "4", *outputs)
+
+
+def test_the_pressure_rises_with_the_temperature_and_keeps_the_stroke(schedule: dict[str, Any]) -> None:
+    rows = schedule["rows"]
+    assert [row["over"] for row in rows] == pytest.approx([30.0, 40.0, 50.0, 60.0], abs=0.5)
+    assert all(0.2 < after["vary"] - before["vary"] < 1.0 for before, after in pairwise(rows))
+    for row in rows:
+        assert row["kept"] == pytest.approx(95.0, abs=1e-3)
+        assert 0.0 < row["std"] < 0.1
+        assert 0.0 < row["scatter"] < 1.0
+    assert rows[0]["fixed"] > 95.3
+    assert rows[-1]["fixed"] < 94.7
+    assert schedule["interpolation_error"] < 0.05
+    assert {one["name"]: (one["low"], one["high"]) for one in schedule["valid"]}["supply_pressure"] == (
+        20.0,
+        45.0,
+    )
+    assert "95 mm" in schedule["statement"]
+
+
+def test_the_files_say_the_same(schedule: dict[str, Any]) -> None:
+    with Path("schedule.csv").open(encoding="utf-8", newline="") as stream:
+        heads, *lines = csv.reader(stream)
+    assert heads[:2] == ["oil_temperature [degC]", "supply_pressure [bar]"]
+    wanted = [row["vary"] for row in schedule["rows"]]
+    assert [float(line[1]) for line in lines] == pytest.approx(wanted, rel=1e-4)
+    header = Path("schedule.h").read_text("utf-8")
+    (numbers,) = re.findall(r"_set\[4\] = \{(.*?)\};", header)
+    assert [float(one.removesuffix("f")) for one in numbers.split(", ")] == pytest.approx(wanted, rel=1e-4)
+    assert all("." in one for one in numbers.split(", "))
+    assert "bar over oil_temperature in degC" in header
+
+
+def test_the_check_makes_pairs_in_a_drawn_order(schedule: dict[str, Any]) -> None:
+    assert "Nothing is wrong" not in told("check", "procedures/check.yaml")  # it is a plan
+    order = re.findall(r"pair: \[(\d+)\], compensated: \[(\d)\]", schedule["procedure"])
+    assert [pair for pair, _ in order] == [str(1 + k // 2) for k in range(16)]
+    assert all(
+        {one, other} == {"0", "1"} for (_, one), (_, other) in zip(order[::2], order[1::2], strict=True)
+    )
+    assert {first for _, first in order[::2]} == {"0", "1"}
+    refusal("compensate", "latest", "--model", MODEL, *WANTED, "-o", "schedule.h")  # it is there
+
+
+def test_it_is_accepted_on_the_bench_that_drifts_and_not_on_another(schedule: dict[str, Any]) -> None:
+    assert schedule["procedure"]
+    told("simulate", "procedures/check.yaml", "--with", HIDDEN, "--seed", "5")
+    verdict = answer("compensate", "latest", "--judge")
+    assert verdict["accepted"]
+    assert verdict["pairs"] == 8
+    assert verdict["error_with"] < 0.4 < verdict["error_without"]
+    assert verdict["ratio"] < verdict["bound"] < 1.0
+    assert "Accepted" in told("compensate", "latest", "--judge")
+    told("simulate", "procedures/check.yaml", "--seed", "6")
+    done = call("compensate", "latest", "--judge", "--json")
+    assert done.exit_code == 1
+    assert not json.loads(done.stdout)["accepted"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"--keep": "strok = 95 mm"}, "did you mean 'stroke'"),
+        ({"--keep": "stroke = 95 bar"}, "another dimension"),
+        ({"--keep": "95 mm"}, "not a target"),
+        ({"--keep": "noise_position = 1 mm"}, "no record"),
+        ({"--keep": "stroke = 300 mm"}, "does not reach"),
+        ({"--vary": "suply_pressure"}, "did you mean 'supply_pressure'"),
+        ({"--vary": "oil_temperature", "--over": "supply_pressure"}, "no set-point"),
+        ({"--over": "supply_pressure"}, "are the same"),
+    ],
+)
+def test_what_cannot_be_is_said(bench: str, changed: dict[str, str], said: str) -> None:
+    wanted = dict(zip(WANTED[::2], WANTED[1::2], strict=True)) | changed
+    words = [word for pair in wanted.items() for word in pair]
+    assert said in refusal("compensate", bench, "--model", MODEL, *words)
+
+
+def test_where_the_rig_does_not_go_far_enough_the_schedule_ends(bench: str) -> None:
+    words = ("--keep", "stroke = 127 mm", *WANTED[2:], "--rows", "3")
+    found = answer("compensate", bench, "--model", MODEL, *words)
+    reached = [row["vary"] is not None for row in found["rows"]]
+    assert reached == sorted(reached, reverse=True)
+    assert any(reached)
+    assert not all(reached)
+    assert found["ends"][0].startswith("at oil_temperature ")
+    assert "its highest, stroke is 12" in found["ends"][0]
+    assert any("extrapolated" in note for note in found["notes"])
+
+
+def test_other_runs_and_half_a_call_are_refused(bench: str) -> None:
+    assert "no check of a schedule" in refusal("compensate", bench, "--judge")
+    assert "--over" in refusal("compensate", bench, "--keep", "stroke = 95 mm")
+    assert "from its records" in refusal("compensate", bench, "--judge", "--vary", "supply_pressure")
+    with pytest.raises(RigctlError, match="no kind of file"):
+        told("compensate", bench, "--model", MODEL, *WANTED, "-o", "schedule.txt")
