@@ -137,3 +137,14 @@ def test_other_runs_and_half_a_call_are_refused(bench: str) -> None:
     assert "from its records" in refusal("compensate", bench, "--judge", "--vary", "supply_pressure")
     with pytest.raises(RigctlError, match="no kind of file"):
         told("compensate", bench, "--model", MODEL, *WANTED, "-o", "schedule.txt")
+
+
+def test_what_changes_nothing_is_no_set_point(tmp_path: Path) -> None:
+    create_project(tmp_path)
+    with chdir(tmp_path):
+        arguments = ("powers=20 %, 60 %", "second=30 %", "dwell=1 min")
+        words = [word for argument in arguments for word in ("-a", argument)]
+        told("simulate", "procedures/heater-board-steps.yaml", *words, "--seed", "3")
+        wanted = ("--keep", "final = 40 degC", "--vary", "heater_2", "--over", "heater_1")
+        model = ("--model", "models/heater-board.yaml")  # without what couples the two heaters
+        assert "does not change 'final'" in refusal("compensate", "latest", *model, *wanted)

@@ -46,6 +46,12 @@ class Lever:
         present = present[np.isfinite(present)][:5]
         return float(np.median(present)) if present.size else float("nan")
 
+    def steady(self, record: MeasuredRecord) -> bool:
+        """Whether it has one value all through a record, but for times at which it is off."""
+        inside = record.switch_times < record.times[-1] - 1e-9  # at its end the next one may be set
+        courses = (record.inputs[inside, column] for column, _ in self.inputs)
+        return all(np.unique(course[course != 0.0]).size <= 1 for course in courses)
+
     def set(self, inputs: Floats, value: float) -> None:
         """Write it into a record's inputs, wherever they are not off."""
         for column, factor in self.inputs:

@@ -135,7 +135,15 @@ def _predictor(fit: FitResult, rig: Rig, measure: TakenMeasure, vary: str, over:
     taken = [k for k in fit.fitted if (records[k].run, records[k].index) in measure.arguments]
     if not taken:
         raise RigctlError("no fitted record takes this measure", value=measure.measure.name)
-    return Predictor(fit, stage, measure, records[taken[0]], varied, drifting)
+    template = records[taken[0]]
+    for one in (varied, drifting):
+        if not one.steady(template):
+            raise RigctlError(
+                "it changes within the records, so that there is no one set-point",
+                value=one.name,
+                expected="records in which it stays",
+            )
+    return Predictor(fit, stage, measure, template, varied, drifting)
 
 
 def _range(one: Lever, fit: FitResult) -> tuple[float, float]:
