@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from rigctl.analysis.candidates import Candidate, candidates
 from rigctl.engine.kept import kept
 from rigctl.engine.least_squares import Unknown
 from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.engine.threads import in_threads
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -293,15 +295,13 @@ def _triangles(
     bends = shapes[0].shape[2] if shapes else 0
     triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen) + bends)
     for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size):
-        some, local_values = inner.only(part), [local[k] for k in part]
-        slopes = slopes_at(some, fit, names, chosen, local_values)
-        for index, k in enumerate(part):
-            if bends:
+        some = inner.only(part)
+        slopes = slopes_at(some, fit, names, chosen, [local[k] for k in part])
+        if bends:
+            for index, k in enumerate(part):
                 slopes.signatures[index] = np.concatenate([slopes.signatures[index], shapes[k]], axis=2)
-            columns = regions.of_record(k, inner.whiteners[k].rows)
-            triangle, more = _record(
-                some, index, slopes, columns, local_values[index], fit.outputs[fit.fitted[k]]
-            )
+        here = [(index, local[k], fit.outputs[fit.fitted[k]]) for index, k in enumerate(part)]
+        for triangle, more in in_threads(partial(_record, some, regions, part[0], slopes), here):
             squares += more
             triangles.append(triangle)
     return _Triangles(tuple(triangles), squares)
@@ -425,9 +425,14 @@ def _sized(
 
 
 def _record(
-    problem: Problem, k: int, slopes: Slopes, regions: Floats, local: Floats, outputs: Floats
+    problem: Problem, regions: Regions, first: int, slopes: Slopes, here: tuple[int, Floats, Floats]
 ) -> tuple[RecordTriangle, Floats]:
-    """Whiten a record, project its own unknowns off, and reduce what is left to a triangle."""
+    """Whiten a record, project its own unknowns off, and reduce what is left to a triangle.
+
+    `problem` begins with the record at `first` of those of `regions`; `here` are the record's place, its own
+    unknowns and its outputs.
+    """
+    k, local, outputs = here
     whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
     measured = np.where(ok, record.values, 0.0)
     residual = whitener(np.where(ok, measured - outputs, 0.0))
@@ -436,7 +441,7 @@ def _record(
         raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
     p = slopes.nuisance[k].shape[2]
     squares = np.square(white[:, p:]).sum(axis=0)
-    left = np.column_stack([white, regions, residual])
+    left = np.column_stack([white, regions.of_record(first + k, whitener.rows), residual])
     local_basis, weight, prior_residual = record_local_rows(problem, k, slopes, local, outputs)
     count = whitener.size + int((weight > 0.0).sum())
     if weight.size:

@@ -24,13 +24,20 @@ from rigctl.analysis.disturbance import (
     disturbance_columns,
     disturbed,
 )
-from rigctl.analysis.linearisation import free_unknowns, make_regions, record_local_rows, slopes_at
+from rigctl.analysis.linearisation import (
+    Slopes,
+    free_unknowns,
+    make_regions,
+    record_local_rows,
+    slopes_at,
+)
 from rigctl.analysis.marginal_likelihood import Component, Evidence, Normal, evidence
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress
 from rigctl.engine.kept import kept
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.threads import in_threads
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -74,24 +81,32 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
     indices = {unknown.name: index for index, unknown in enumerate(fit.problem.shared)}
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, [unknown.name for unknown in shared], (), local)
-    whole, dof = [], 0
-    for k, record in enumerate(problem.records):
-        whitener, ok, outputs = problem.whiteners[k], problem.ok[k], fit.outputs[fit.fitted[k]]
-        residual = whitener(np.where(ok, np.where(ok, record.values, 0.0) - outputs, 0.0))
-        white = whitener(np.concatenate([columns.readings[k], slopes.nuisance[k]], axis=2))
-        if not np.isfinite(white).all():
-            raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
-        rows = np.column_stack([white, residual])
-        matrix = rows.T @ rows
-        record_local, weight, prior = record_local_rows(problem, k, slopes, local[k], outputs)
-        taken = record_local[: whitener.size].T @ rows
-        if weight.size:
-            taken[:, -1] -= record_local[whitener.size :].T @ prior
-            matrix[-1, -1] += prior @ prior
-        whole.append(matrix - taken.T @ taken)
-        dof += whitener.size + int((weight > 0.0).sum()) - record_local.shape[1]
+    each = in_threads(
+        lambda k: _record_normals(fit, problem, columns, slopes, local[k], k), range(len(problem.records))
+    )
     prior, weight = prior_rows(shared, fit.values[[indices[unknown.name] for unknown in shared]])
-    return _split(np.array(whole), columns.readings[0].shape[2], prior, weight, dof)
+    whole, dof = np.array([matrix for matrix, _ in each]), sum(count for _, count in each)
+    return _split(whole, columns.readings[0].shape[2], prior, weight, dof)
+
+
+def _record_normals(
+    fit: FitResult, problem: Problem, columns: DisturbanceColumns, slopes: Slopes, local: Floats, k: int
+) -> tuple[Floats, int]:
+    """The matrix of the record at `k`, its own unknowns taken out, and its degrees of freedom."""
+    whitener, ok, outputs = problem.whiteners[k], problem.ok[k], fit.outputs[fit.fitted[k]]
+    record = problem.records[k]
+    residual = whitener(np.where(ok, np.where(ok, record.values, 0.0) - outputs, 0.0))
+    white = whitener(np.concatenate([columns.readings[k], slopes.nuisance[k]], axis=2))
+    if not np.isfinite(white).all():
+        raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
+    rows = np.column_stack([white, residual])
+    matrix = rows.T @ rows
+    record_local, weight, prior = record_local_rows(problem, k, slopes, local, outputs)
+    taken = record_local[: whitener.size].T @ rows
+    if weight.size:
+        taken[:, -1] -= record_local[whitener.size :].T @ prior
+        matrix[-1, -1] += prior @ prior
+    return matrix - taken.T @ taken, whitener.size + int((weight > 0.0).sum()) - record_local.shape[1]
 
 
 def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -> DisturbanceNormals:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from rigctl.engine.kernels import outcomes
 from rigctl.engine.kernels import sizes as sizing
 from rigctl.engine.source import Pattern
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
+from rigctl.engine.threads import in_threads
 from rigctl.engine.tolerance import DEFAULT, Tolerance
 from rigctl.engine.trajectories import Statistics, Trajectories
 from rigctl.errors import RigctlError, unknown_name
@@ -70,12 +69,7 @@ def simulate(
                 "move its switches",
                 expected=str(len(shift_columns)),
             )
-    threads = min(len(excitations), workers or _cores())
-    if threads <= 1:
-        results = [_integrate(plan, excitation) for excitation in excitations]
-    else:
-        # the kernels release the interpreter, so that threads run at once
-        results = list(_pool(os.getpid(), threads).map(partial(_integrate, plan), excitations))
+    results = in_threads(partial(_integrate, plan), excitations, workers)
     return Trajectories(
         names=tuple(excitation.name for excitation in excitations),
         times=tuple(
@@ -96,17 +90,6 @@ def simulate(
         ),
         stats=tuple(result.statistics for result in results),
     )
-
-
-@cache
-def _pool(_process: int, threads: int) -> ThreadPoolExecutor:
-    """The threads of this process: to start them for every evaluation takes as long as a small one."""
-    return ThreadPoolExecutor(threads, thread_name_prefix="rigctl-simulate")
-
-
-def _cores() -> int:
-    allowed = os.environ.get("NUMBA_NUM_THREADS", "")
-    return int(allowed) if allowed.isdigit() and int(allowed) else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

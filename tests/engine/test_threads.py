@@ -1,0 +1,33 @@
+"""Work on records side by side."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from rigctl.engine.threads import in_threads
+
+
+def test_results_come_in_order_and_errors_are_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
+    assert in_threads(lambda k: k * k, range(50)) == [k * k for k in range(50)]
+    with pytest.raises(ZeroDivisionError):
+        in_threads(lambda k: 1 // k, range(5))
+
+
+def test_items_are_worked_on_at_once() -> None:
+    together = threading.Barrier(2, timeout=30.0)
+    assert sorted(in_threads(lambda _: together.wait(), range(2), 2)) == [0, 1]
+
+
+def test_work_within_such_work_waits_for_no_thread() -> None:
+    def outer(k: int) -> list[int]:
+        return in_threads(lambda j: 10 * k + j, range(4), 2)
+
+    assert in_threads(outer, range(4), 2) == [[10 * k + j for j in range(4)] for k in range(4)]
+
+
+def test_one_thread_is_the_callers_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    assert in_threads(lambda _: threading.current_thread(), range(3)) == [threading.current_thread()] * 3
