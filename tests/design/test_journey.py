@@ -107,6 +107,17 @@ def test_a_diagnosis_that_leaves_a_class_names_the_next_experiment(run: str) -> 
     assert "rigctl design" in told("diagnose", run, "--model", MODEL)
 
 
+def test_a_law_that_another_one_contains_is_not_promised_to_be_told_from_it(run: str) -> None:
+    """Stribeck's friction is Coulomb's where its static value falls to the sliding one. Linearised at its fit
+    it cannot go there, and D is 20 and more; refitted it does, and nothing is left."""
+    pair = ("coulomb_friction", "stribeck_friction")
+    found = design_experiment([open_run(run)], load_model(MODEL), separate=pair, records=1)
+    chances = {(one.truth, one.rival): one for one in found.outlooks}
+    assert chances[pair].after < 0.05
+    assert chances[pair].separation < 9.2
+    assert not found.separable
+
+
 def test_a_budget_is_kept(run: str) -> None:
     found = answer("design", run, "--model", MODEL, "--budget", "3m", "--records", "1")
     assert found["duration"] <= 180.0

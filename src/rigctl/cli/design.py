@@ -178,7 +178,10 @@ def _lead_on(found: DesignResult, runs: list[str], model: str, output: Path | No
     from rigctl.cli.next_command import analysis, command, show_next
 
     again = analysis("design", runs, model)
-    if not found.separable and found.aim != "precision" and not found.sensors:
+    rows = bool(found.records) and not found.procedure
+    if rows:
+        show_next(analysis("diagnose", runs, model), "says what else than rows would tell them apart")
+    elif not found.separable and found.aim != "precision" and not found.sensors:
         show_next(f"{again} --sensors", "says which sensor would tell them apart")
     elif not found.procedure:
         show_next(analysis("diagnose", runs, model), "says what these data tell and what not")

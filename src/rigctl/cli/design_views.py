@@ -89,7 +89,7 @@ def _records(found: DesignResult) -> Table:
             f"{one.of_repeat:.2g}",
             "" if precise else share(one.before),
             "" if precise else share(one.after),
-            clock_time(one.duration),
+            clock_time(one.duration) if one.duration else "",
         )
     return made
 

@@ -6,10 +6,10 @@ apart for sure needs no further record, however far apart one would carry it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,12 @@ from rigctl.design.rivals import Question, Rival
 from rigctl.design.so_far import Known
 
 Floats = NDArray[np.float64]
+#: places of a truth and of a rival
+Pair: TypeAlias = tuple[int, int]
 
 
+#: D at draws of what is right scatters about D at the fits: what a search relies on is this part of it
+_SURE = 1.0 / 1.5
 #: what the mean over the rivals counts beside the least
 _OTHERS = 0.1
 
@@ -81,10 +85,16 @@ class Discrimination:
 
     A search maximises it with ``min(D_ij/D*_ij, 1)`` in the place of D_ij, D* being enough; a tenth of the
     mean over j counts beside the least, so that a pair which nothing tells apart does not hide the others.
+
+    Attributes
+    ----------
+    reach: by pair, the share of the linear D that stays with the rival really refitted; 1 where nobody asked,
+        and nothing of one that contains the right one.
     """
 
     question: Question
     known: Known
+    reach: Mapping[Pair, float] = field(default_factory=dict)
 
     @cached_property
     def margins(self) -> Margins:
@@ -110,7 +120,10 @@ class Discrimination:
     def distances(self, evidence: Evidence) -> Floats:
         """(k, k) D in noise as wide as the truth's own fit leaves it."""
         factors = np.array([one.overdispersion for one in self.question.rivals])
-        return np.asarray(evidence.distances(self.known.information) / factors[:, None])
+        found = np.asarray(evidence.distances(self.known.information) / factors[:, None])
+        for pair in self.pairs:
+            found[pair] *= self.stays(pair)
+        return found
 
     def separation(self, evidence: Evidence) -> float:
         """At the rivals' fits."""
@@ -130,7 +143,8 @@ class Discrimination:
         found = self.distances(evidence)
         return {
             truth: [
-                min(float(found[truth, rival]) / self._enough(truth, rival, found), 1.0) for rival in rivals
+                min(_SURE * float(found[truth, rival]) / self._enough(truth, rival, found), 1.0)
+                for rival in rivals
             ]
             for truth, rivals in self.rivals_of.items()
         }
@@ -140,14 +154,15 @@ class Discrimination:
         return enough(margin, so_far, self.margins.threshold(truth, distances))
 
     def promise(self, evidence: Evidence) -> float:
-        """At the rivals' fits."""
-        found = self.distances(evidence)
-        return self.together(
-            {
-                pair: self.of_pair(pair, Gain(found[pair][None], found[pair][None]), found)
-                for pair in self.pairs
-            }
-        )
+        """At the rivals' fits, less what draws may take away."""
+        found = _SURE * self.distances(evidence)
+        gains = {pair: Gain(found[pair][None], found[pair][None]) for pair in self.pairs}
+        return self.together({pair: self.of_pair(pair, one, found) for pair, one in gains.items()})
+
+    def stays(self, pair: Pair) -> float:
+        """The share of a pair's linear D that its rival cannot take up."""
+        truth, rival = (self.question.rivals[place] for place in pair)
+        return 0.0 if rival.contains(truth) else self.reach.get(pair, 1.0)
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:

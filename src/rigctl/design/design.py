@@ -18,8 +18,9 @@ from rigctl.analysis.search import OnProgress
 from rigctl.dataset.run import Run
 from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
 from rigctl.design.procedure_text import Writer, called_so_far
-from rigctl.design.promise import DRAWS, Draws, Promise, promised
+from rigctl.design.promise import DRAWS, Draws, Promise, as_refitted, promised
 from rigctl.design.recipe import Stage, lines_of
+from rigctl.design.refitted import TAKEN_UP
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
 from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
 from rigctl.design.rig_file import rig_reference
@@ -29,9 +30,9 @@ from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.sensors import best_sensor, sensor_sets
 from rigctl.design.so_far import Known, known_so_far
+from rigctl.design.table_rows import design_rows
 from rigctl.design.words import added, header, reason, repeats_with, statement
 from rigctl.engine.one_thread import one_thread
-from rigctl.errors import RigctlError
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
@@ -41,6 +42,7 @@ from rigctl.units import parse_unit
 MOST_RECORDS = 4
 #: of sets that reach less, the most telling one is looked for, however long it takes
 _POOR = 0.5
+_OF_TABLES = "of a table rows are designed where effects are to be told apart"
 #: quantile of a normal distribution, of an interval that holds 95 %
 _HALF_WIDTH = 1.96
 
@@ -85,8 +87,16 @@ def design_experiment(
     found = diagnosis or diagnose(
         runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=tell
     )
-    rig = _rig_of(found)
     question = question_of(found, separate)
+    measured = found.before.fit.problem.measurements
+    if measured.table:
+        if question.aim != "discrimination":
+            raise NothingLeft(
+                _OF_TABLES, value=found.model, hint="'rigctl diagnose' says what else to measure"
+            )
+        return design_rows(found, question, records or MOST_RECORDS)
+    rig = measured.rig
+    assert rig is not None  # noqa: S101 - data with a course in time are of a bench
     tell(f"Designing for {', '.join(one.name for one in question.rivals)}")
     design = _Design.on(question, rig, rig_reference(runs, rig), seed)
     try:
@@ -117,17 +127,6 @@ def with_next_experiment(
     except NothingLeft:
         return diagnosis, None
     return replace(diagnosis, next_experiment=found.next_experiment()), found
-
-
-def _rig_of(found: Diagnosis) -> Rig:
-    measurements = found.before.fit.problem.measurements
-    if measurements.table or measurements.rig is None:
-        raise RigctlError(
-            "a table of single values has no records to design",
-            value=found.model,
-            hint="'rigctl diagnose' says which row to measure next",
-        )
-    return measurements.rig
 
 
 @dataclass
@@ -183,8 +182,20 @@ class _Design:
         limit = math.inf if budget is None else budget
         search = Search(workshop, self.criterion, self.clock, self.pool, records, limit)
         found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
+        if self._refit(found):
+            tell("Looking once more, with what a rival takes up in the records left out")
+            search = replace(search, criterion=self.criterion)
+            found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
+            self._refit(found)
         order = self.clock.quickest([one.recipe for one in found]).order if found else ()
         return workshop.one_after_the_other([found[k] for k in order])
+
+    def _refit(self, found: Sequence[Proposal]) -> bool:
+        """Take down what a real refit leaves of the distances; whether that is far less than looked for."""
+        if not isinstance(self.criterion, Discrimination):
+            return False
+        self.criterion = as_refitted(self.criterion, self.draws, found)
+        return min(self.criterion.reach.values(), default=1.0) < TAKEN_UP
 
     def _cheap_enough(self, search: Search) -> bool:
         """Whether the records that tell most for each minute tell enough; else the most telling are taken."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.design.criterion import Discrimination
+from rigctl.design.criterion import Discrimination, Pair
 from rigctl.design.feasible import clear_of_limits
 from rigctl.design.information import Evidence, Refit
 from rigctl.design.power import Gain, gain
+from rigctl.design.refitted import refitted_gain
 from rigctl.design.result import Outlook
 from rigctl.design.rivals import Rival
 from rigctl.design.search import Proposal, Workshop, together
@@ -23,6 +24,10 @@ Floats = NDArray[np.float64]
 
 #: draws of each rival's parameters
 DRAWS = 100
+#: rivals that are further apart than this are told apart whatever one of them refits
+_FAR = 400.0
+#: a share of a gain that is as good as none
+_NOTHING = 1e-9
 #: a rival less probable than this share is not drawn from: as a truth it counts for nothing
 _COUNTS = 1e-3
 
@@ -100,7 +105,7 @@ class Draws:
                     return False
         return True
 
-    def gain(self, pair: tuple[int, int], chosen: Sequence[Proposal]) -> Gain:
+    def gain(self, pair: Pair, chosen: Sequence[Proposal]) -> Gain:
         """Of records together, were the first of the pair right."""
         truth, rival = pair
         right = self._right_of(truth, chosen)
@@ -109,6 +114,18 @@ class Draws:
         return gain(right.from_fit, right.left, away, refit.left(away)).scaled(
             self.rivals[truth].overdispersion
         )
+
+    def reach(self, pair: Pair, chosen: Sequence[Proposal], linear: float) -> float:
+        """The share of a linear problem's D that stays when the rival is really refitted, no more than 1.
+
+        Only where the two are near enough that it may matter.
+        """
+        truth, rival = pair
+        if not 0.0 < linear < _FAR:
+            return 1.0
+        factor = self.rivals[truth].overdispersion
+        scenes = [self.workshop.scene(one) for one in chosen]
+        return min(refitted_gain(self.rivals[rival], truth, scenes) / (factor * linear), 1.0)
 
     def _right_of(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
         """Kept for one set of records at a time: there are many draws of many rows."""
@@ -169,6 +186,16 @@ class Promise:
     probability: float
 
 
+def as_refitted(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Discrimination:
+    """The criterion with what stays of the linear D of these records when the rivals are really refitted."""
+    if not chosen:
+        return criterion
+    linear = replace(criterion, reach={})
+    distances = linear.distances(together(chosen))
+    reach = {pair: draws.reach(pair, chosen, float(distances[pair])) for pair in criterion.pairs}
+    return replace(criterion, reach=reach)
+
+
 def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Promise:
     """What records promise together; no records, what the data so far do."""
     nothing = Gain(np.zeros(1), np.zeros(1))
@@ -177,7 +204,12 @@ def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]
     count = len(rivals)
     distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
     before = {pair: criterion.of_pair(pair, nothing, np.zeros((count, count))) for pair in criterion.pairs}
-    gains = {pair: draws.gain(pair, chosen) if chosen else nothing for pair in criterion.pairs}
+    gains = {
+        pair: draws.gain(pair, chosen).scaled(1.0 / max(criterion.stays(pair), _NOTHING))
+        if chosen
+        else nothing
+        for pair in criterion.pairs
+    }
     after = {pair: criterion.of_pair(pair, gains[pair], distances) for pair in criterion.pairs}
     outlooks = tuple(
         Outlook(

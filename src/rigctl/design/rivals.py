@@ -67,6 +67,15 @@ class Rival:
         """(p) typical sizes of the common unknowns, SI: their derivatives are scaled by these."""
         return np.array([unknown.size for unknown in self.fit.problem.shared])
 
+    def contains(self, other: Rival) -> bool:
+        """Whether it is the other one at a limit of its parameters: then no data tell the other from it."""
+        mine, others = {*self.trial.effects}, {*other.trial.effects}
+        if others <= mine:
+            return True
+        (more, *rest), known = [*(mine - others), ""], others - mine
+        laws = [law for one in self.trial.candidates if one.name == more for _, _, law in one.effect.becomes]
+        return rest == [""] and len(known) == 1 and known <= set(laws)
+
     def prior_information(self) -> Floats:
         """(p, p) what was known of the common unknowns before any data, scaled by `sizes`."""
         return np.diag([(unknown.size / _spread(unknown)) ** 2 for unknown in self.fit.problem.shared])

@@ -235,7 +235,7 @@ def _levels(stage: Stage) -> list[Free]:
         whole = actuator.kind == "switch"
         unit = actuator.display_unit
         width = (float(high) - float(low)) / parse_unit(unit).factor
-        found.append(Free(name, float(low), float(high), unit, 1.0 if whole else _digit(width / _PARTS)))
+        found.append(Free(name, float(low), float(high), unit, 1.0 if whole else tenth(width / _PARTS)))
     return found
 
 
@@ -255,15 +255,15 @@ def _operating_point(stage: Stage) -> list[Free]:
     found = []
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
     if heat is not None and heat.channel in stage.readings:
-        low, high = _allowed(rig, heat.channel, _coldest(rig), math.inf)
+        low, high = allowed(rig, heat.channel, _coldest(rig), math.inf)
         if math.isfinite(high) and high > low:
             found.append(Free("temperature", low, high, rig.channels[heat.channel].unit, 1.0))
     if pressure is not None and pressure.actuator in inputs:
         actuator = rig.actuators[pressure.actuator]
         if actuator.low is not None and actuator.high is not None:
-            low, high = _allowed(rig, pressure.channel, float(actuator.low), float(actuator.high))
+            low, high = allowed(rig, pressure.channel, float(actuator.low), float(actuator.high))
             width = (high - low) / parse_unit(actuator.display_unit).factor
-            found.append(Free("pressure", low, high, actuator.display_unit, _digit(width / _PARTS)))
+            found.append(Free("pressure", low, high, actuator.display_unit, tenth(width / _PARTS)))
     return found
 
 
@@ -274,7 +274,7 @@ def _coldest(rig: Rig) -> float:
     return room if start is None else min(room, float(start))
 
 
-def _allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, float]:
+def allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, float]:
     """The part of a range in which no limit of the rig trips, and the channel can read."""
     described = rig.channels[channel]
     if described.range is not None:
@@ -288,7 +288,7 @@ def _allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, fl
     return low, high
 
 
-def _digit(width: float) -> float:
+def tenth(width: float) -> float:
     """The power of ten, or half of one, that is not larger than a width."""
     power = 10.0 ** math.floor(math.log10(width))
     return 5.0 * power if width >= 5.0 * power else power

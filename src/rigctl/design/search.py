@@ -39,7 +39,7 @@ _AT_START = 4
 #: a set is complete at this probability
 ENOUGH = 0.95
 #: a record that adds a smaller share of what a set is worth is not worth the rig's time
-_ADDS = 0.02
+_ADDS = 0.005
 #: least worth of a record at all
 _LEAST = 1e-4
 #: numbers of a prediction held at once: more candidates are gone through in parts

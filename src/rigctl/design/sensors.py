@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rigctl.design.criterion import Discrimination
 from rigctl.design.information import Evidence
 from rigctl.design.power import Gain
+from rigctl.design.refitted import TAKEN_UP, refitted_gain
 from rigctl.design.result import SensorSet
 from rigctl.design.rivals import Rival
 from rigctl.design.virtual_records import Scene, predict
@@ -57,6 +58,7 @@ def sensor_sets(
         return ()
     rivals = [_equipped(rival, rig, names) for rival in criterion.question.rivals]
     scenes = predict(rivals, [_wider(record, len(names)) for record in records])
+    criterion = _with_every_sensor(criterion, rivals, [scene for scene in scenes if scene is not None])
     present = len(criterion.question.rivals[0].fit.problem.measurements.outputs)
     plain = _told(criterion, _evidence(scenes, rivals[0], range(present)))
     sets = [
@@ -65,6 +67,25 @@ def sensor_sets(
         for chosen, places in _choices(names, present, count)
     ]
     return tuple(sorted(sets, key=lambda one: (one.price is None, one.price or 0.0, one.channels)))
+
+
+def _with_every_sensor(
+    criterion: Discrimination, rivals: Sequence[Rival], scenes: Sequence[Scene]
+) -> Discrimination:
+    """The criterion, with what rivals that took up a distance without sensors take up with all of them.
+
+    What all sensors together do not tell, none does.
+    """
+    linear = replace(criterion, reach={}).distances(
+        Evidence.total(Evidence.of(one.responses) for one in scenes)
+    )
+    reach = dict(criterion.reach)
+    for truth, rival in criterion.pairs:
+        factor = criterion.question.rivals[truth].overdispersion
+        if criterion.reach.get((truth, rival), 0.0) < TAKEN_UP and linear[truth, rival] > 0.0:
+            gained = refitted_gain(rivals[rival], truth, scenes) / factor
+            reach[truth, rival] = min(gained / float(linear[truth, rival]), 1.0)
+    return replace(criterion, reach=reach)
 
 
 def best_sensor(sets: Sequence[SensorSet]) -> SensorSet | None:

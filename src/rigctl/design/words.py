@@ -104,8 +104,9 @@ def _precision(found: DesignResult) -> str:
 
 
 def _amount(found: DesignResult) -> str:
-    count = len(found.records)
-    return f"{count} record{'' if count == 1 else 's'} of {clock_time(found.duration)} of the rig's time"
+    count, rows = len(found.records), not found.duration
+    what = f"{count} {'row' if rows else 'record'}{'' if count == 1 else 's'}"
+    return what if rows else f"{what} of {clock_time(found.duration)} of the rig's time"
 
 
 def header(found: DesignResult) -> list[str]:

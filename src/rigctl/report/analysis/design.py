@@ -22,7 +22,10 @@ _SHOWS = 0.5
 
 def design_sections(found: DesignResult) -> list[Section]:
     """The answer, the rivals, the records with what each rival predicts, the sensors, the procedure."""
-    plots = [record_plot(found, number) for number in range(len(found.records))]
+    plots = [
+        record_plot(found, number) if record.predictions else None  # a row of a table has no course in time
+        for number, record in enumerate(found.records)
+    ]
     chart = sensor_plot(found.sensors)
     body = render(
         "design.html",
@@ -35,13 +38,18 @@ def design_sections(found: DesignResult) -> list[Section]:
         share=share,
         clock=clock_time,
         records=[
-            {"number": number + 1, "record": one, "plot": plot_slot(plot), "caption": plot.caption}
+            {
+                "number": number + 1,
+                "record": one,
+                "plot": plot and plot_slot(plot),
+                "caption": plot and plot.caption,
+            }
             for number, (one, plot) in enumerate(zip(found.records, plots, strict=True))
         ],
         sensors=[_sensor(one) for one in found.sensors],
         chart=None if chart is None else plot_slot(chart),
     )
-    drawn = (*plots, *([] if chart is None else [chart]))
+    drawn = tuple(plot for plot in (*plots, chart) if plot is not None)
     return [Section("next-experiment", "What to measure next", body, drawn)]
 
 

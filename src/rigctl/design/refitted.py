@@ -1,0 +1,76 @@
+"""The gain that is expected of records with the rival really refitted, as far as its parameters have to go.
+
+A rival linearised at its fit is taken for as stiff as it is there. One that becomes the other law at some
+value of its parameters (a static friction that falls to the sliding one) may take up everything by going
+there, and what the linear problem promises is then not to be had. So the rival is fitted to the data so far
+and to the new records as the right one predicts them, without noise: what its χ² grows by is D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.design.rivals import Rival
+from rigctl.design.virtual_records import Outlines, Scene
+from rigctl.engine.least_squares import started
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import fit
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.record import MeasuredRecord
+
+Floats = NDArray[np.float64]
+
+#: a rival that leaves a smaller share of a linear distance has been looked for in vain
+TAKEN_UP = 0.5
+#: the fit ends when the next step would lower its cost by less than this share
+_COST = 1e-4
+#: a parameter may double in one step
+_STEP = 1.0
+
+
+def refitted_gain(rival: Rival, truth: int, scenes: Sequence[Scene]) -> float:
+    """D in the rival's own noise: what its χ² grows by; infinite where the model has no value on the way.
+
+    Parameters
+    ----------
+    truth: the place of the right one among the scenes' predictions.
+    """
+    new = [replace(scene.record, values=scene.predicted[truth].outputs) for scene in scenes]
+    problem, local = _with_records(rival, new, scenes)
+    try:
+        found = fit(problem, local=local, cost=_COST, largest_step=_STEP)
+    except RigctlError:
+        return float("inf")
+    assert found.solution is not None  # noqa: S101 - a rival has parameters to fit
+    return max(2.0 * found.solution.cost - rival.trial.chi2, 0.0)
+
+
+def _with_records(
+    rival: Rival, new: Sequence[MeasuredRecord], scenes: Sequence[Scene]
+) -> tuple[Problem, list[Floats]]:
+    """The data so far and new records as one problem begun at the rival's fit; where local unknowns begin."""
+    fitted = rival.fit
+    so_far, added = fitted.problem.only(fitted.fitted), Outlines(rival, new).problem
+    count, outputs = len(new), len(so_far.measurements.outputs)
+    sigma = [scene.sigma for scene in scenes]
+    problem = replace(
+        so_far,
+        measurements=replace(so_far.measurements, records=(*so_far.records, *new)),
+        ok=(*so_far.ok, *added.ok),
+        local=(*so_far.local, *added.local),
+        starts=(*so_far.starts, *added.starts),
+        whiteners=(*so_far.whiteners, *(scene.whitener for scene in scenes)),
+        sizes=None if so_far.sizes is None else (*so_far.sizes, *(one.values for one in new)),
+        scatter=None
+        if so_far.scatter is None
+        else (*so_far.scatter, *(np.empty((*one.values.shape, 0)) for one in new)),
+        extra=None if so_far.extra is None else (*so_far.extra, *[np.zeros(outputs)] * count),
+        grown=None if so_far.grown is None else (*so_far.grown, *sigma),
+    )
+    problem = problem.with_shared(started(problem.shared, fitted.values))
+    begun = [np.array([one.unknown.start for one in own]) for own in added.local]
+    return problem, [*(fitted.local[k] for k in fitted.fitted), *begun]

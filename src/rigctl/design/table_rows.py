@@ -1,0 +1,205 @@
+"""The rows to add to a table of single values: operating points at which the rivals differ most.
+
+What is read at an operating point is one value, so that nothing is varied but the point. A row has no
+procedure and no time of the rig's: how it was taken, nobody recorded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.analysis.localisation import variable_units
+from rigctl.design.criterion import Discrimination
+from rigctl.design.information import Evidence
+from rigctl.design.power import Gain
+from rigctl.design.result import DesignResult, Outlook, ProposedRecord
+from rigctl.design.rivals import Question
+from rigctl.design.scheme import Free, allowed, tenth
+from rigctl.design.so_far import known_so_far
+from rigctl.design.virtual_records import predict
+from rigctl.design.words import added, statement
+from rigctl.model.inputs import input_sources
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.rig.rig import Rig
+from rigctl.units import parse_unit, show
+
+#: values of each variable that are tried, and how far beyond the table's own, as a share of their width
+_VALUES, _BEYOND = 9, 0.25
+#: a set is complete at this probability
+_ENOUGH = 0.95
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row that nobody has read."""
+
+    point: Mapping[str, float]
+    evidence: Evidence
+
+
+def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignResult:
+    """The rows that tell most, one after the other, each with what those before it teach.
+
+    Only for rivals that are to be told apart.
+    """
+    known = known_so_far(question.rivals)
+    criterion = Discrimination(question, known)
+    measurements = question.rivals[0].fit.problem.measurements
+    chosen = _chosen(criterion, _candidates(question, measurements), most)
+    steps = [_evidence(chosen[:count]) for count in range(len(chosen) + 1)]
+    chances = [0.0 if one is None else criterion.promise(one) for one in steps]
+    separations = [0.0 if one is None else criterion.separation(one) for one in steps]
+    repeats = [one for one in known.repeats if one is not None]
+    units = variable_units(measurements)
+    title = measurements.titles.get(measurements.outputs[0], measurements.outputs[0])
+    rows = tuple(
+        ProposedRecord(
+            settings={name: show(value, units[name], digits=4) for name, value in row.point.items()},
+            steps=(f"read {title}",),
+            why=added(
+                separations[k + 1] - separations[k], _of_repeat(criterion, steps[k], repeats), precision=False
+            ),
+            separation=separations[k + 1] - separations[k],
+            of_repeat=_of_repeat(criterion, steps[k], repeats),
+            before=chances[k],
+            after=chances[k + 1],
+            duration=0.0,
+            recorded=0.0,
+            rate=0.0,
+        )
+        for k, row in enumerate(chosen)
+    )
+    made = DesignResult(
+        runs=diagnosis.runs,
+        model=diagnosis.model,
+        aim="discrimination",
+        rivals=tuple(rival.described() for rival in question.rivals),
+        outlooks=_outlooks(criterion, steps[-1]),
+        records=rows,
+        separation=separations[-1],
+        before=chances[0],
+        after=chances[-1],
+        duration=0.0,
+        procedure="",
+        statement="",
+        notes=("a row's probability is that at the fits, without draws",),
+        diagnosis=diagnosis,
+    )
+    return replace(made, statement=statement(made))
+
+
+def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
+    """Rows over a grid of the table's variables; those of which every rival has a value."""
+    fit = question.rivals[0].fit
+    rows = [measurements.records[k] for k in fit.fitted]
+    grid = [(name, _values(name, rows, measurements)) for name in measurements.variables]
+    points = [dict(zip([n for n, _ in grid], each, strict=True)) for each in product(*(v for _, v in grid))]
+    records = [_row(point, _nearest(point, rows), question) for point in points]
+    scenes = predict(question.rivals, records)
+    return [
+        _Row(point, Evidence.of(scene.responses))
+        for point, scene in zip(points, scenes, strict=True)
+        if scene is not None
+    ]
+
+
+def _values(name: str, rows: Sequence[MeasuredRecord], measurements: Measurements) -> list[float]:
+    """Of one variable, over the table's range and a little beyond, inside what the rig allows."""
+    here = [row.condition[name] for row in rows if name in row.condition]
+    width = max(here) - min(here)
+    low, high = _allowed(name, min(here) - _BEYOND * width, max(here) + _BEYOND * width, measurements.rig)
+    unit = variable_units(measurements)[name]
+    step = tenth((high - low) / parse_unit(unit).factor / _VALUES)
+    free = Free(name, low, high, unit, step)
+    return sorted({free.at(share) for share in np.linspace(0.0, 1.0, _VALUES)})
+
+
+def _allowed(name: str, low: float, high: float, rig: Rig | None) -> tuple[float, float]:
+    if rig is None:
+        return low, high
+    actuator = rig.actuators.get(name)
+    if actuator is not None and actuator.low is not None and actuator.high is not None:
+        low, high = max(low, float(actuator.low)), min(high, float(actuator.high))
+    return allowed(rig, name, low, high) if name in rig.channels else (low, high)
+
+
+def _nearest(point: Mapping[str, float], rows: Sequence[MeasuredRecord]) -> MeasuredRecord:
+    """The row of the table that a new one is most like: it says all that its own point does not."""
+
+    def distance(row: MeasuredRecord) -> float:
+        return sum(
+            abs(row.condition.get(name, math.inf) / value - 1.0) for name, value in point.items() if value
+        )
+
+    return min(rows, key=distance)
+
+
+def _row(point: Mapping[str, float], like: MeasuredRecord, question: Question) -> MeasuredRecord:
+    """A row at another operating point: the inputs that set it, and what else its condition says."""
+    problem = question.rivals[0].fit.problem
+    model, measurements = problem.model, problem.measurements
+    inputs = like.inputs.copy()
+    if measurements.rig is not None:
+        given = {name: value for name, value in model.values.items() if name in measurements.inputs}
+        for k, source in enumerate(input_sources(model.family, measurements.rig, given)):
+            for name, factor in source.actuators:
+                if name in point:
+                    inputs[:, k] += factor * (point[name] - like.condition[name])
+    for name, value in point.items():
+        if name in measurements.inputs:
+            inputs[:, measurements.inputs.index(name)] = value
+    nothing = np.full(like.values.shape, np.nan)
+    return replace(like, inputs=inputs, values=nothing, condition={**like.condition, **point})
+
+
+def _chosen(criterion: Discrimination, candidates: Sequence[_Row], most: int) -> list[_Row]:
+    """Greedily, until what is right would surely be named."""
+    chosen: list[_Row] = []
+    while len(chosen) < most and candidates:
+        so_far = _evidence(chosen)
+        whole = [one.evidence if so_far is None else so_far + one.evidence for one in candidates]
+        k = max(range(len(whole)), key=lambda k: criterion.worth(whole[k]))
+        if criterion.worth(whole[k]) <= (0.0 if so_far is None else criterion.worth(so_far)):
+            break
+        chosen.append(candidates[k])
+        if criterion.promise(whole[k]) >= _ENOUGH:
+            break
+    return chosen
+
+
+def _evidence(chosen: Sequence[_Row]) -> Evidence | None:
+    return Evidence.total(one.evidence for one in chosen) if chosen else None
+
+
+def _of_repeat(criterion: Discrimination, so_far: Evidence | None, repeats: Sequence[Evidence]) -> float:
+    base = 0.0 if so_far is None else criterion.separation(so_far)
+    whole = [one if so_far is None else so_far + one for one in repeats]
+    return max((criterion.separation(one) - base for one in whole), default=0.0)
+
+
+def _outlooks(criterion: Discrimination, evidence: Evidence | None) -> tuple[Outlook, ...]:
+    rivals = criterion.question.rivals
+    count = len(rivals)
+    distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
+    found = []
+    for pair in criterion.pairs:
+        gained = Gain(distances[pair][None], distances[pair][None])
+        found.append(
+            Outlook(
+                truth=rivals[pair[0]].name,
+                rival=rivals[pair[1]].name,
+                margin=criterion.margins.margin(*pair),
+                threshold=criterion.margins.threshold(pair[0], distances),
+                separation=float(distances[pair]),
+                spread=0.0,
+                before=0.0,
+                after=criterion.of_pair(pair, gained, distances),
+            )
+        )
+    return tuple(found)
