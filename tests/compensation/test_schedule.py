@@ -38,7 +38,7 @@ def bench(shared_results: Path, tmp_path_factory: pytest.TempPathFactory) -> Ite
 
 @pytest.fixture(scope="module")
 def schedule(bench: str) -> dict[str, Any]:
-    files = ("schedule.h", "schedule.csv", "procedures/check.yaml")
+    files = ("schedule.h", "schedule.csv", "procedures/check.yaml", "check.yaml")
     outputs = [word for file in files for word in ("-o", file)]
     return answer("compensate", bench, "--model", MODEL, *WANTED, "--rows", "4", *outputs)
 
@@ -75,7 +75,9 @@ def test_the_files_say_the_same(schedule: dict[str, Any]) -> None:
 
 
 def test_the_check_makes_pairs_in_a_drawn_order(schedule: dict[str, Any]) -> None:
-    assert "Nothing is wrong" not in told("check", "procedures/check.yaml")  # it is a plan
+    for file, called in (("procedures/check.yaml", "stroke.yaml"), ("check.yaml", "procedures/stroke.yaml")):
+        assert f'procedure: "{called}"' in Path(file).read_text("utf-8")
+        assert answer("check", file)["kind"] == "procedure"
     order = re.findall(r"pair: \[(\d+)\], compensated: \[(\d)\]", schedule["procedure"])
     assert [pair for pair, _ in order] == [str(1 + k // 2) for k in range(16)]
     assert all(
@@ -121,13 +123,20 @@ def test_what_cannot_be_is_said(bench: str, changed: dict[str, str], said: str) 
 
 def test_where_the_rig_does_not_go_far_enough_the_schedule_ends(bench: str) -> None:
     words = ("--keep", "stroke = 127 mm", *WANTED[2:], "--rows", "3")
-    found = answer("compensate", bench, "--model", MODEL, *words)
+    found = answer("compensate", bench, "--model", MODEL, *words, "--page", "schedule.html")
     reached = [row["vary"] is not None for row in found["rows"]]
     assert reached == sorted(reached, reverse=True)
     assert any(reached)
     assert not all(reached)
-    assert found["ends"][0].startswith("at oil_temperature ")
-    assert "its highest, stroke is 12" in found["ends"][0]
+    (end,) = found["ends"]
+    last = max(row["over"] for row in found["rows"] if row["vary"] is not None)
+    (at,) = re.findall(r"^it ends at oil_temperature ([\d.]+) degC;", end)
+    assert last < float(at) < last + 15.0
+    assert "its highest, stroke is 12" in end
+    page = Path("schedule.html").read_text("utf-8")
+    assert "A set-point schedule" in page
+    assert "out of reach" in page
+    assert "It ends at oil_temperature" in page
     assert any("extrapolated" in note for note in found["notes"])
 
 

@@ -62,7 +62,13 @@ def compensate(
         bool,
         typer.Option("--judge", help="Judge the runs of such a check; exit code 1 where it does not hold."),
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Let -o replace a file that is there.")] = False,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let -o and --page replace a file that is there.")
+    ] = False,
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Verbose = False,
@@ -86,7 +92,14 @@ def compensate(
 
     chosen = runs or ["latest"]
     if judge:
-        given = {"--model": model, "--keep": keep, "--vary": vary, "--over": over, "-o": output}
+        given = {
+            "--model": model,
+            "--keep": keep,
+            "--vary": vary,
+            "--over": over,
+            "-o": output,
+            "--page": page,
+        }
         extra = [name for name, value in given.items() if value]
         if extra:
             raise RigctlError(
@@ -98,6 +111,7 @@ def compensate(
     missing = [name for name, value in named.items() if not value]
     if model is None or keep is None or vary is None or over is None:
         raise RigctlError("a schedule needs more", expected=", ".join(missing))
+    from rigctl.cli.analysis_page import require_page, write_page
     from rigctl.cli.compare import open_models, open_runs
     from rigctl.cli.compensate_views import show_schedule
     from rigctl.cli.tables import print_json
@@ -106,6 +120,7 @@ def compensate(
 
     written = output or []
     _require(written, force=force)
+    require_page(page, force=force)
     (opened,) = open_models([model])
     measured = open_runs(chosen, opened)
     with telling("nothing was saved") as on_progress:
@@ -113,6 +128,10 @@ def compensate(
             measured, opened, keep=keep, vary=vary, over=over, rows=rows, seed=seed, on_progress=on_progress
         )
     _write(found, written)
+    if page is not None:
+        from rigctl.report.analysis import compensation_sections
+
+        write_page(measured, page, compensation_sections(found), force=force)
     if as_json:
         print_json(found.document())
     else:
@@ -135,10 +154,16 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
         raise typer.Exit(int(ExitCode.FAILED))
 
 
-def _texts() -> dict[str, Callable[[Schedule], str]]:
+def _texts() -> dict[str, Callable[[Schedule, Path], str]]:
+    """By the ending of a file, what is written into it."""
+    from rigctl.compensation.check_text import beside
     from rigctl.compensation.tables import csv_text, header_text
 
-    return {".h": header_text, ".csv": csv_text, ".yaml": lambda schedule: schedule.procedure}
+    return {
+        ".h": lambda schedule, _: header_text(schedule),
+        ".csv": lambda schedule, _: csv_text(schedule),
+        ".yaml": lambda schedule, path: beside(schedule, path.parent),
+    }
 
 
 def _require(written: list[Path], *, force: bool) -> None:
@@ -163,4 +188,4 @@ def _write(found: Schedule, written: list[Path]) -> None:
     known = _texts()
     for path in written:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, known[path.suffix](found))
+        write_text(path, known[path.suffix](found, path))

@@ -25,7 +25,7 @@ def show_schedule(found: Schedule, written: Sequence[Path]) -> None:
     if found.off:
         off = show(found.off, found.unit, difference=True, digits=2)
         out.print(f"  between two rows a straight line is off by {off} at most", soft_wrap=True)
-    for note in (*found.ends, *found.notes):
+    for note in (*found.ends[1:], *found.notes):
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for path in written:
         out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +16,6 @@ from rigctl.compensation.result import Row, Schedule
 from rigctl.dataset.run import Run
 from rigctl.design.rig_file import rig_reference
 from rigctl.errors import RigctlError
-from rigctl.project import find_project
 from rigctl.units import parse_quantity, show
 
 #: operating points of the check, and pairs of records at each: 2⁻⁸ is the chance of the best order of eight
@@ -96,7 +97,7 @@ def procedure_text(
             pair += 1
             for compensated in (1, 0) if rng.integers(2) else (0, 1):
                 value = row.vary if compensated else schedule.fixed
-                lines += _record(schedule, measure, argument, value, pair, compensated)
+                lines += _record(schedule, argument, value, pair, compensated)
     return "\n".join(lines) + "\n"
 
 
@@ -114,23 +115,25 @@ def _brought(over: Lever, value: float) -> list[str]:
     return [f"- prompt: Bring {over.name} to {text}, then confirm."]
 
 
-def _record(
-    schedule: Schedule, measure: TakenMeasure, argument: str, value: float, pair: int, compensated: int
-) -> list[str]:
+def _record(schedule: Schedule, argument: str, value: float, pair: int, compensated: int) -> list[str]:
     text = show(value, schedule.vary_unit, digits=_DIGITS)
     target = f"{schedule.quantity}_{TARGET}: [{show(schedule.target, schedule.unit, digits=6)}]"
     return [
         f"  - for: {{{target}, {PAIR}: [{pair}], {COMPENSATED}: [{compensated}]}}",
         "    zip: true",
         "    do:",
-        f"      - call: {{procedure: {_reference(measure.file)}, with: {{{argument}: {text}}}}}",
+        f"      - call: {{procedure: {_quoted(schedule.called)}, with: {{{argument}: {text}}}}}",
     ]
 
 
-def _reference(file: Path) -> str:
-    """As a procedure in the project's own folder of procedures calls it."""
-    root = find_project().root / "procedures"
-    absolute = file.absolute()
-    if absolute.parent == root.absolute():
-        return absolute.name
-    return absolute.as_posix()
+def beside(schedule: Schedule, folder: Path) -> str:
+    """The procedure as it is written into a folder: what it calls is named from there, where that can be."""
+    try:
+        near = os.path.relpath(schedule.called, folder.absolute())
+    except ValueError:  # on another drive
+        return schedule.procedure
+    return schedule.procedure.replace(_quoted(schedule.called), _quoted(Path(near).as_posix()))
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)

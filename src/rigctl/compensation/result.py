@@ -52,7 +52,8 @@ class Schedule:
     off: the largest error by interpolating between two rows, SI of the quantity.
     valid: (name, low, high, unit) what the data visited, SI.
     ends: where and why the schedule ends, a sentence each.
-    procedure: text of the check by randomised records; "" where there is none.
+    called: path of the procedure that makes one record.
+    procedure: text of the check by randomised records, which calls it; "" where there is none.
     """
 
     runs: tuple[str, ...]
@@ -71,6 +72,7 @@ class Schedule:
     ends: tuple[str, ...]
     statement: str
     notes: tuple[str, ...] = ()
+    called: str = ""
     procedure: str = field(default="", repr=False)
 
     @property

@@ -96,6 +96,7 @@ def compensate(
         ends=tuple(_ends(found, predictor, target)),
         statement="",
         notes=tuple(_notes(judged, found, predictor, target, valid)),
+        called=measure.file.absolute().as_posix(),
     )
     text = procedure_text(schedule, measure, predictor, runs, seed)
     return _worded(schedule, text)
@@ -256,19 +257,39 @@ def _between(predictor: Predictor, at: Floats, set_points: Floats, target: Targe
 
 
 def _ends(found: _Solved, predictor: Predictor, target: Target) -> list[str]:
-    """Where the rig does not go far enough, and what the quantity would be there."""
-    said = []
-    vary, over = predictor.vary, predictor.over
-    for row, (lowest, highest) in zip(found.rows, found.reach.tolist(), strict=True):
-        if row.reached:
-            continue
-        nearest = min((lowest, vary.low), (highest, vary.high), key=lambda one: abs(one[0] - target.value))
-        said.append(
-            f"at {over.name} {show(row.over, over.unit)} the rig does not go far enough: at {vary.name} "
-            f"{show(nearest[1], vary.unit)}, its {'lowest' if nearest[1] == vary.low else 'highest'}, "
-            f"{target.name} is {show(nearest[0], target.unit)}"
-        )
+    """Where the rig does not go far enough, a sentence for each stretch of operating points, and what the
+    quantity would be there."""
+    vary, over, said = predictor.vary, predictor.over, []
+    stretch: list[int] = []
+    for k, row in enumerate([*found.rows, None]):
+        if row is not None and not row.reached:
+            stretch.append(k)
+        elif stretch:
+            off = found.reach[stretch] - target.value
+            side = int(np.argmin(np.abs(off).sum(axis=0)))
+            bound, word = ((vary.low, "lowest"), (vary.high, "highest"))[side]
+            beside = [one for one in (stretch[0] - 1, stretch[-1] + 1) if 0 <= one < len(found.rows)]
+            ends = [_crossing(found, one, stretch, side, target) for one in beside]
+            at = " and ".join(show(one, over.unit) for one in ends)
+            shown = [show(float(found.reach[one, side]), target.unit) for one in (stretch[0], stretch[-1])]
+            first, last = (show(found.rows[one].over, over.unit) for one in (stretch[0], stretch[-1]))
+            where = first if first == last else f"{first} to {last}"
+            become = shown[0] if shown[0] == shown[1] else f"{shown[0]} to {shown[1]}"
+            said.append(
+                f"it ends at {over.name} {at}; at {where} the rig does not go far enough: at {vary.name} "
+                f"{show(bound, vary.unit)}, its {word}, {target.name} is {become}"
+            )
+            stretch = []
     return said
+
+
+def _crossing(found: _Solved, inside: int, stretch: Sequence[int], side: int, target: Target) -> float:
+    """The operating point between a row that is reached and the next, which is not, where the rig's end is
+    just enough."""
+    outside = stretch[0] if inside < stretch[0] else stretch[-1]
+    a, b = (float(found.reach[one, side]) - target.value for one in (inside, outside))
+    x, y = found.rows[inside].over, found.rows[outside].over
+    return x + (y - x) * a / (a - b) if a != b else x
 
 
 def _notes(
@@ -316,5 +337,5 @@ def _worded(schedule: Schedule, text: str) -> Schedule:
         f"{show(off, schedule.unit, difference=True)}"
     )
     if schedule.ends:
-        statement += f". The schedule ends: {schedule.ends[0]}"
+        statement += f". {schedule.ends[0][0].upper()}{schedule.ends[0][1:]}"
     return replace(schedule, statement=statement, procedure=text)

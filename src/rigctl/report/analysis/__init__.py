@@ -1,6 +1,7 @@
-"""What a comparison, a diagnosis, a designed experiment, learning and a model's history show on the page."""
+"""What an analysis shows on the page: comparison, diagnosis, designed experiment, schedule, learning."""
 
 from rigctl.report.analysis.comparison import comparison_sections
+from rigctl.report.analysis.compensation import compensation_sections
 from rigctl.report.analysis.design import design_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.discovery import discovery_sections
@@ -10,6 +11,7 @@ from rigctl.report.analysis.learning import learning_sections
 
 __all__ = [
     "comparison_sections",
+    "compensation_sections",
     "design_sections",
     "diagnosis_sections",
     "discovery_sections",
