@@ -63,6 +63,16 @@ def test_what_keeps_clear_trips_no_limit_whatever_the_noise(
         assert trips(rig, outputs + CLEARANCE * root * one) == []
 
 
+def test_readings_further_apart_than_a_rate_is_taken_over_are_judged_too(rig: Rig) -> None:
+    """`oil_rises_too_fast` is over 10 s: of readings every 30 s the rate is that between two of them."""
+    times = np.arange(0.0, 300.0, 30.0)
+    outputs = np.stack([300.0 + 0.05 * times, np.full(times.size, 3e6), np.full(times.size, 0.1)], axis=1)
+    sigma = np.broadcast_to([0.1, 8e3, 1e-4], outputs.shape)
+    assert clear_of_limits(rig, CHANNELS, times, outputs, sigma)
+    outputs[5:, 0] += 20.0  # 0.7 K/s, 0.5 K/s stop
+    assert not clear_of_limits(rig, CHANNELS, times, outputs, sigma)
+
+
 def test_a_course_that_comes_near_a_limit_is_not_clear(rig: Rig) -> None:
     outputs = np.stack(
         [np.full(TIMES.size, 320.0), np.full(TIMES.size, 3e6), np.full(TIMES.size, 0.1)], axis=1

@@ -17,6 +17,8 @@ from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 
+#: of times, as shares
+_ROUNDING = 1e-9
 #: standard deviations that a reading keeps from every limit
 CLEARANCE = 3.0
 
@@ -44,8 +46,9 @@ def _clear(limit: Limit, times: Floats, course: Floats, room: Floats) -> bool:
 
 def _rates(times: Floats, course: Floats, room: Floats, over: float) -> tuple[Floats, Floats]:
     """Rates of change over a stretch, and what noise adds to them."""
-    before = np.searchsorted(times, times - over, side="left")
-    later = np.flatnonzero(times - times[0] >= over)
+    # at the last sample that is so long ago: of samples further apart, the one before
+    before = np.searchsorted(times, times - over * (1.0 - _ROUNDING), side="right") - 1
+    later = np.flatnonzero(before >= 0)
     if not later.size:
         return np.zeros(1), np.zeros(1)
     apart = times[later] - times[before[later]]

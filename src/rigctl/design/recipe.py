@@ -13,8 +13,8 @@ from rigctl.model.inputs import InputSource, input_values
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
 
-#: how often a bench is looked at while levels hold before a record
-_LOOKS = 60.0
+#: at the most so often a bench is looked at while levels hold before a record
+_LOOKS = 2000.0
 #: what a step of a record does
 Verb = Literal["wait", "extend", "retract", "set"]
 
@@ -123,7 +123,8 @@ class Stage:
         """What acts before the record, while the levels hold, begun at these readings or those so far."""
         row = self.inputs(self.commands_before(recipe))
         begun = self.readings if readings is None else readings
-        return Course(np.zeros(1), np.array([row]), recipe.rest, _LOOKS / recipe.rest, dict(begun), "rest")
+        rate = min(recipe.rate, _LOOKS / recipe.rest)
+        return Course(np.zeros(1), np.array([row]), recipe.rest, rate, dict(begun), "rest")
 
     def first(self, recipe: Recipe) -> dict[str, float]:
         """What the channels first read: what was set, else what they read in the data so far."""

@@ -1,0 +1,46 @@
+"""A bench that is set to levels: two heaters whose loss the model does not know."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from commands import answer, told
+from rigctl.cli.init import create_project
+
+pytestmark = pytest.mark.usefixtures("inside")
+
+MODEL = "models/heater-board.yaml"
+STEPS = ("procedures/heater-board-steps.yaml", "-a", "powers=20 %, 60 %", "-a", "dwell=10 min")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two steps of one heater, which radiates."""
+    folder = tmp_path_factory.mktemp("levels")
+    create_project(folder)
+    with chdir(folder):
+        told("simulate", *STEPS, "--with", "radiation", "--seed", "3")
+    return folder
+
+
+def test_staircases_are_designed_that_the_bench_takes_without_a_limit_in_sight() -> None:
+    run = answer("runs", "show", "latest")["id"]
+    before = answer("diagnose", run, "--model", MODEL)
+    found = answer("design", run, "--model", MODEL, "--records", "2", "-o", "next.yaml")
+    assert found["records"]
+    for record in found["records"]:
+        assert set(record["settings"]) == {"heater_1", "heater_2"}
+        assert [line.partition(":")[0] for line in record["steps"]] == ["set", "wait"] * 4
+        assert record["expected_separation"] > record["separation_of_repeat"]
+    assert "finally:" in found["procedure"]  # the heaters are not left on
+    assert answer("check", "next.yaml")["warnings"] == []
+    done = answer("simulate", "next.yaml", "--with", "radiation", "--seed", "5")
+    assert done["status"] == "finished"
+    assert answer("runs", "show", "latest")["records"]
+    after = answer("diagnose", run, "latest", "--model", MODEL)
+    count = [sum(len(names) for names in one["classes"]) for one in (before, after)]
+    assert count[1] < count[0]
+    assert "radiation" in {name for names in after["classes"] for name in names}
