@@ -15,7 +15,8 @@ _SECTIONS = {
     "diagnose": ("compare", "diagnose", "design"),
     "design": ("compare", "diagnose", "design"),
     "discover": ("compare", "diagnose", "discover"),
-    "demo": ("compare", "diagnose", "discover"),
+    "learn": ("compare", "diagnose", "design", "learn"),
+    "demo": ("compare", "diagnose", "design", "learn"),
     "compensate": ("compare", "compensate"),
     "run": ("run, simulate, resume",),
     "simulate": ("run, simulate, resume",),
@@ -30,6 +31,7 @@ _SECTIONS = {
 _BY_NAME = {
     *("channels", "parameters", "tests", "beside", "outputs", "actuators", "assume"),
     *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots", "settings"),
+    *("weights", "probabilities", "gains", "expected", "error"),
 }
 
 

@@ -33,27 +33,30 @@ def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
             assert record["stroke"] == pytest.approx(expected, abs=1.0)
 
 
-def test_the_demo_finds_what_the_bench_hides_and_adds_it(
+def test_the_demo_asks_the_bench_what_it_hides_and_adds_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The campaign leaves a class; the records that it asks for tell what is hidden from the others."""
     monkeypatch.chdir(tmp_path)
     told = answer("demo", "whole")
-    assert {"project", "run", "model", "verdict", "effects", "classes", "hidden", "ended", "page"} <= set(
-        told
-    )
-    assert told["diagnosis"]["classes"] == told["classes"]
-    assert told["verdict"] in ("missing_effect", "ambiguous")
-    assert told["hidden"] in {name for names in told["classes"] for name in names}
-    if told["verdict"] == "missing_effect":
-        assert told["effects"] == [told["hidden"]]
-    assert told["ended"] == "adequate"
+    assert told["verdict"] == "ambiguous"
+    (left,) = told["classes"]
+    assert told["hidden"] in left
+    assert len(left) > 1
+    learned = told["learned"]
+    assert learned["ended"] == "adequate"
+    assert learned["added"] == [told["hidden"]]
+    designed = learned["rounds"][1]
+    assert designed["promised"]["probability"] > 0.8
+    assert designed["came_out"]["told_apart"]
     assert Path(told["model"]).stem == told["run"]
 
     history = answer("model", "history", told["model"])
     assert [version["kind"] for version in history["versions"]] == ["start", "add"]
     page = Path(told["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
-    assert told["hidden"] in page
+    assert "promised, and what came out" in page
+    assert "How the error fell" in page
 
 
 def test_demo_again_makes_another_run_and_overwrites_nothing(

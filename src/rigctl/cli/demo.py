@@ -13,14 +13,21 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from rigctl.analysis.comparison_result import Comparison
-    from rigctl.analysis.improve import Improvement
     from rigctl.dataset import Run
+    from rigctl.design.result import DesignResult
+    from rigctl.learning.result import Learned, Round
 
 _PROCEDURE = Path("procedures") / "campaign.yaml"
 _MODEL = Path("models") / "hl32-textbook.yaml"
-#: what the bench may hide; the seed chooses, so that a reader of this file does not know either
-_HIDDEN = ("valve_delay_thermal", "valve_leakage", "relief_thermal_drift")
+#: what the bench may hide, so weakly that the campaign cannot tell it from others; the seed chooses, so that
+#: a reader of this file does not know either
+_HIDDEN = (
+    "rod_leakage:conductance=3e-15 m^3",
+    "valve_leakage:conductance=4e-16 m^3",
+)
 _HELD_OUT = "oil == 60 degC"
+#: rounds of learning, the campaign included
+_ROUNDS = 3
 
 
 def demo(
@@ -37,9 +44,10 @@ def demo(
     """Carry out the published campaign on a bench that hides something, find out what, and add it.
 
     The bench heats its oil from 20 to 80 degC and strokes its cylinder at four pressures: about fifty minutes
-    of bench time, in seconds. The textbook model is compared with what was measured; what it lacks is named,
-    added and judged on a temperature that the fit never saw. Every call makes a new run, and a copy of the
-    model for it; nothing is overwritten.
+    of bench time, in seconds. The campaign leaves several explanations of why the textbook model is wrong.
+    The records that tell them apart are designed and measured, what was promised of them is held against what
+    came out, and what is sure is added and judged on a temperature that the fit never saw. Every call makes
+    new runs, and a copy of the model for them; nothing is overwritten.
 
     Example: rigctl demo my-demo --open
     """
@@ -64,20 +72,22 @@ def demo(
     if plain:
         size = _write_page(run, page)
     else:
+        hidden = _HIDDEN[seed % len(_HIDDEN)]
         model = _own_model(directory, run)
-        compared, improved = _improve(model, run, console)
+        compared = _compare(model, run, console)
+        learned = _learn(directory, model, run, seed, hidden, console)
+        first = learned.rounds[0]
         told |= {
             "model": str(model),
-            "verdict": improved.first.verdict.value,
-            "effects": list(improved.first.effects),
-            "classes": [list(names) for names in improved.first.classes],
-            "hidden": _HIDDEN[seed % len(_HIDDEN)],
-            "ended": improved.ended.value,
-            "diagnosis": improved.document(),
+            "verdict": first.verdict,
+            "effects": list(first.effects),
+            "classes": [list(names) for names in first.classes],
+            "hidden": hidden.partition(":")[0],
+            "learned": learned.document(),
         }
-        size = _write_analysis(run, page, compared, improved, model)
+        size = _write_story(directory, learned, page, compared, model)
     console.print(
-        f"[bold]{3 if plain else 5}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
+        f"[bold]{3 if plain else 6}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
     )
     if as_json:
         echo_json(to_json(told | {"page": str(page), "bytes": size}))
@@ -96,13 +106,11 @@ def _own_model(directory: Path, run: Run) -> Path:
     return path
 
 
-def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improvement]:
-    """Compare the textbook model with the run, and add what it lacks."""
+def _compare(path: Path, run: Run, console: Console) -> Comparison:
+    """The textbook model held against the campaign."""
     from rich.markup import escape
 
     from rigctl.analysis.comparison import compare
-    from rigctl.analysis.improve import improve
-    from rigctl.cli.diagnose_views import show_improvement
     from rigctl.cli.telling import telling
     from rigctl.model import load_model
 
@@ -110,20 +118,61 @@ def _improve(path: Path, run: Run, console: Console) -> tuple[Comparison, Improv
         compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, on_progress=on_progress)
     console.print(f"[bold]3[/] The textbook model against what was measured: {escape(str(path))}")
     console.print(f"  {escape(compared.models[0].statement)}", soft_wrap=True)
+    return compared
+
+
+def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, console: Console) -> Learned:
+    """From the campaign on: what it leaves open, the records that would tell, and what they told."""
+    from rich.markup import escape
+
+    from rigctl.cli.telling import telling
+    from rigctl.learning.bench import LaunchedBench
+    from rigctl.learning.keep import Kept, Task
+    from rigctl.learning.learn import Learner
+    from rigctl.learning.result import round_text
+    from rigctl.runner.simulation import simulation_launch
+
+    runs = directory / "runs"
+    task = Task(
+        procedure=str((directory / _PROCEDURE).absolute()),
+        model=str(model.absolute()),
+        version=1,
+        runs=(run.id,),
+        rounds=_ROUNDS,
+        hold_out=_HELD_OUT,
+    )
+    bench = LaunchedBench(
+        how=lambda plan, number: simulation_launch(plan, runs, seed=seed + number, effects=(hidden,))
+    )
+
+    def proposed(proposal: Round, design: DesignResult) -> bool:
+        console.print(f"[bold]4[/] What to measure next: {escape(proposal.procedure)}")
+        console.print(f"  {escape(design.statement)}", soft_wrap=True)
+        return True
+
+    def judged(one: Round) -> None:
+        console.print(f"  {escape(round_text(one))}", soft_wrap=True)
+
+    kept = Kept.create(directory, task, "demo")
     with telling() as on_progress:
-        improved = improve(compared, path, on_progress=on_progress)
-    console.print(f"[bold]4[/] What it lacks, added and judged where the fit never looked ({_HELD_OUT})")
-    if not console.stderr:
-        show_improvement(improved)
-    return compared, improved
+        learned = Learner(kept, bench, runs, proposed, on_progress=on_progress, on_round=judged).learn()
+    console.print(f"[bold]5[/] What came of it, judged also where the fit never looked ({_HELD_OUT})")
+    console.print(f"  {escape(learned.statement)}", soft_wrap=True)
+    found = ", ".join(learned.added) or learned.ended.value.replace("_", " ")
+    console.print(f"  hidden: {escape(hidden)}; found: [bold]{escape(found)}[/]", soft_wrap=True)
+    return learned
 
 
-def _write_analysis(run: Run, page: Path, compared: Comparison, improved: Improvement, model: Path) -> int:
-    """The page of the run with the comparison, the diagnosis and the fall of the error."""
+def _write_story(directory: Path, learned: Learned, page: Path, compared: Comparison, model: Path) -> int:
+    """The page: what was learnt, how the error fell, and where the textbook model failed."""
+    from rigctl.dataset import find_run, open_run
     from rigctl.report import write_report
-    from rigctl.report.analysis import improvement_sections
+    from rigctl.report.analysis import comparison_sections, learning_sections
 
-    return write_report([run], page, sections=improvement_sections(compared, improved, model)).size
+    names = [*compared.runs, *(one.run for one in learned.rounds if one.run)]
+    runs = [open_run(find_run(name, directory / "runs")) for name in dict.fromkeys(names)]
+    sections = [*learning_sections(learned, model), *comparison_sections(compared)]
+    return write_report(runs, page, sections=sections).size
 
 
 def _simulate(directory: Path, seed: int, hidden: str | None) -> tuple[Run, float]:

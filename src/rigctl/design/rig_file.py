@@ -11,11 +11,15 @@ from rigctl.rig.rig import Rig
 
 
 def rig_reference(runs: Sequence[Run], rig: Rig) -> str:
-    """The path of the rig file as a procedure in the project names it; "" where it is no longer there."""
+    """The path of the rig file as a procedure in the project names it; "" where it is no longer there.
+
+    A rig file of another project than the current one is named by its whole path.
+    """
     written = next((run.header.rig.path for run in runs if run.header.rig.path), "")
     path = Path(written) if written else rig.path
     if path is None or not path.is_file():
         return ""
-    root = find_project().root
     absolute = path.absolute()
-    return (absolute.relative_to(root) if absolute.is_relative_to(root) else absolute).as_posix()
+    root = find_project(absolute.parent).root
+    inside = root == find_project().root and absolute.is_relative_to(root)
+    return (absolute.relative_to(root) if inside else absolute).as_posix()

@@ -50,7 +50,7 @@ class Promised:
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
         return {
-            "rivals": dict(self.rivals),
+            "weights": dict(self.rivals),
             "expected_separation": self.separation,
             "probability": self.probability,
             "outlooks": [dict(one) for one in self.outlooks],
@@ -62,7 +62,7 @@ class Promised:
     def read(cls, document: Mapping[str, Any]) -> Promised:
         """The promise that `document` made."""
         return cls(
-            rivals=dict(document["rivals"]),
+            rivals=dict(document["weights"]),
             separation=float(document["expected_separation"]),
             probability=float(document["probability"]),
             outlooks=tuple(document["outlooks"]),
