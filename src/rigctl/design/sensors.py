@@ -215,11 +215,16 @@ def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
 def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:
     """Unit, formula and meaning of what a sensor reads."""
     wanted = sensor.reads or name
+    read = {output.name: output for output in family.outputs}
+    if wanted in read:  # a second sensor of the same reading
+        return si_unit(read[wanted].unit), read[wanted].formula, sensor.description
     units = {state.name: state.unit for state in family.states}
     units |= {item.name: item.unit for item in family.inputs}
     units |= {definition.name: definition.unit for definition in family.definitions}
     if wanted not in units:
-        raise unknown_name(f"state or definition that the sensor '{name}' could read", wanted, units)
+        raise unknown_name(
+            f"quantity of the model that the sensor '{name}' could read", wanted, [*units, *read]
+        )
     return si_unit(units[wanted]), lambda m: m[wanted], sensor.description
 
 

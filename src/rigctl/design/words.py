@@ -74,10 +74,12 @@ def _named(one: SensorSet) -> str:
 
 def repeats_with(one: SensorSet) -> str:
     """What the records so far, taken again, would tell with a sensor."""
-    return (
-        f"With {_named(one)} the records so far, taken again, would name what is right with a probability of "
-        f"{share(one.probability)}"
+    tells = (
+        f"with {_named(one)} the records so far, taken again, would name what is right with a probability of "
     )
+    if one.probability < HALF:
+        return f"Nor would a sensor that it could have tell: {tells}{share(one.probability)}"
+    return f"{tells[0].upper()}{tells[1:]}{share(one.probability)}"
 
 
 def _detection(found: DesignResult) -> str:

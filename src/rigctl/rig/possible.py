@@ -53,7 +53,7 @@ class PossibleChannel(Part):
     description: str = Field(default="", description="type and place, for reports")
     reads: str = Field(
         default="",
-        description="the model family's state or definition that it reads, e.g. pressure_a; "
+        description="the state, definition or output of the model family that it reads, e.g. pressure_a; "
         "by default what it is called",
     )
     noise: AnyDifference = Field(description="standard deviation of one reading, of its data sheet")

@@ -1,0 +1,105 @@
+"""What may be varied on a rig, and that what is written is what was simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigctl.design.procedure_text import Called, Writer
+from rigctl.design.recipe import Stage
+from rigctl.design.refusals import NothingToSet
+from rigctl.design.rig_time import RigTime, forecast
+from rigctl.design.scheme import schemes_of
+from rigctl.files.shipped import shipped
+from rigctl.model.inputs import InputSource, input_sources
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.plan import Leaf, RecordNode, walk
+from rigctl.procedure.expand import expand
+from rigctl.procedure.load import parse_procedure
+from rigctl.rig import Rig, load_rig
+from rigctl.rig.load import parse_rig
+from rigctl.steps.heat import Heat
+from rigctl.steps.move import Move
+from rigctl.steps.set_pressure import SetLevel
+from rigctl.steps.wait import Wait
+
+
+def stroke(inputs: int, *, valve: int = 0) -> MeasuredRecord:
+    """Wait, extend, hold closed, retract."""
+    rows = np.zeros((4, inputs))
+    rows[:, valve] = [0.0, 1.0, 0.0, -1.0]
+    times = np.arange(0.0, 3.75, 0.01)
+    return MeasuredRecord(
+        run="r",
+        index=0,
+        label="r/1",
+        times=times,
+        switch_times=np.array([0.0, 0.2, 1.25, 2.25]),
+        switch_half=np.zeros(4),
+        inputs=rows,
+        values=np.zeros((times.size, 3)),
+        condition={},
+        group=0,
+        phase=np.zeros(times.size, dtype=np.intp),
+        phases=("all",),
+    )
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    rig = load_rig(shipped() / "rigs" / "hl32-bench.yaml")
+    sources = input_sources("hydraulic_cylinder", rig)
+    readings = {"oil_temperature": 293.15, "supply_pressure": 30e5, "position": 0.0}
+    return Stage(rig, sources, {"heater_power": 0.0, "ambient_temperature": 295.15, "pump": 1.0}, readings)
+
+
+@settings(max_examples=20)
+@given(which=st.integers(0, 2), seed=st.integers(0, 10**6))
+def test_the_plan_of_a_written_record_is_the_course_that_was_simulated(
+    stage: Stage, which: int, seed: int
+) -> None:
+    """Read back through the procedure's own steps: when the valve is switched, at which operating point."""
+    scheme = schemes_of(stage, [stroke(5)])[which]
+    recipe = scheme.recipe(np.random.default_rng(seed).uniform(size=len(scheme.free)).tolist())
+    course = stage.course(recipe)
+    writer = Writer(stage.rig, called=Called("oil", "supply"))
+    plan = expand(parse_procedure(writer.text([recipe])), stage.rig)
+    (record,) = [node for node in walk(plan.root) if isinstance(node, RecordNode)]
+    clock, switches = 0.0, []
+    for node in walk(record.body):
+        if isinstance(node, Leaf) and isinstance(node.action, Move | Wait):
+            value = node.action.value if isinstance(node.action, Move) else 0.0
+            if (switches[-1][1] if switches else 0.0) != value:
+                switches.append((clock, value))
+            clock += node.action.duration or 0.0
+    assert clock == pytest.approx(course.length)
+    simulated = list(zip(course.switch_times, course.inputs[:, 0], strict=True))
+    simulated = simulated if simulated[0][1] else simulated[1:]
+    assert switches == [(pytest.approx(time), value) for time, value in simulated]
+    actions = [node.action for node in walk(plan.root) if isinstance(node, Leaf)]
+    (pressure,) = [one.to for one in actions if isinstance(one, SetLevel)]
+    (temperature,) = [one.to for one in actions if isinstance(one, Heat)]
+    assert course.inputs[:, 2] == pytest.approx(pressure)
+    assert course.readings["oil_temperature"] == pytest.approx(temperature)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10**6))
+def test_the_quick_forecast_is_the_preview_s(stage: Stage, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    schemes = schemes_of(stage, [stroke(5)])
+    recipes = [one.recipe(rng.uniform(size=len(one.free)).tolist()) for one in schemes]
+    found = forecast(Writer(stage.rig), recipes)
+    if found is not None:
+        assert sum(RigTime(stage.rig).in_order(recipes)) == pytest.approx(found.seconds, rel=1e-9)
+    order = RigTime(stage.rig).quickest(recipes)
+    assert order.seconds <= sum(RigTime(stage.rig).in_order(recipes)) + 1e-9
+
+
+def test_a_rig_without_actuators_has_no_condition_to_set() -> None:
+    rig: Rig = parse_rig("name: pump\nchannels: {pressure: {unit: bar, quantity: pressure}}\n")
+    stage = Stage(rig, (InputSource("pressure", 150e5, channel="pressure"),), {}, {"pressure": 150e5})
+    with pytest.raises(NothingToSet, match="no condition of the rig 'pump' can be set"):
+        schemes_of(stage, [stroke(1)])
