@@ -56,6 +56,15 @@ def design(
         Path | None,
         typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
     ] = None,
+    sheet: Annotated[
+        Path | None,
+        typer.Option(
+            "--sheet",
+            metavar="FILE",
+            help="Write it as a work sheet to print, for a bench without rigctl; nothing is overwritten.",
+            show_default=False,
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Let -o and --page replace a file that is none of ours.")
     ] = False,
@@ -107,6 +116,8 @@ def design(
         )
     if output is not None and found.procedure:
         _write_procedure(output, found)
+    if sheet is not None and found.records:
+        _write_sheet(sheet, found)
     if page is not None:
         _write_page(measured, page, found, force=force)
     if as_json:
@@ -160,6 +171,15 @@ def _write_procedure(output: Path, found: DesignResult) -> None:
 
     write_text(output, found.procedure)
     echo(f"Wrote {output}", err=True)
+
+
+def _write_sheet(sheet: Path, found: DesignResult) -> None:
+    from rigctl.cli.echo import echo
+    from rigctl.design.work_sheet import work_sheet
+    from rigctl.files.write import write_new
+
+    write_new(sheet, work_sheet(found).encode("utf-8"))
+    echo(f"Wrote {sheet}", err=True)
 
 
 def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool) -> None:

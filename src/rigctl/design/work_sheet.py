@@ -1,0 +1,69 @@
+"""A designed procedure as a sheet of paper: for a bench whose operator has a pencil and no rigctl."""
+
+from __future__ import annotations
+
+from rigctl.design.result import DesignResult, ProposedRecord
+from rigctl.design.words import share
+from rigctl.planning.outline import clock_time
+
+_WIDTH = 96
+
+
+def work_sheet(found: DesignResult) -> str:
+    """What is to be set, done and written down, record by record, in plain text that prints on any printer.
+
+    The steps are those of the designed procedure, in its order; boxes are ticked by hand.
+    """
+    rule = "=" * _WIDTH
+    head = [
+        rule,
+        f"WORK SHEET   model {found.model}",
+        rule,
+        *_wrapped(found.statement + ".", ""),
+        "",
+        f"Records: {len(found.records)}    on the rig, heating in it: about {clock_time(found.duration)}",
+        f"Probability to name what is right, alone: {share(found.before)} now, {share(found.after)} after",
+        "",
+        "Operator: ______________________    Date: ______________    Bench: ______________________",
+        "",
+        "Stop at any sign of trouble: outputs off first, then write down what was seen.",
+    ]
+    parts = [line for number, one in enumerate(found.records, 1) for line in _record(number, one)]
+    return "\n".join([*head, *parts, *_foot(found)]) + "\n"
+
+
+def _record(number: int, one: ProposedRecord) -> list[str]:
+    settings = [
+        f"  [ ] set {name.replace('_', ' ')} to {value}, wait until it is steady"
+        for name, value in one.settings.items()
+    ]
+    steps = [f"  [ ] {step}" for step in one.steps]
+    return [
+        "",
+        "-" * _WIDTH,
+        f"RECORD {number}    about {clock_time(one.duration)}",
+        f"  recorded: {one.recorded:.3g} s at {one.rate:g} Hz",
+        *_wrapped(one.why, "  "),
+        *settings,
+        "  [ ] back to the start position, logger on",
+        *steps,
+        "  [ ] logger off; file name: ______________________________",
+        "  read before: ______________________    read after: ______________________",
+        "  remarks: " + "_" * (_WIDTH - 11),
+    ]
+
+
+def _foot(found: DesignResult) -> list[str]:
+    return [
+        "",
+        "-" * _WIDTH,
+        "Afterwards, where rigctl is:",
+        "  rigctl import FILE... --rig RIG           the log, one record each",
+        f"  rigctl diagnose {' '.join(found.runs)} NEW_RUN --model MODEL",
+    ]
+
+
+def _wrapped(text: str, indent: str) -> list[str]:
+    from textwrap import wrap
+
+    return wrap(text, _WIDTH, initial_indent=indent, subsequent_indent=indent)

@@ -1,0 +1,51 @@
+"""The sheet that an operator works through: every setting and step of the design, in its order."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from rigctl.design.result import ProposedRecord
+from rigctl.design.work_sheet import work_sheet
+
+
+def record(**settings: str) -> ProposedRecord:
+    return ProposedRecord(
+        settings=settings,
+        steps=("wait: 2 s", "extend: 1.8 s", "retract: 3 s"),
+        why="D grows by 136",
+        separation=136.0,
+        of_repeat=1.9,
+        before=0.005,
+        after=0.98,
+        duration=3240.0,
+        recorded=13.3,
+        rate=100.0,
+    )
+
+
+def test_every_setting_and_step_has_a_box_in_its_order() -> None:
+    made: Any = SimpleNamespace(
+        model="own",
+        statement="Two records tell a leak from a drift",
+        records=(
+            record(oil_temperature="74 degC", supply_pressure="55 bar"),
+            record(oil_temperature="20 degC"),
+        ),
+        before=0.005,
+        after=0.98,
+        duration=3300.0,
+        runs=("20260101-000000-campaign",),
+    )
+    text = work_sheet(made)
+    boxes = [line.strip() for line in text.splitlines() if line.lstrip().startswith("[ ]")]
+    assert boxes[:2] == [
+        "[ ] set oil temperature to 74 degC, wait until it is steady",
+        "[ ] set supply pressure to 55 bar, wait until it is steady",
+    ]
+    assert boxes[3:6] == ["[ ] wait: 2 s", "[ ] extend: 1.8 s", "[ ] retract: 3 s"]
+    assert len(boxes) == 7 + 6
+    assert "RECORD 2" in text
+    assert "under 1 % now, 98 % after" in text
+    assert "rigctl diagnose 20260101-000000-campaign NEW_RUN --model MODEL" in text
+    assert max(map(len, text.splitlines())) <= 100
