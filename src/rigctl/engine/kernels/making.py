@@ -17,11 +17,12 @@ from rigctl.engine.machine_code import MachineCode, emitted
 #: of the one function in the machine code of a kernel: ``int32 kernel(void *, void **, int64 *words)``. The
 #: first two are numba's, for a result and for an error; another number than 0 is returned where there is one.
 SYMBOL = "kernel"
+_KERNELS = {"record": "integrate_record", "step": "step_to"}
 
 
 def kernel_code(module: str) -> MachineCode:
-    """The machine code of ``from_words`` in `module` of this package."""
-    function: Any = import_module(f"{__package__}.{module}").from_words
+    """The machine code of the kernel in `module` of this package."""
+    function: Any = getattr(import_module(f"{__package__}.{module}"), _KERNELS[module])
     flags: Any = Flags()
     flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
     flags.error_model, flags.boundscheck = OPTIONS["error_model"], OPTIONS["boundscheck"]

@@ -104,52 +104,59 @@ def set_ramps(t, knot, knots, ramps, ramped, switches):
 
 
 @njit(**OPTIONS)
-def integrate_record(
-    addresses,
-    sizes,
-    tolerance,
-    y0,
-    q,
-    command_times,
-    command_values,
-    command_shifts,
-    knots,
-    ramps,
-    ramped,
-    sample_times,
-    initial_columns,
-    delayed,
-    rhs_active,
-    outputs_active,
-    delays_active,
-    spline_weights,
-    spline_knots,
-    rhs_splines,
-    rhs_scales,
-    outputs_splines,
-    outputs_scales,
-    delays_splines,
-    delays_scales,
-    floats,
-    integers,
-    states,
-    outputs,
-    sensitivities,
-    counters,
-):
+def ended(returned, outcome, t, samples):
+    """Say how the integration ended."""
+    returned[0] = outcome
+    returned[1] = t
+    returned[2] = samples
+
+
+def integrate_record(words):
     """Integrate from ``command_times[0]`` over all samples; a sample at a switch shows what was before it.
 
-    Arguments: `sizes` and the buffers, full of zeros, as in `workspace`; `tolerance` the relative one and
-    then the absolute one of each state; y0 (n); q; command k holds ``command_values[k]`` from
-    ``command_times[k]`` on, whose derivatives by the quantities of the
-    last columns are ``command_shifts[k]``; the inputs `ramped` (r) are
-    straight lines between their values `ramps` (knots, r) at the times `knots`, and constant beyond;
-    `initial_columns` the initial states that the columns before the last differentiate by; the tables of
-    splines as in `workspace`. Fills states
-    (samples, n), outputs (samples, z) and sensitivities (samples, z, columns).
+    `words` describe the arrays, see `sizes.WORDS`: `sizes` and the buffers, full of zeros, as in `workspace`;
+    `tolerance` the relative one and then the absolute one of each state; y0 (n); q; command k holds
+    ``command_values[k]`` from ``command_times[k]`` on, whose derivatives by the quantities of the last
+    columns are ``command_shifts[k]``; the inputs `ramped` (r) are straight lines between their values `ramps`
+    (knots, r) at the times `knots`, and constant beyond; `initial_columns` the initial states that the
+    columns before the last differentiate by; the tables of splines as in `workspace`. Fills states
+    (samples, n), outputs (samples, z) and sensitivities (samples, z, columns), and `returned` with the
+    outcome, the time reached and the samples done.
 
-    Returns (outcome, time reached, samples done).
+    It unpacks its words itself: a second function that did would make it take a sixth longer to compile.
     """
+    addresses = integers_1(words, 0)
+    sizes = integers_1(words, 1)
+    tolerance = floats_1(words, 2)
+    y0 = floats_1(words, 3)
+    q = floats_1(words, 4)
+    command_times = floats_1(words, 5)
+    command_values = floats_2(words, 6)
+    command_shifts = floats_2(words, 7)
+    knots = floats_1(words, 8)
+    ramps = floats_2(words, 9)
+    ramped = integers_1(words, 10)
+    sample_times = floats_1(words, 11)
+    initial_columns = integers_1(words, 12)
+    delayed = integers_1(words, 13)
+    rhs_active = integers_2(words, 14)
+    outputs_active = integers_2(words, 15)
+    delays_active = integers_2(words, 16)
+    spline_weights = floats_2(words, 17)
+    spline_knots = floats_2(words, 18)
+    rhs_splines = integers_2(words, 19)
+    rhs_scales = floats_1(words, 20)
+    outputs_splines = integers_2(words, 21)
+    outputs_scales = floats_1(words, 22)
+    delays_splines = integers_2(words, 23)
+    delays_scales = floats_1(words, 24)
+    floats = floats_1(words, 25)
+    integers = integers_1(words, 26)
+    states = floats_2(words, 27)
+    outputs = floats_2(words, 28)
+    sensitivities = floats_3(words, 29)
+    counters = integers_1(words, 30)
+    returned = floats_1(words, 31)
     work, switches, seen = lay_out(
         sizes,
         pointer_to(floats),
@@ -200,7 +207,7 @@ def integrate_record(
                 differentiate_outputs(functions, switches.u, parameters, switches.inputs, work, seen, shown)
             samples += 1
         if samples == sample_times.size:
-            return DONE, t, samples
+            return ended(returned, DONE, t, samples)
         if knot < knots.size and knots[knot] <= t:
             knot += 1
             set_ramps(t, knot, knots, ramps, ramped, switches)
@@ -221,7 +228,7 @@ def integrate_record(
             )
             stale = False
         if outcome != DONE:
-            return outcome, t, samples
+            return ended(returned, outcome, t, samples)
         following = times[commands] if commands < count else math.inf
         target = min(sample_times[samples], following, switch_time)
         if knot < knots.size:
@@ -242,46 +249,4 @@ def integrate_record(
             counters,
         )
         if outcome != DONE:
-            return outcome, t, samples
-
-
-def from_words(words):
-    """`integrate_record` of the arrays that `words` describe, see `sizes.WORDS`; the last one is filled with
-    what it returns."""
-    outcome, reached, done = integrate_record(
-        integers_1(words, 0),  # addresses
-        integers_1(words, 1),  # sizes
-        floats_1(words, 2),  # tolerance
-        floats_1(words, 3),  # y0
-        floats_1(words, 4),  # q
-        floats_1(words, 5),  # command_times
-        floats_2(words, 6),  # command_values
-        floats_2(words, 7),  # command_shifts
-        floats_1(words, 8),  # knots
-        floats_2(words, 9),  # ramps
-        integers_1(words, 10),  # ramped
-        floats_1(words, 11),  # sample_times
-        integers_1(words, 12),  # initial_columns
-        integers_1(words, 13),  # delayed
-        integers_2(words, 14),  # rhs_active
-        integers_2(words, 15),  # outputs_active
-        integers_2(words, 16),  # delays_active
-        floats_2(words, 17),  # spline_weights
-        floats_2(words, 18),  # spline_knots
-        integers_2(words, 19),  # rhs_splines
-        floats_1(words, 20),  # rhs_scales
-        integers_2(words, 21),  # outputs_splines
-        floats_1(words, 22),  # outputs_scales
-        integers_2(words, 23),  # delays_splines
-        floats_1(words, 24),  # delays_scales
-        floats_1(words, 25),  # floats
-        integers_1(words, 26),  # integers
-        floats_2(words, 27),  # states
-        floats_2(words, 28),  # outputs
-        floats_3(words, 29),  # sensitivities
-        integers_1(words, 30),  # counters
-    )
-    returned = floats_1(words, 31)
-    returned[0] = outcome
-    returned[1] = reached
-    returned[2] = done
+            return ended(returned, outcome, t, samples)

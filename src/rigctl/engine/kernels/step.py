@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from rigctl.engine.kernels.advance import advance, restart
 from rigctl.engine.kernels.calling import (
-    OPTIONS,
     OUTPUTS,
     call_4,
     floats_1,
@@ -22,14 +19,25 @@ from rigctl.engine.kernels.workspace import lay_out
 TIME, NEXT_STEP, STALE = range(3)
 
 
-@njit(**OPTIONS)
-def step_to(
-    addresses, sizes, tolerance, q, target, commanded, carried, delayed, floats, integers, outputs, counters
-):
+def step_to(words):
     """Command the inputs now, then integrate to `target`; the buffers and `carried` hold all between calls.
 
-    Fills `outputs` with g at `target`. Returns (outcome, time reached).
+    Fills `outputs` with g at `target`. `words` describe the arrays (see
+    `sizes.WORDS`); `returned` with the outcome and the time reached.
     """
+    addresses = integers_1(words, 0)
+    sizes = integers_1(words, 1)
+    tolerance = floats_1(words, 2)
+    q = floats_1(words, 3)
+    target = floats_1(words, 4)[0]
+    commanded = floats_1(words, 5)
+    carried = floats_1(words, 6)
+    delayed = integers_1(words, 7)
+    floats = floats_1(words, 8)
+    integers = integers_1(words, 9)
+    outputs = floats_1(words, 10)
+    counters = integers_1(words, 11)
+    returned = floats_1(words, 12)
     nothing, buffer = pointer_to(integers), pointer_to(floats)
     no_splines = (buffer, buffer, nothing, buffer, nothing, buffer, nothing, buffer)
     work, switches, _ = lay_out(
@@ -71,26 +79,5 @@ def step_to(
             )
     call_4(functions[OUTPUTS], work.y, switches.u, parameters, pointer_to(outputs))
     carried[TIME], carried[NEXT_STEP], carried[STALE] = t, h, 1.0 if stale else 0.0
-    return outcome, t
-
-
-def from_words(words):
-    """`step_to` of the arrays that `words` describe, see `sizes.WORDS`; the last one is filled with what it
-    returns."""
-    outcome, reached = step_to(
-        integers_1(words, 0),  # addresses
-        integers_1(words, 1),  # sizes
-        floats_1(words, 2),  # tolerance
-        floats_1(words, 3),  # q
-        floats_1(words, 4)[0],  # target
-        floats_1(words, 5),  # commanded
-        floats_1(words, 6),  # carried
-        integers_1(words, 7),  # delayed
-        floats_1(words, 8),  # floats
-        integers_1(words, 9),  # integers
-        floats_1(words, 10),  # outputs
-        integers_1(words, 11),  # counters
-    )
-    returned = floats_1(words, 12)
     returned[0] = outcome
-    returned[1] = reached
+    returned[1] = t
