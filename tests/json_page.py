@@ -16,7 +16,7 @@ _SECTIONS = {
     "design": ("compare", "diagnose", "design"),
     "discover": ("compare", "diagnose", "discover"),
     "learn": ("compare", "diagnose", "design", "learn"),
-    "demo": ("compare", "diagnose", "design", "learn"),
+    "demo": ("compare", "diagnose", "design", "discover", "learn", "demo"),
     "compensate": ("compare", "compensate"),
     "run": ("run, simulate, resume",),
     "simulate": ("run, simulate, resume",),
