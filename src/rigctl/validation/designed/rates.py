@@ -77,7 +77,9 @@ def _confusion(outcomes: Sequence[DesignOutcome]) -> dict[str, dict[str, int]]:
     table: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
         if outcome.counts:
-            row = table.setdefault(" + ".join(outcome.scenario.truth), {})
-            said = "failed" if outcome.failure else " + ".join(_of(outcome).added) or _of(outcome).ended
+            row = table.setdefault(" + ".join(sorted(outcome.scenario.truth)), {})
+            said = (
+                "failed" if outcome.failure else " + ".join(sorted(_of(outcome).added)) or _of(outcome).ended
+            )
             row[said] = row.get(said, 0) + 1
     return table
