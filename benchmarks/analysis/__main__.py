@@ -6,7 +6,12 @@ model does not know, and on the eight published strokes. Every time is the short
 stand the processor's seconds, which other work on the machine does not lengthen as much, and what was asked
 for on two quiet cores. ``--steps`` times their parts in one process. ``--slow`` compares up to a thousand
 records, and imports and compares ten million rows, each in a process of its own: that takes half an hour.
-``--own`` diagnoses a user's own bench instead, as a whole command, compiled for the first time and again.
+``--own`` diagnoses a user's own bench instead, as a whole command, compiled for the first time and again;
+``--apply`` adds three hidden effects to the model of 28 strokes, and ``--discover`` looks for a formula of
+what is in no library, each once, as a whole command.
+
+Python keeps its bytecode where these commands run, as of an installed package: a setting that forbids it
+would have every command compile the sources of the whole package again.
 """
 
 from __future__ import annotations
@@ -21,7 +26,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.analysis.data import MODEL, RIG, ROOT, run_of, write_fast, write_own_bench
+from benchmarks.analysis.data import (
+    CHAMBERS_RIG,
+    MODEL,
+    RIG,
+    ROOT,
+    THREE,
+    run_of,
+    run_of_three,
+    write_fast,
+    write_own_bench,
+    write_tight,
+)
 from benchmarks.analysis.process import in_a_command, in_a_process
 from benchmarks.engine.timing import best
 from benchmarks.record import keep, table
@@ -34,6 +50,10 @@ TIMES = 2
 ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
 #: the same of a user's own bench, as a whole command
 OWN = {"compiled for the first time": 20.0, "afterwards": 5.0}
+#: what the results of an option are called
+OF_LONGER = {"--own": "own bench", "--apply": "apply", "--discover": "discover"}
+#: the same of the longer commands
+APPLY, DISCOVER = 30.0, 60.0
 RECORDS = (28, 100, 300, 1000)
 #: times the standard campaign's 28 records of ten thousand samples
 REPEATS = 36
@@ -42,6 +62,7 @@ ASKED_MEGABYTES = 1000.0
 
 def main() -> None:
     os.environ["RIGCTL_RESULTS"] = "off"  # what is timed is done, not found
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     kept: dict[str, Any] = {}
     path = HERE / "results.json"
     if path.exists():
@@ -49,9 +70,12 @@ def main() -> None:
         kept.pop("note", None)  # on how busy the machine was then
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if "--own" in sys.argv[1:]:
-            kept["own bench"] = own_bench(folder / "own")
-        else:
+        os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
+        longer = {"--own": own_bench, "--apply": apply, "--discover": discover}
+        asked = [option for option in longer if option in sys.argv[1:]]
+        for option in asked:
+            kept[OF_LONGER[option]] = longer[option](folder / option[2:])
+        if not asked:
             kept["commands"] = commands(folder)
         if "--steps" in sys.argv[1:]:
             kept["standard"] = standard(folder)
@@ -138,6 +162,46 @@ def own_bench(folder: Path) -> dict[str, dict[str, float]]:
         rows.append((name, f"{wall:.1f}", f"{cpu:.1f}", f"{asked:g}"))
     table("each with no result of an earlier command at hand", rows)
     return found
+
+
+def apply(folder: Path) -> dict[str, float]:
+    """``rigctl diagnose --apply`` of 28 strokes of a bench that hides three effects."""
+    run = str(run_of_three(folder / "runs").folder)
+    model = folder / "model.yaml"
+    model.write_bytes(MODEL.read_bytes())
+    command = ["diagnose", run, "--model", str(model), "--apply", "--json"]
+    took, said = _once(folder, command)
+    added = [name for step in said["steps"] for name in step["effects"]]
+    rows = [
+        ("28 strokes", "seconds", "of processor", "asked"),
+        ("rigctl diagnose --apply", f"{took['wall']:.1f}", f"{took['cpu']:.1f}", f"{APPLY:g}"),
+    ]
+    table(f"hidden: {', '.join(THREE)}; added: {', '.join(added)}", rows)
+    return took
+
+
+def discover(folder: Path) -> dict[str, float]:
+    """``rigctl discover`` of 32 strokes with a friction in one spot, which no effect of the library is."""
+    run = str(write_tight(folder / "runs"))
+    took, said = _once(folder, ["discover", run, "--model", str(MODEL), "--json"])
+    rows = [
+        (f"32 strokes, rig {CHAMBERS_RIG.stem}", "seconds", "of processor", "asked"),
+        ("rigctl discover", f"{took['wall']:.1f}", f"{took['cpu']:.1f}", f"{DISCOVER:g}"),
+    ]
+    table(f"formulas: {', '.join(one['formula'] for one in said['formulas'])}", rows)
+    return took
+
+
+def _once(folder: Path, command: list[str]) -> tuple[dict[str, float], dict[str, Any]]:
+    """Wall and processor seconds of a command of rigctl whose machine code and bytecode are there, and what
+    it says."""
+    rigctl = [sys.executable, "-m", "rigctl"]
+    warm = [*rigctl, "compare", command[1], "--model", str(MODEL), "--json"]
+    subprocess.run(warm, check=True, capture_output=True, cwd=folder)
+    before, began = os.times(), time.perf_counter()
+    done = subprocess.run([*rigctl, *command], check=True, capture_output=True, cwd=folder)
+    wall, after = time.perf_counter() - began, os.times()
+    return {"wall": wall, "cpu": sum(after[2:4]) - sum(before[2:4])}, json.loads(done.stdout)
 
 
 def growing(folder: Path) -> dict[str, dict[str, float]]:

@@ -18,12 +18,18 @@ from rigctl.validation.bench.parameters import Bench
 from rigctl.validation.benches.bench import BenchCampaign, write_bench
 from rigctl.validation.benches.register import find_bench
 from rigctl.validation.campaign_run import make_run
+from rigctl.validation.hidden_effect import hide
+from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.planted.terms import find_planted
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "rigs" / "hl32-bench.yaml"
+CHAMBERS_RIG = ROOT / "rigs" / "hl32-bench-instrumented.yaml"
 MODEL = ROOT / "models" / "hl32-textbook.yaml"
 #: the published campaign, 28 records of 376 samples, with a valve that leaks
 STANDARD = Campaign(bench=Bench(spool_leak=8e-15), seed=1)
+#: hidden at once, each of its typical size
+THREE = ("valve_leakage", "coulomb_friction", "flow_area_thermal_drift")
 #: of long records: samples a second, so that one has ten thousand
 FAST = 10_000 / 3.75
 #: of a user's own bench
@@ -35,6 +41,19 @@ def run_of(records: int, folder: Path) -> Run:
     hot = np.linspace(20.0, 80.0, records // 4)
     path = make_run(replace(STANDARD, temperatures=tuple(hot.tolist())), RIG, folder)
     return open_run(path)
+
+
+def run_of_three(folder: Path) -> Run:
+    """The standard campaign on a bench that hides three effects of the library, in shapes of its own."""
+    hidden = [(find_hidden(name), find_hidden(name).typical) for name in THREE]
+    return open_run(make_run(hide(Campaign(seed=1), hidden, "other"), RIG, folder))
+
+
+def write_tight(folder: Path) -> Path:
+    """The run of `docs/tutorial/nothing-fits.md`: 32 strokes of a rod that is tight in one place."""
+    hidden = [(find_planted("tight").hidden, 80.0)]
+    campaign = Campaign(chamber_pressures=True, repeated=4)
+    return make_run(hide(campaign, hidden, "other"), CHAMBERS_RIG, folder)
 
 
 def write_own_bench(folder: Path) -> Path:
