@@ -21,6 +21,10 @@ Runs = Annotated[
     list[str],
     typer.Argument(metavar="RUN...", help="Ids, starts of ids, paths, or 'latest'.", show_default=False),
 ]
+AsPage = Annotated[
+    Path | None,
+    typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
+]
 OneModel = Annotated[
     Path,
     typer.Option(

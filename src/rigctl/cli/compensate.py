@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.cli.compare import AsPage
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
 
@@ -62,10 +63,7 @@ def compensate(
         bool,
         typer.Option("--judge", help="Judge the runs of such a check; exit code 1 where it does not hold."),
     ] = False,
-    page: Annotated[
-        Path | None,
-        typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
-    ] = None,
+    page: AsPage = None,
     force: Annotated[
         bool, typer.Option("--force", help="Let -o and --page replace a file that is there.")
     ] = False,

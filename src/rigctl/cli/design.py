@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
 
@@ -52,10 +52,7 @@ def design(
             "--output", "-o", metavar="FILE", help="Write the procedure into this file.", show_default=False
         ),
     ] = None,
-    page: Annotated[
-        Path | None,
-        typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
-    ] = None,
+    page: AsPage = None,
     sheet: Annotated[
         Path | None,
         typer.Option(

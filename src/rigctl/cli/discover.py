@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.compare import Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
 
@@ -42,10 +42,7 @@ def discover(
             show_default=False,
         ),
     ] = None,
-    page: Annotated[
-        Path | None,
-        typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
-    ] = None,
+    page: AsPage = None,
     force: Annotated[
         bool, typer.Option("--force", help="Let --page replace a file that is no page of ours.")
     ] = False,
