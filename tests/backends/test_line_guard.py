@@ -23,7 +23,11 @@ from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
 from tclab_board import Served
 
-TCLAB = load_rig(shipped("rigs", "tclab-board.yaml"))
+SHIPPED = load_rig(shipped("rigs", "tclab-board.yaml"))
+assert SHIPPED.backend.lines is not None
+#: with patience for a computer that has a dozen other processes to run meanwhile
+PATIENT = SHIPPED.backend.lines.model_copy(update={"timeout": 2.0, "tries": 3})
+TCLAB = SHIPPED.model_copy(update={"backend": SHIPPED.backend.model_copy(update={"lines": PATIENT})})
 
 #: heats, says so, and then does what is to be survived
 HOST = """
