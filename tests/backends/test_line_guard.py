@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import subprocess
 import sys
@@ -45,6 +46,14 @@ print("heating", flush=True)
 while True:
     bench.next_sample(1.0)
 """
+
+
+@pytest.fixture(autouse=True)
+def no_collection() -> Iterator[None]:
+    """Host and device are threads of this process, and the guard takes a long pause for a standstill."""
+    gc.disable()
+    yield
+    gc.enable()
 
 
 @pytest.fixture
