@@ -17,7 +17,7 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.learning import learn
 from rigctl.learning.keep import Kept, Task
-from rigctl.learning.learn import Learner, exit_code
+from rigctl.learning.learn import Learner
 from rigctl.learning.result import Ended, Round
 from rigctl.model import load_model
 from rigctl.plan import Plan
@@ -217,7 +217,7 @@ def test_every_ending_says_why(stand: Any, ended: Ended, verdicts: list[Any], mo
     learned = here.learner.learn()
     assert learned.ended is ended
     assert learned.statement
-    assert (exit_code(learned) is ExitCode.FAILED) is (ended is Ended.STOPPED)
+    assert (learned.exit_code is ExitCode.FAILED) is (ended is Ended.STOPPED)
     assert (Kept.find(here.kept.folder.parents[1]).learned is None) is (ended is Ended.STOPPED)
 
 

@@ -154,8 +154,7 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
         console.print(f"  {escape(round_text(one))}", soft_wrap=True)
 
     kept = Kept.create(directory, task, "demo")
-    with telling() as on_progress:
-        learned = Learner(kept, bench, runs, proposed, on_progress=on_progress, on_round=judged).learn()
+    learned = Learner(kept, bench, runs, proposed, working=telling, on_round=judged).learn()
     console.print(f"[bold]5[/] What came of it, judged also where the fit never looked ({_HELD_OUT})")
     console.print(f"  {escape(learned.statement)}", soft_wrap=True)
     found = ", ".join(learned.added) or learned.ended.value.replace("_", " ")

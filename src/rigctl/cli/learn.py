@@ -106,7 +106,7 @@ def learn(
     from rigctl.cli.learn_views import show_learned, show_proposal, show_round
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
-    from rigctl.learning.learn import Learner, exit_code
+    from rigctl.learning.learn import Learner
     from rigctl.project import find_project
 
     time = None if budget is None else read_budget(budget)
@@ -122,21 +122,20 @@ def learn(
         show_proposal(proposal, design, quiet=as_json)
         return yes or _confirmed()
 
-    with telling("what was measured and added stays; 'rigctl learn --resume' goes on") as on_progress:
-        learned = Learner(
-            kept,
-            _bench(kept.task, person),
-            find_project().runs,
-            ask,
-            on_progress=on_progress,
-            on_round=lambda one: None if as_json else show_round(one),
-        ).learn()
+    learned = Learner(
+        kept,
+        _bench(kept.task, person),
+        find_project().runs,
+        ask,
+        working=lambda: telling("what was measured and added stays; 'rigctl learn --resume' goes on"),
+        on_round=lambda one: None if as_json else show_round(one),
+    ).learn()
     page = _write_page(kept, learned)
     if as_json:
         print_json(learned.document() | {"folder": str(kept.folder), "page": str(page)})
     else:
         show_learned(learned, kept.folder, page)
-    raise typer.Exit(int(exit_code(learned)))
+    raise typer.Exit(int(learned.exit_code))
 
 
 def _resumed(procedure: Path | None, model: Path | None, time: float | None, rounds: int | None) -> Kept:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -40,6 +41,8 @@ class Learner:
     bench: where rounds are measured.
     runs: the folder of the runs.
     ask: called before each designed round.
+    working: entered around each stretch of analysis, told what is being done; a run and a question have the
+        terminal to themselves.
     on_round: told of each round that has been judged.
     """
 
@@ -47,7 +50,7 @@ class Learner:
     bench: Bench
     runs: Path
     ask: Ask
-    on_progress: OnProgress = lambda _: None
+    working: Callable[[], AbstractContextManager[OnProgress]] = lambda: nullcontext(lambda _: None)
     on_round: Callable[[Round], None] = lambda _: None
 
     def learn(self) -> Learned:
@@ -88,7 +91,8 @@ class Learner:
         result = self.bench.measure(plan, here.number, self.kept.folder.name)
         if result.folder is None or result.status != "finished":
             where = f"{result.folder.name} " if result.folder is not None else ""
-            return self._ended(Ended.STOPPED, f"the run {where}{result.status}: {result.reason}")
+            stopped = self._ended(Ended.STOPPED, f"the run {where}{result.status}: {result.reason}")
+            return replace(stopped, exit_code=result.exit_code or ExitCode.FAILED)
         self.kept.update(replace(here, run=result.folder.name, duration=result.duration))
         return None
 
@@ -96,14 +100,15 @@ class Learner:
         """Compare and diagnose on all runs so far, add what is sure, hold it against what was promised."""
         task = self.kept.task
         path = Path(task.model)
-        self.on_progress(f"Round {here.number}: comparing")
-        compared = compare(
-            self._open_runs(),
-            [load_model(path)],
-            hold_out=task.hold_out or None,
-            on_progress=self.on_progress,
-        )
-        improved = improve(compared, path, sure=True, on_progress=self.on_progress)
+        with self.working() as on_progress:
+            on_progress(f"Round {here.number}: comparing")
+            compared = compare(
+                self._open_runs(),
+                [load_model(path)],
+                hold_out=task.hold_out or None,
+                on_progress=on_progress,
+            )
+            improved = improve(compared, path, sure=True, on_progress=on_progress)
         if here.judged:  # before learning was cut off: what was said then stays
             return here, improved
         first, now = improved.first, improved.last.before.fit
@@ -141,7 +146,6 @@ class Learner:
         ended = self._settled(judged, last) or self._exhausted(judged)
         if ended is not None:
             return ended
-        self.on_progress("Designing the next records")
         try:
             design = self._design(last, judged.number)
         except TooLittleTime as problem:
@@ -162,22 +166,18 @@ class Learner:
         return None
 
     def _design(self, last: Diagnosis, number: int) -> DesignResult:
-        """The next records; with the sensors that the bench could have where no record does it."""
-
-        def designed(*, sensors: bool) -> DesignResult:
+        """The next records; with the sensor that the bench could have where no record does it."""
+        with self.working() as on_progress:
+            on_progress("Designing the next records")
             return design_experiment(
                 self._open_runs(),
                 last.before.fit.problem.model,
                 budget=self._time_left,
-                sensors=sensors,
                 seed=number,
                 hold_out=self.kept.task.hold_out or None,
                 diagnosis=last,
-                on_progress=self.on_progress,
+                on_progress=on_progress,
             )
-
-        found = designed(sensors=False)
-        return found if found.separable or found.sensor is not None else designed(sensors=True)
 
     @property
     def _time_left(self) -> float | None:
@@ -233,8 +233,3 @@ def require_time(plan: Plan, budget: float | None) -> None:
             value=f"{budget / 60.0:.3g} min",
             expected=f"at least {seconds / 60.0:.3g} min of the rig's time",
         )
-
-
-def exit_code(learned: Learned) -> ExitCode:
-    """0 unless a run failed."""
-    return ExitCode.FAILED if learned.ended is Ended.STOPPED else ExitCode.DONE

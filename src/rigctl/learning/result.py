@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from rigctl.errors import ExitCode
 from rigctl.notebook import as_html, one_line
 
 if TYPE_CHECKING:
@@ -212,6 +213,7 @@ class Learned:
     model: the file whose versions were saved, and `version` the last of them.
     spent: s of the rig's time.
     sensor: names of channels that would tell what is left apart, where the bench as it is could not.
+    exit_code: that of a run that did not finish, else 0.
     """
 
     rounds: tuple[Round, ...]
@@ -221,6 +223,7 @@ class Learned:
     spent: float
     statement: str
     sensor: tuple[str, ...] = ()
+    exit_code: ExitCode = ExitCode.DONE
 
     @property
     def added(self) -> tuple[str, ...]:
