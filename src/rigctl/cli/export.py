@@ -9,6 +9,9 @@ import typer
 
 from rigctl.cli.echo import echo, echo_json
 
+#: what a run can be handed out as besides a table
+_FORMS = ("junit",)
+
 
 def export(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
@@ -35,6 +38,10 @@ def export(
     disarm: Annotated[
         bool, typer.Option("--disarm", help="In CSV: keep a spreadsheet from taking texts for formulas.")
     ] = False,
+    to: Annotated[
+        str | None,
+        typer.Option(metavar="FORM", help="junit: the measures with their limits, as test cases (.xml)."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Write a run's data to a file that other programs read, every column with its unit.
@@ -43,13 +50,29 @@ def export(
     last four each record is a group, or a sheet, of its own. 'rigctl import' reads samples and observations
     back. Without --table it is the samples, or the observations of a run that has no samples.
 
-    Example: rigctl export latest -o strokes.csv
+    With --to junit, or a name that ends in .xml, it is the measures with their limits as JUnit XML, for build
+    servers and test managers: one case for each, and one for the run having come to its end.
+
+    Examples:
+
+      rigctl export latest -o strokes.csv
+
+      rigctl export latest --to junit -o results.xml
     """
     from rigctl.dataset import open_run
-    from rigctl.dataset.exporting import default_table, export_run
+    from rigctl.dataset.exporting import default_table, export_junit, export_run
     from rigctl.files.write import to_json
 
     opened = open_run(run)
+    form = _form(to, output)
+    if form == "junit":
+        path = output or Path(f"{opened.id}.xml")
+        cases = export_junit(opened, path, overwrite=overwrite)
+        if as_json:
+            echo_json(to_json({"run": opened.id, "path": str(path), "form": form, "cases": cases}))
+        else:
+            echo(f"{path}: {cases} test cases")
+        return
     table = table or default_table(opened)
     suffix = f"-{table}" if table != "samples" else ""
     path = output or Path(f"{opened.id}{suffix}.csv")
@@ -60,3 +83,14 @@ def export(
     else:
         also = f"; {exported.disarmed} cells were disarmed with an apostrophe" if exported.disarmed else ""
         echo(f"{path}: {exported.rows} rows{also}")
+
+
+def _form(to: str | None, output: Path | None) -> str | None:
+    """What is written besides tables: as it is named, or as the end of the file's name says."""
+    from rigctl.errors import unknown_name
+
+    if to is not None and to not in _FORMS:
+        raise unknown_name("form", to, _FORMS)
+    if to is None and output is not None and output.suffix.lower() == ".xml":
+        return "junit"
+    return to

@@ -49,6 +49,7 @@ def resume(
         options={**header.options, **given},
         clock=clock_for(speed or _speed_before(header.clock), kind),
         person=person_in_charge(operator or header.operator),
+        device=header.device,
         arguments=header.arguments,
         seed=header.seed,
         exclusive=kind != "simulated",

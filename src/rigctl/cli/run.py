@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
 
 
 def run(
@@ -28,6 +29,9 @@ def run(
         typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
     ] = None,
     operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with the run.")] = None,
+    serial_number: SerialNumberOption = None,
+    part: PartOption = None,
+    notes: NotesOption = None,
     answer: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="An operator's answer given beforehand; repeatable."),
@@ -46,12 +50,13 @@ def run(
 
     Examples:
 
-      rigctl run procedures/quick-check.yaml --operator Ada
+      rigctl run procedures/quick-check.yaml --operator Ada --serial-number HC-0042
 
       rigctl run procedures/quick-check.yaml --dry
     """
     from datetime import UTC, datetime
 
+    from rigctl.cli.identity import identified
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
     from rigctl.project import find_project
@@ -62,6 +67,8 @@ def run(
     plan = open_plan(procedure, rig, arg or ())
     runs = find_project().runs
     kind = backend or plan.rig.backend_named()
+    given = {"serial_number": serial_number, "part": part, "operator": operator, "notes": notes}
+    identity = identified(plan, given)
     say_warnings(plan.rig.warnings(datetime.now(UTC).date()))
     how = Launch(
         runs=runs,
@@ -69,7 +76,8 @@ def run(
         backend=kind,
         options=bench_options(kind, plan.rig, port=port, seed=seed, recording=recording, runs=runs),
         clock=clock_for(speed, kind),
-        person=person_in_charge(operator),
+        person=person_in_charge(identity.operator),
+        device=identity.device,
         arguments=read_assignments(arg or ()),
         seed=seed,
         dry=dry,

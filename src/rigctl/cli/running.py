@@ -14,10 +14,13 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 
 if TYPE_CHECKING:
+    from rigctl.dataset.judgement import Judgement
     from rigctl.plan import Plan
     from rigctl.runner.launch import Launch
     from rigctl.runner.session import RunResult
 
+#: measures outside their limits that are listed at the end of a run
+_MOST_SHOWN = 10
 #: backends whose operator is simulated or recorded along with the bench
 _UNATTENDED = ("simulated", "replay", "emulated")
 
@@ -61,6 +64,7 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
     """Say how a run ended, and end with its exit code."""
     from rigctl.files.write import to_json
 
+    test = result.test
     if as_json:
         folder = result.folder
         told = {
@@ -74,16 +78,35 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
             "unconfirmed": result.unconfirmed,
             "by_hand": result.by_hand,
             "warnings": [asdict(one) for one in result.warnings],
+            "test": test.to_json() if test is not None else None,
         }
         echo_json(to_json(told))
     else:
         echo(result.summary())
         if result.folder is not None:
             echo(f"  {result.folder}")
+        if test is not None and test.measures:
+            _tell_test(test)
     if result.unconfirmed is not None:
         said = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
         typer.secho(f"{said}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
+
+
+def _tell_test(test: Judgement) -> None:
+    """Whether the device has passed, and every limit that it missed."""
+    count, missed = len(test.measures), test.missed
+    measures = "measure" if count == 1 else "measures"
+    if not missed:
+        ended = "" if test.result == "pass" else ", and the run did not come to its end"
+        within = f"{count} {measures} within {'its' if count == 1 else 'their'} limits{ended}"
+        typer.secho(f"{test.result.upper()}: {within}", fg=typer.colors.GREEN if not ended else None)
+        return
+    typer.secho(f"FAIL: {len(missed)} of {count} {measures} outside the limits", fg=typer.colors.RED)
+    for measure in missed[:_MOST_SHOWN]:
+        echo(f"  {measure.where + ': ' if measure.where else ''}{measure.sentence()}")
+    if len(missed) > _MOST_SHOWN:
+        echo(f"  and {len(missed) - _MOST_SHOWN} more: 'rigctl runs show'")
 
 
 def say_warnings(warnings: Sequence[str]) -> None:

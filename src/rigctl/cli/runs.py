@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Any
@@ -179,22 +179,25 @@ def sql(
 
 
 def _runs_table(runs: Sequence[RunSummary]) -> Table:
-    columns = ("run", "status", "procedure", "duration", "records", "samples", "notes")
-    return _table(
-        columns,
-        [
-            [
-                run.id,
-                run.status,
-                run.procedure,
-                _duration(run.duration),
-                _records_cell(run),
-                _cell(run.rows),
-                _cell(run.notes or None),
-            ]
-            for run in runs
-        ],
-    )
+    """One line for each; columns about a device under test only where a run has one."""
+    columns: dict[str, Callable[[RunSummary], str]] = {
+        "run": lambda run: run.id,
+        "status": lambda run: run.status,
+        "test": lambda run: run.test if run.test != "none" else "",
+        "procedure": lambda run: run.procedure,
+        "serial number": lambda run: run.serial_number,
+        "part": lambda run: run.part,
+        "duration": lambda run: _duration(run.duration),
+        "records": _records_cell,
+        "samples": lambda run: _cell(run.rows),
+        "notes": lambda run: _cell(run.notes or None),
+    }
+    if not any(run.test in ("pass", "fail") for run in runs):
+        del columns["test"]
+    for name in ("serial number", "part"):
+        if not any(columns[name](run) for run in runs):
+            del columns[name]
+    return _table(tuple(columns), [[cell(run) for cell in columns.values()] for run in runs])
 
 
 def _records_cell(run: RunSummary) -> str:
@@ -216,7 +219,11 @@ def _facts_table(info: Mapping[str, Any]) -> Table:
         "procedure": _source(info["procedure"]),
         "rig": _source(info["rig"]),
         "bench": backend,
+        "test": _test(info.get("test", {})),
+        "serial number": info.get("device", {}).get("serial_number"),
+        "part": info.get("device", {}).get("part"),
         "operator": info["operator"],
+        "notes": info.get("device", {}).get("notes"),
         "started": _instant(info["started"]),
         "duration": _duration(info.get("duration")),
         "clock": info["clock"],
@@ -231,6 +238,18 @@ def _facts_table(info: Mapping[str, Any]) -> Table:
     table = _table((), [[name, value] for name, value in facts.items() if value])
     table.show_header = False
     return table
+
+
+def _test(test: Mapping[str, Any]) -> str:
+    """``fail, 2 of 12 measures outside their limits``; nothing where no measure has limits."""
+    result, passed, missed = test.get("result"), int(test.get("passed", 0)), int(test.get("missed", 0))
+    if result in (None, "none") or not (passed or missed):
+        return ""
+    total = passed + missed
+    measures = "measure" if total == 1 else "measures"
+    if missed:
+        return f"{result}, {missed} of {total} {measures} outside {'its' if total == 1 else 'their'} limits"
+    return f"{result}, {total} {measures} within {'its' if total == 1 else 'their'} limits"
 
 
 def _source(source: Mapping[str, str]) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
 
 
 def simulate(
@@ -33,6 +34,10 @@ def simulate(
         list[str] | None,
         typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
     ] = None,
+    operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with the run.")] = None,
+    serial_number: SerialNumberOption = None,
+    part: PartOption = None,
+    notes: NotesOption = None,
     family: FamilyOption = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -49,6 +54,7 @@ def simulate(
 
       rigctl simulate procedures/quick-check.yaml --with piston_leakage --fault "sensor_stuck:position@12 s"
     """
+    from rigctl.cli.identity import identified
     from rigctl.cli.plans import find_file, open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.project import find_project
@@ -56,6 +62,8 @@ def simulate(
     from rigctl.runner.simulation import simulation_launch
 
     plan = open_plan(procedure, rig, arg or ())
+    given = {"serial_number": serial_number, "part": part, "operator": operator, "notes": notes}
+    identity = identified(plan, given, demanded=False)
     how = simulation_launch(
         plan,
         find_project().runs,
@@ -66,7 +74,8 @@ def simulate(
         speed=speed,
         faults=fault or (),
         arguments=read_assignments(arg or ()),
-        person=person_in_charge(None),
+        person=person_in_charge(identity.operator),
+        device=identity.device,
     )
     with attended(how, plan, {}) as ready:
         result = launch(plan, ready)

@@ -24,7 +24,8 @@ class RunSummary:
     """One line of the catalogue, from ``run.json`` alone.
 
     `status` is ``running`` for a run in progress and ``unclosed`` for one that its program left behind
-    (``rigctl runs verify`` recovers it); ``damaged`` when ``run.json`` cannot be read.
+    (``rigctl runs verify`` recovers it); ``damaged`` when ``run.json`` cannot be read. `test` is ``pass``,
+    ``fail``, ``incomplete`` or, where no measure has limits, ``none``.
     """
 
     id: str
@@ -40,6 +41,10 @@ class RunSummary:
     rows: int | None = None
     notes: int = 0
     excluded: int = 0
+    serial_number: str = ""
+    part: str = ""
+    operator: str = ""
+    test: str = ""
 
 
 def runs_folder(runs: Path | None = None) -> Path:
@@ -119,6 +124,10 @@ def summarise(folder: Path, info: dict[str, Any]) -> RunSummary:
         rows=info.get("rows"),
         notes=sum(statement.kind == "note" for statement in said),
         excluded=len(excluded_records(said)),
+        serial_number=info.get("device", {}).get("serial_number", ""),
+        part=info.get("device", {}).get("part", ""),
+        operator=info.get("operator", ""),
+        test=info.get("test", {}).get("result", ""),
     )
 
 

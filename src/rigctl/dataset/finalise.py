@@ -17,6 +17,7 @@ from rigctl.dataset.history import (
     ended_at,
     read_history,
 )
+from rigctl.dataset.judgement import judge
 from rigctl.dataset.lock import lock_folder
 from rigctl.dataset.parquet import write_table
 from rigctl.dataset.samples import SampleFacts, sample_facts, set_aside_journal, write_samples
@@ -120,6 +121,7 @@ def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str,
         "lost_rows": max(missing, sum(loss.rows for loss in facts.losses.values())),
         "damaged_lines": list(history.damaged_lines),
         "measures": tables.measured_values(history.measures),
+        "test": judge(history).to_json(),
         "sessions": [
             {
                 "session": session.number,

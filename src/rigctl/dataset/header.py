@@ -54,6 +54,7 @@ class RunHeader:
     arguments: what the procedure was called with.
     calibrations: by channel, as in the rig file.
     source: ``bench`` for a run that was carried out, ``import`` for data that was brought in.
+    device: what is known of the device under test: ``serial_number``, ``part``, ``notes``.
     assumed: SI values of inputs that were not recorded and are known to have stayed there, by name.
     """
 
@@ -73,6 +74,7 @@ class RunHeader:
     source: str = "bench"
     assumed: Mapping[str, float] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
+    device: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:
@@ -100,6 +102,7 @@ class RunHeader:
             "started": self.started.isoformat(),
             "plan_digest": self.plan_digest,
             "arguments": dict(self.arguments),
+            **({"device": dict(self.device)} if self.device else {}),
             **({"assumed": dict(self.assumed)} if self.assumed else {}),
             **({"options": dict(self.options)} if self.options else {}),
         }

@@ -54,6 +54,15 @@ class EventEntry:
     data: Mapping[str, Any]
 
 
+@dataclass(frozen=True)
+class TakenMeasure:
+    """A value and when it was taken, in s of the run; `record` is the one that was open, −1 for none."""
+
+    time: float
+    record: int
+    value: MeasuredValue
+
+
 @dataclass
 class Session:
     """One program carrying out a part of a run; `offset` is the run's time at its start."""
@@ -75,6 +84,7 @@ class History:
     sessions: list[Session] = field(default_factory=list)
     records: list[RecordEntry] = field(default_factory=list)
     measures: dict[str, MeasuredValue] = field(default_factory=dict)  #: outside any record
+    taken: list[TakenMeasure] = field(default_factory=list)  #: every one, in the order of time
     events: list[EventEntry] = field(default_factory=list)
     last_time: float = 0.0
     damaged_lines: tuple[int, ...] = ()  #: of the log, from 1; what they said is lost
@@ -169,7 +179,7 @@ class _Reader:
             self._close_record(line, time)
         elif kind == "measure":
             self._add_unlogged(line["record"] + 1, time)
-            self._add_measure(line)
+            self._add_measure(line, time)
         elif kind == "end":
             session = self._history.sessions[-1]
             session.ended, session.status, session.reason = time, line["status"], line["reason"]
@@ -199,11 +209,14 @@ class _Reader:
                 self._open.outcome = line["outcome"]
         self._open = None
 
-    def _add_measure(self, line: Mapping[str, Any]) -> None:
+    def _add_measure(self, line: Mapping[str, Any], time: float) -> None:
         index = line["record"]
         target = self._history.records[index].measures if index >= 0 else self._history.measures
         facts = {key: line[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
-        target[line["name"]] = MeasuredValue(value=_number(line["value"]), **facts)
+        later = {"typed": line.get("typed", False), "path": line.get("path") or ""}  # not in older logs
+        value = MeasuredValue(value=_number(line["value"]), **facts, **later)
+        target[line["name"]] = value
+        self._history.taken.append(TakenMeasure(time, index, value))
 
     def _add_event(self, line: Mapping[str, Any], time: float) -> None:
         known = ("time", "kind", "message", "path")

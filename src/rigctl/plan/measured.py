@@ -15,6 +15,8 @@ class MeasuredValue:
     unit: the unit it is shown in.
     passed: it is within its limits.
     difference: it is an interval of temperatures, shown without offset.
+    typed: an operator's answer: its limits are those of what is taken for one, and judge nothing.
+    path: of the step that it was taken by, in the plan; "" where it is not known.
     """
 
     name: str
@@ -24,3 +26,10 @@ class MeasuredValue:
     high: float | None = None
     passed: bool = True
     difference: bool = False
+    typed: bool = False
+    path: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """True when it has limits that it passes or misses."""
+        return not self.typed and (self.low is not None or self.high is not None)

@@ -18,6 +18,7 @@ from rigctl.errors import Location
 from rigctl.expressions import Expression
 from rigctl.notebook import one_line
 from rigctl.plan.action import Action
+from rigctl.plan.identity import IdentityFields
 from rigctl.rig import Rig
 
 T = TypeVar("T")
@@ -44,6 +45,11 @@ class ProcedureText(Protocol):
     @property
     def sha256(self) -> str:
         """The hash of the text, as hexadecimal digits."""
+        ...
+
+    @property
+    def identity(self) -> IdentityFields:
+        """What it says of the device under test, and demands to be told."""
         ...
 
 

@@ -16,6 +16,7 @@ from rigctl.files.yaml import Document, parse_document, read_document
 from rigctl.notebook import one_line
 from rigctl.plan.arguments import Argument, ArgumentFields
 from rigctl.plan.fields import Name
+from rigctl.plan.identity import IdentityFields
 from rigctl.plan.step import Cleanup
 from rigctl.project import find_project
 from rigctl.steps.registry import AnyStep
@@ -28,6 +29,10 @@ class ProcedureFile(Cleanup):
     description: str = Field(default="", description="for reports")
     rig: str | None = Field(
         default=None, description="the rig file; one that is only called needs none, its caller's counts"
+    )
+    identity: IdentityFields = Field(
+        default=IdentityFields(),
+        description="the device under test and who is in charge: what is known, and what has to be given",
     )
     arguments: dict[Name, Argument] = Field(
         default_factory=dict, description="what a call or --arg may give; used as $name"
@@ -73,6 +78,11 @@ class Procedure:
     def arguments(self) -> Mapping[str, ArgumentFields]:
         """What may be given, by name."""
         return self.file.arguments
+
+    @property
+    def identity(self) -> IdentityFields:
+        """What it says of the device under test, and demands to be told; that of a called one is ignored."""
+        return self.file.identity
 
     @property
     def steps(self) -> Sequence[AnyStep]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from rigctl.backends.errors import OutOfReach
@@ -138,7 +139,7 @@ class Bench:
     def record_measure(self, value: MeasuredValue) -> None:
         """Keep a measured or answered value with the open record, or with the run, and for later steps."""
         self.keep(value.name, value.value, value.unit, difference=value.difference)
-        self.writer.measure(value)
+        self.writer.measure(replace(value, path=self.path))
 
     def statistics(
         self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None

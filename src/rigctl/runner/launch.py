@@ -41,6 +41,7 @@ class Launch(Access):
     ----------
     operator: who answers.
     person: who is in charge, for ``run.json``.
+    device: what is known of the device under test, by name.
     arguments: of the procedure, as they were given.
     seed: of everything random, on a simulated bench.
     controls: where requests come from.
@@ -51,6 +52,7 @@ class Launch(Access):
 
     operator: Operator
     person: str = ""
+    device: Mapping[str, str] = field(default_factory=dict)
     arguments: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None
     controls: Sequence[Control] = ()
@@ -120,6 +122,7 @@ def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
         started=started,
         backend=backend.identity,
         operator=how.person,
+        device=how.device,
         clock=backend.clock.name,
         seed=how.seed,
         versions=current_versions(),

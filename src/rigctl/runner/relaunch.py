@@ -9,6 +9,7 @@ from pathlib import Path
 from rigctl.dataset import RunWriter
 from rigctl.dataset.finalise import recovered_history
 from rigctl.dataset.history import COMPLETE, History
+from rigctl.dataset.judgement import judge
 from rigctl.dataset.lock import in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.plan import Plan
@@ -121,4 +122,9 @@ def _done(history: History) -> Resume:
     for record in history.records:
         measures |= record.measures
     values = {name: (found.value, found.unit, found.difference) for name, found in measures.items()}
-    return Resume(completed, values)
+    done = [
+        measure
+        for measure in judge(history).missed
+        if measure.record is None or history.records[measure.taken.record].outcome == COMPLETE
+    ]
+    return Resume(completed, values, tuple(measure.sentence() for measure in done))

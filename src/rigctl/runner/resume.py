@@ -16,10 +16,12 @@ class Resume:
     ----------
     completed: paths of the records that are complete, with the rounds of their loops.
     values: measures and operators' answers by name: SI value, unit, and whether it is a difference.
+    missed: what lay outside its limits in what is done, one sentence each.
     """
 
     completed: frozenset[str]
     values: dict[str, tuple[float, str, bool]] = field(default_factory=dict)
+    missed: tuple[str, ...] = ()
 
 
 def record_paths(node: Node) -> list[str]:

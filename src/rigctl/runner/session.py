@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigctl.backends.protocol import Backend
+from rigctl.dataset.history import read_history
+from rigctl.dataset.judgement import Judgement, judge
+from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan import Plan
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
@@ -54,6 +57,7 @@ class RunResult:
         has confirmed that they are safe.
     by_hand: what is to be done then.
     warnings: where a simulated bench left the ranges of its effects' laws.
+    test: whether the device under test has passed, over all sessions; None where nothing was recorded.
     """
 
     status: str
@@ -65,6 +69,7 @@ class RunResult:
     unconfirmed: str | None = None
     by_hand: str | None = None
     warnings: tuple[RunWarning, ...] = ()
+    test: Judgement | None = None
 
     def summary(self) -> str:
         """One line for the terminal."""
@@ -119,6 +124,7 @@ class _Session:
         self._resume = resume or Resume(frozenset())
         columns = {name: index for index, name in enumerate(plan.rig.layout.columns)}
         self._bench = Bench(plan.rig, backend, writer, operator, history_for(plan, columns))
+        self._bench.missed += self._resume.missed
         for name, (value, unit, difference) in self._resume.values.items():
             self._bench.keep(name, value, unit, difference=difference)
         self._lifecycle = Lifecycle(self._state_changed)
@@ -227,7 +233,10 @@ class _Session:
             self._watching.close()
         records, folder = self._progress.records_done, self._writer.folder
         warnings = tuple(self._sampling.warnings)
-        return RunResult(status, reason, code, folder, records, duration, unconfirmed, by_hand, warnings)
+        test = _judged(folder)
+        return RunResult(
+            status, reason, code, folder, records, duration, unconfirmed, by_hand, warnings, test
+        )
 
     def _arm(self, driver: Driver) -> None:
         """Read the bench and look at the interlocks before anything moves.
@@ -325,3 +334,16 @@ class _Session:
             message=self._message,
             unconfirmed=bench.unconfirmed,
         )
+
+
+def _judged(folder: Path | None) -> Judgement | None:
+    """What the run's log says of the device; None where there is no log that can be read."""
+    if folder is None:
+        return None
+    try:
+        told = read_info(folder)["test"]
+        if not told["passed"] and not told["missed"]:
+            return Judgement(told["result"], ())
+        return judge(read_history(folder))
+    except (RigctlError, KeyError):  # not closed: the disk is full or gone
+        return None

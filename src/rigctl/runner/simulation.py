@@ -108,6 +108,7 @@ def simulation_launch(
     arguments: Mapping[str, str] | None = None,
     observer: Observer | None = None,
     person: str = "",
+    device: Mapping[str, str] | None = None,
 ) -> Launch:
     """What `launch` needs for a private bench: it takes no lock, and its operator answers at once."""
     chosen: dict[str, object] = {
@@ -124,6 +125,7 @@ def simulation_launch(
         options={name: value for name, value in chosen.items() if value is not None},
         clock=clock_for(speed, "simulated"),
         person=person,
+        device=device or {},
         arguments=arguments or {},
         seed=plan.rig.simulation.seed if seed is None else seed,
         observer=observer,

@@ -104,6 +104,8 @@ class Prompt(Action):
         )
         answer = yield from bench.ask(question)
         if self.name is not None and answer.value is not None:
-            answered = MeasuredValue(self.name, answer.value, self.unit or "1", self.low, self.high)
+            answered = MeasuredValue(
+                self.name, answer.value, self.unit or "1", self.low, self.high, typed=True
+            )
             bench.record_measure(answered)
         return Outcome.COMPLETE

@@ -91,6 +91,21 @@ def export_run(
     return Exported(int(content.num_rows), disarmed)
 
 
+def export_junit(run: Run, path: Path, *, overwrite: bool = False) -> int:
+    """Write the measures of a run as test cases in JUnit's XML, and return how many there are.
+
+    Raises
+    ------
+    RigctlError
+        the file is there already or cannot be written, or the run's log is damaged.
+    """
+    from rigctl.dataset.exporting import junit
+
+    require_output(path, force=overwrite, option="--overwrite")
+    with replace_with(path) as draft:
+        return junit.write(run, draft)
+
+
 def default_table(run: Run) -> str:
     """The samples of a run, or the observations of one that has no samples."""
     return "samples" if run.info["rows"] or not run.info["records"] else "observations"

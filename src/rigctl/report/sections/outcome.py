@@ -16,6 +16,8 @@ from rigctl.report.signals import ALARMS
 _SIMULATED = {"simulated": "simulated bench", "emulated": "emulated board and simulated bench"}
 #: ``procedures/stroke.yaml:15:5: what happened``
 _PLACE = re.compile(r"(?:.*[/\\])?(?P<file>[^/\\:]+\.ya?ml):(?P<line>\d+)(?::\d+)?: (?P<what>.+)", re.DOTALL)
+#: what a run says of the device under test, where a measure has limits
+_RESULTS = {"pass": "passed", "fail": "failed", "incomplete": "incomplete"}
 _STATUS = {
     "finished": ("good", "finished"),
     "failed": ("bad", "failed"),
@@ -167,6 +169,10 @@ def _facts(run: RunData) -> list[tuple[str, str]]:
         ("Arguments", arguments),
         ("Rig", str(_part(info, "rig").get("name", ""))),
         ("Bench", " · ".join(part for part in (str(backend.get("kind", "")), identity) if part)),
+        ("Test", _test(info)),
+        ("Serial number", str(_part(info, "device").get("serial_number", ""))),
+        ("Part", str(_part(info, "device").get("part", ""))),
+        ("Notes on the device", str(_part(info, "device").get("notes", ""))),
         ("Operator", str(info.get("operator") or "")),
         ("Started", moment(info.get("started"))),
         ("Ended", moment(info.get("ended"))),
@@ -175,6 +181,12 @@ def _facts(run: RunData) -> list[tuple[str, str]]:
         ("Sessions", f"{sessions}, resumed {plural(sessions - 1, 'time')}" if sessions > 1 else ""),
         ("rigctl", str(_part(info, "versions").get("rigctl", ""))),
     ]
+
+
+def _test(info: Mapping[str, Any]) -> str:
+    """The result for the device under test; "" where no measure has limits."""
+    test = _part(info, "test")
+    return _RESULTS.get(str(test.get("result")), "") if test.get("passed") or test.get("missed") else ""
 
 
 def _notes(run: RunData) -> list[str]:

@@ -1,0 +1,72 @@
+"""The device under test and who is in charge, as options of a command; asked for where they are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from rigctl.cli.echo import echo
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.plan import Plan
+    from rigctl.plan.identity import Identity
+
+SerialNumberOption = Annotated[
+    str | None, typer.Option(help="Of the device under test; kept with the run, as the next two are.")
+]
+PartOption = Annotated[str | None, typer.Option(help="Part or type number of the device under test.")]
+NotesOption = Annotated[str | None, typer.Option(help="Anything else that is worth knowing of the device.")]
+
+#: how often a person may try again
+_TRIES: Final = 5
+
+
+def identified(plan: Plan, given: Mapping[str, str | None], *, demanded: bool = True) -> Identity:
+    """What was given and what the procedure knows; a person at the terminal is asked for what it demands.
+
+    With `demanded` false, as on a simulated bench, nothing has to be given; what is has to fit all the same.
+
+    Raises
+    ------
+    RigctlError
+        something does not fit the procedure's pattern, or is missing and nobody is there to be asked.
+    """
+    from dataclasses import replace
+
+    from rigctl.cli.running import typing_possible
+    from rigctl.plan.identity import settled
+
+    found, missing = settled(plan.procedure.identity, given)
+    if not demanded or not missing:
+        return found
+    if not typing_possible():
+        options = " and ".join(f"--{name.replace('_', '-')}" for name in missing)
+        raise RigctlError(
+            f"the procedure demands the {' and the '.join(name.replace('_', ' ') for name in missing)}",
+            expected=options,
+            where=plan.root.where,
+        )
+    return replace(found, **{name: _ask(plan, name) for name in missing})
+
+
+def _ask(plan: Plan, name: str) -> str:
+    """Ask until an answer fits, a few times."""
+    from rigctl.plan.identity import checked
+
+    demands = plan.procedure.identity
+    pattern = getattr(demands, name).pattern
+    for _ in range(_TRIES):
+        text = typer.prompt(
+            name.replace("_", " ").capitalize() + (f" [{pattern}]" if pattern else ""), err=True
+        )
+        try:
+            said = checked(demands, name, str(text))
+        except RigctlError as error:
+            echo(str(error), err=True)
+        else:
+            if said:
+                return said
+    raise RigctlError(f"no {name.replace('_', ' ')} was given that fits", expected=pattern)

@@ -1,0 +1,128 @@
+"""The measures of a run as test cases in JUnit's XML, as build servers and test managers read it.
+
+There is no one standard of this format: what is written keeps to what the schemas of Ant and Jenkins have in
+common. One suite is one run; each measure with limits is a case, and that the run came to its end is one
+too, so that a run which was aborted can never look as if all had passed.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from xml.etree import ElementTree as ET
+
+from rigctl.dataset.history import History, read_history
+from rigctl.dataset.judgement import Judged, judge
+from rigctl.dataset.run_id import slug
+from rigctl.files.write import write_error
+from rigctl.units import show
+
+if TYPE_CHECKING:
+    from rigctl.dataset.run import Run
+
+#: signs that XML 1.0 cannot have, escaped or not
+_NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write(run: Run, path: Path) -> int:
+    """Write a run's measures as one suite, and return how many cases it has.
+
+    Raises
+    ------
+    RigctlError
+        the run's log is damaged, or the file cannot be written.
+    """
+    suites = ET.Element("testsuites")
+    history = read_history(run.folder)
+    cases = _suite(suites, run, history)
+    ET.indent(suites)
+    with write_error(path):
+        ET.ElementTree(suites).write(path, encoding="utf-8", xml_declaration=True)
+    return cases
+
+
+def _suite(suites: ET.Element, run: Run, history: History) -> int:
+    judged = judge(history).measures
+    ended = run.info["status"] == "finished"
+    name = str(run.info["procedure"]["name"])
+    counts = {
+        "tests": len(judged) + 1,
+        "failures": sum(not measure.passed for measure in judged),
+        "errors": int(not ended),
+        "skipped": 0,
+    }
+    suite = _element(
+        suites,
+        "testsuite",
+        name=name,
+        package=slug(str(run.info["rig"]["name"])),
+        id=0,
+        hostname="localhost",  # as the schema says where it is not known
+        timestamp=_utc(run.info["started"]),
+        time=f"{run.info['duration']:.3f}",
+        **counts,
+    )
+    properties = _element(suite, "properties")
+    for key, value in _facts(run.info).items():
+        _element(properties, "property", name=key, value=value)
+    case = _element(suite, "testcase", classname=slug(name), name="run", time=f"{run.info['duration']:.3f}")
+    if not ended:
+        _element(case, "error", type=run.info["status"], message=run.info.get("reason") or run.info["status"])
+    for measure in judged:
+        _case(suite, slug(name), measure)
+    _element(suite, "system-out").text = _plain(_all_values(history))
+    _element(suite, "system-err").text = ""
+    return len(judged) + 1
+
+
+def _case(suite: ET.Element, procedure: str, measure: Judged) -> None:
+    """One measure; its step's place in the plan tells two of one name apart."""
+    value = measure.taken.value
+    group = f"{procedure}.{slug(measure.record)}" if measure.record is not None else procedure
+    index = f" (record {measure.taken.record})" if measure.record is not None else ""
+    step = f" at {value.path}" if value.path else ""
+    case = _element(suite, "testcase", classname=group, name=f"{value.name}{index}{step}", time="0.000")
+    if not measure.passed:
+        said = measure.sentence()
+        _element(case, "failure", type="limit", message=said).text = _plain(said)
+
+
+def _facts(info: Any) -> dict[str, str]:
+    """What a reader of the report may look for: the device, who, on what, and with which version."""
+    facts = {
+        "run": info["id"],
+        "status": info["status"],
+        **info.get("device", {}),
+        "operator": info.get("operator", ""),
+        "rig": info["rig"]["name"],
+        **{f"bench.{name}": value for name, value in info.get("backend", {}).items()},
+        **{f"argument.{name}": value for name, value in info.get("arguments", {}).items()},
+        "rigctl": info.get("versions", {}).get("rigctl", ""),
+    }
+    return {name: str(value) for name, value in facts.items() if value}
+
+
+def _all_values(history: History) -> str:
+    """Every value that was taken, one a line, those without limits too."""
+    lines = []
+    for taken in history.taken:
+        value = taken.value
+        at = "run" if taken.record < 0 else f"record {taken.record}"
+        lines.append(f"{at}: {value.name} = {show(value.value, value.unit, difference=value.difference)}")
+    return "\n".join(lines)
+
+
+def _element(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
+    return ET.SubElement(parent, tag, {name: _plain(str(value)) for name, value in attributes.items()})
+
+
+def _plain(text: str) -> str:
+    """A text without the signs that no XML can have."""
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+def _utc(written: str) -> str:
+    """A calendar time as the schema takes it: in UTC, to the second, without its zone."""
+    return f"{datetime.fromisoformat(written).astimezone(UTC):%Y-%m-%dT%H:%M:%S}"

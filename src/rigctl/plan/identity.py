@@ -1,0 +1,143 @@
+"""Which device a run is made on, and who makes it: what a procedure demands, and what was given.
+
+A pattern is a regular expression of RE2, whose matching takes time in proportion to the text: no procedure
+file can hang rigctl with one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Final, Self
+
+from pydantic import Field, model_validator
+
+from rigctl.errors import RigctlError
+from rigctl.files.refusal import refusal
+from rigctl.plan.fields import Part, Short
+
+#: the longest text of a field
+LONGEST: Final = 200
+
+
+class IdentityField(Part):
+    """One fact about the device under test, or who is in charge: a text, and what it has to look like."""
+
+    default: str | None = Field(default=None, max_length=LONGEST, description="where nothing else is given")
+    required: bool = Field(default=False, description="`rigctl run` asks for it and begins without it never")
+    pattern: str | None = Field(
+        default=None,
+        max_length=LONGEST,
+        description="a regular expression (RE2) that the whole text has to match",
+        examples=["HC-[0-9]{4}"],
+    )
+
+    @model_validator(mode="after")
+    def _readable(self) -> Self:
+        if self.pattern is None:
+            return self
+        try:
+            fits = self.matches(self.default or "") or self.default is None
+        except RigctlError as error:
+            raise refusal(error, ("pattern",)) from error
+        if not fits:
+            wrong = RigctlError("does not match the pattern", value=self.default, expected=self.pattern)
+            raise refusal(wrong, ("default",))
+        return self
+
+    def matches(self, text: str) -> bool:
+        """Whether a text fits the pattern as a whole; any does where there is none.
+
+        Raises
+        ------
+        RigctlError
+            the pattern cannot be read.
+        """
+        if self.pattern is None:
+            return True
+        import pyarrow as pa
+        import pyarrow.compute as pc
+
+        try:
+            return bool(pc.match_substring_regex(pa.scalar(text), f"^(?:{self.pattern})$").as_py())
+        except pa.ArrowInvalid as problem:
+            said = str(problem).partition(": ")[2] or "not readable"
+            raise RigctlError(
+                f"no regular expression: {said}", value=self.pattern, expected="e.g. 'HC-[0-9]{4}'"
+            ) from problem
+
+
+_Text = Annotated[IdentityField, Short("default")]
+
+
+class IdentityFields(Part):
+    """What a procedure says of the device under test, and demands to be told before anything moves."""
+
+    serial_number: _Text = Field(default=IdentityField(), description="of the device under test")
+    part: _Text = Field(default=IdentityField(), description="the part or type number of the device")
+    operator: _Text = Field(default=IdentityField(), description="who is in charge")
+    notes: _Text = Field(default=IdentityField(), description="anything else")
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """The device under test and who is in charge; "" for what nobody said."""
+
+    serial_number: str = ""
+    part: str = ""
+    operator: str = ""
+    notes: str = ""
+
+    @property
+    def device(self) -> dict[str, str]:
+        """What is known of the device under test, by name."""
+        return {name: text for name, text in self._said() if name != "operator"}
+
+    def _said(self) -> Iterator[tuple[str, str]]:
+        for field in fields(self):
+            text: str = getattr(self, field.name)
+            if text:
+                yield field.name, text
+
+
+#: the names of the fields, in their order
+NAMES: Final = tuple(field.name for field in fields(Identity))
+
+
+def checked(demands: IdentityFields, name: str, text: str) -> str:
+    """A text that was given for a field, without blanks around it.
+
+    Raises
+    ------
+    RigctlError
+        it is too long, has signs that cannot be printed, or does not fit the pattern.
+    """
+    said = text.strip()
+    demand: IdentityField = getattr(demands, name)
+    label = name.replace("_", " ")
+    if len(said) > LONGEST or not said.isprintable():
+        raise RigctlError(
+            f"the {label} is no short text", value=said, expected=f"one line of at most {LONGEST} characters"
+        )
+    if said and not demand.matches(said):
+        raise RigctlError(
+            f"the {label} does not match the procedure's pattern", value=said, expected=demand.pattern
+        )
+    return said
+
+
+def settled(demands: IdentityFields, given: Mapping[str, str | None]) -> tuple[Identity, tuple[str, ...]]:
+    """What was given, completed by the defaults; and the names of required fields that are missing still.
+
+    Raises
+    ------
+    RigctlError
+        as `checked`.
+    """
+    found: dict[str, str] = {}
+    for name in NAMES:
+        text = given.get(name)
+        demand: IdentityField = getattr(demands, name)
+        found[name] = checked(demands, name, text) if text is not None else demand.default or ""
+    missing = tuple(name for name in NAMES if getattr(demands, name).required and not found[name])
+    return Identity(**found), missing
