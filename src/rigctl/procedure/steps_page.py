@@ -67,6 +67,11 @@ def _step(verb: str, step: type[Step], definitions: dict[str, Any]) -> Iterator[
     if inner is not None:
         yield ""
         yield from _fields(definitions, inner)
+        for name, entry in inner.model_fields.items():
+            part = next(filter(None, map(_model_in, get_args(entry.annotation))), None)
+            if part is not None:
+                yield from ("", f"`{entry.alias or name}`:", "")
+                yield from _fields(definitions, part)
     beside = {
         name: field
         for name, field in step.model_fields.items()

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.files.amount import AmountField, AnyAmount
+from rigctl.files.amount import AmountField, AnyAmount, AnyDifference
 from rigctl.files.quantity import Q
 from rigctl.rig.base import Part
 from rigctl.rig.setting import POSITIONS
@@ -35,6 +35,10 @@ class Actuator(Part):
     )
     repeatability: Annotated[float, Q("1", low="0 %")] | None = Field(
         default=None, description="how well a level is set again, standard deviation as a share of it"
+    )
+    max_rate: AnyDifference | None = Field(
+        default=None,
+        description="fastest change of a level that a waveform or a control loop may ask for, e.g. 5 bar/s",
     )
     min_interval: Annotated[float, Q("s", low="0 s")] = Field(
         default=0.0, description="shortest time between two switches"

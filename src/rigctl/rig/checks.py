@@ -169,8 +169,12 @@ def _actuators(rig: Rig) -> Iterator[Problem]:
             if not bad_unit:
                 yield from _amount((*keys, "low"), actuator.low, unit)
                 yield from _amount((*keys, "high"), actuator.high, unit)
+                yield from _amount((*keys, "max_rate"), actuator.max_rate, f"{unit}/s")
+                if actuator.max_rate is not None and not actuator.max_rate > 0.0:
+                    error = RigctlError("max_rate: nothing could move", expected="more than 0")
+                    yield Problem((*keys, "max_rate"), error)
         else:
-            for field in ("unit", "low", "high"):
+            for field in ("unit", "low", "high", "max_rate"):
                 if getattr(actuator, field) is not None:
                     error = RigctlError(f"a {actuator.kind} has no '{field}'", expected="kind: level")
                     yield Problem((*keys, field), error, of_key=True)

@@ -1,7 +1,7 @@
 """Every kind of step by its verb, found in the files of this package: reading, schema and messages use it.
 
-A new step is one new file: a `Step` with its verb and example, and an `Action` if it asks something of the
-bench.
+A new step is one new file or folder: a `Step` with its verb and example, and an `Action` if it asks
+something of the bench.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ def _kinds() -> Iterator[type[Step]]:
         if found.name == __name__:
             continue
         for kind in vars(import_module(found.name)).values():
-            defined_here = getattr(kind, "__module__", None) == found.name
+            module = getattr(kind, "__module__", None) or ""
+            defined_here = module == found.name or module.startswith(f"{found.name}.")
             if defined_here and isinstance(kind, type) and issubclass(kind, Step) and "example" in vars(kind):
                 yield kind
 

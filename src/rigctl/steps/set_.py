@@ -71,7 +71,7 @@ class SetStep(Step):
             with context.located("set", "values", name):
                 if name not in actuators:
                     raise unknown_name("actuator", name, actuators)
-                values[name] = _read(context, name, actuators[name], command)
+                values[name] = read_command(context, name, actuators[name], command)
         duration = context.optional_si(fields.for_, "set", "for")
         if duration is not None:
             for name in values:
@@ -83,7 +83,14 @@ class SetStep(Step):
         return context.leaf(label, Set(values, duration))
 
 
-def _read(context: Context, name: str, actuator: Actuator, command: str | float) -> float:
+def read_command(context: Context, name: str, actuator: Actuator, command: str | float) -> float:
+    """The SI value that a file asks an actuator for.
+
+    Raises
+    ------
+    RigctlError
+        no position of it, a wrong unit, or out of its range.
+    """
     if isinstance(command, str) and MARK in command:
         value = OPEN.read(command).si(context.variables, actuator.display_unit)
     else:

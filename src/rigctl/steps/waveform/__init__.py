@@ -1,0 +1,5 @@
+"""`waveform`: command one actuator along a ramp, a sine, steps or a table."""
+
+from rigctl.steps.waveform.step import Waveform, WaveformStep
+
+__all__ = ["Waveform", "WaveformStep"]

@@ -1,0 +1,122 @@
+"""A whole waveform against what the rig allows, before anything moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from rigctl.errors import RigctlError
+from rigctl.plan.setpoints import check_level, check_set_point
+from rigctl.rig import Actuator, Limit, Rig
+from rigctl.units import show
+
+#: commands of one waveform; a plan with more is a slip of the pen
+MOST: Final = 1_000_000
+#: share by which two rates are the same
+_SLACK: Final = 1e-6
+
+
+def check_commands(
+    rig: Rig, actuator: str, commands: Iterable[tuple[float, float]], *, held: bool
+) -> tuple[float, float]:
+    """Refuse a course that leaves a range, is faster than the rig allows, or switches too often.
+
+    Parameters
+    ----------
+    commands: times in s and values in SI, as they will be given.
+    held: the course jumps at each of them, instead of being a curve that they follow.
+
+    Returns
+    -------
+    The least and the greatest value.
+
+    Raises
+    ------
+    RigctlError
+        with the time at which it would happen, and the bound.
+    """
+    described = rig.actuators[actuator]
+    low, high = math.inf, -math.inf
+    newest: tuple[float, float] | None = None
+    changed = -math.inf  # s, the last change
+    windows = [_Window(rig, name, limit) for name, limit in _rate_limits(rig, actuator)]
+    for time, value in commands:
+        try:
+            check_level(rig, actuator, value)
+        except RigctlError as error:
+            error.what = f"{error.what}, at {time:g} s of the waveform"
+            raise
+        low, high = min(low, value), max(high, value)
+        if newest is not None and value != newest[1]:
+            _check_rate(described, actuator, newest, (time, value), held=held)
+            if time - changed < described.min_interval * (1.0 - _SLACK):
+                raise RigctlError(
+                    f"the waveform commands '{actuator}' too often, at {time:g} s",
+                    value=f"after {time - changed:g} s",
+                    expected=f"at least {described.min_interval:g} s between two changes",
+                )
+            changed = time
+        elif newest is None:
+            changed = time
+        for window in windows:
+            window.add(time, value)
+        newest = (time, value)
+    role = rig.roles.set_pressure
+    if role is not None and role.actuator == actuator:
+        for value in (low, high):
+            check_set_point(rig, role.channel, value)
+    return low, high
+
+
+def _check_rate(
+    described: Actuator, name: str, before: tuple[float, float], after: tuple[float, float], *, held: bool
+) -> None:
+    """The rate of change from one command to the next; a course that is held between them jumps."""
+    if described.max_rate is None:
+        return
+    span = 0.0 if held else after[0] - before[0]
+    rate = abs(after[1] - before[1]) / span if span > 0.0 else math.inf
+    if rate > described.max_rate * (1.0 + _SLACK):
+        how = f"in {span:g} s" if span else "at once"
+        raise RigctlError(
+            f"the waveform is faster than '{name}' may be, at {after[0]:g} s",
+            value=f"from {described.show(before[1])} to {described.show(after[1])} {how}",
+            expected=f"at most {show(described.max_rate, f'{described.display_unit}/s', difference=True)}",
+        )
+
+
+def _rate_limits(rig: Rig, actuator: str) -> Iterator[tuple[str, Limit]]:
+    """The limits on the rate of the channel that follows an actuator's level, as far as they stop a run."""
+    role = rig.roles.set_pressure
+    if role is None or role.actuator != actuator:
+        return
+    for name, limit in rig.limits.items():
+        if limit.channel == role.channel and limit.of_rate and limit.action == "stop":
+            yield name, limit
+
+
+class _Window:
+    """The change of a set-point over the stretch that a limit of its channel looks at."""
+
+    def __init__(self, rig: Rig, name: str, limit: Limit) -> None:
+        self._rig, self._name, self._limit = rig, name, limit
+        self._past: list[tuple[float, float]] = []
+        self._first = 0
+
+    def add(self, time: float, value: float) -> None:
+        """Take the next command."""
+        over, past = self._limit.over, self._past
+        past.append((time, value))
+        while self._first + 1 < len(past) and past[self._first + 1][0] <= time - over:
+            self._first += 1
+        rate = (value - past[self._first][1]) / over
+        bound = self._limit.threshold
+        passed = rate > bound if self._limit.bound == "rate_above" else rate < bound
+        if passed and abs(rate - bound) > _SLACK * abs(bound):
+            unit = f"{self._rig.channels[self._limit.channel].unit}/s"
+            raise RigctlError(
+                f"the waveform would trip the limit '{self._name}' of '{self._limit.channel}', at {time:g} s",
+                value=show(rate, unit, difference=True),
+                expected=f"{show(bound, unit, difference=True)} over {over:g} s",
+            )

@@ -1,0 +1,148 @@
+"""The courses that an output can be commanded along: values in SI over s from their start."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+
+class Shape(Protocol):
+    """A course of values over a time."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes, s."""
+        ...
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """When it jumps, and where it begins; s."""
+        ...
+
+    @property
+    def held(self) -> bool:
+        """True when it changes at its edges only."""
+        ...
+
+    def at(self, time: float) -> float:
+        """The value at a time; after a jump at the jump itself."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """In a straight line from `begin` to `end`."""
+
+    begin: float
+    end: float
+    duration: float
+    edges: tuple[float, ...] = (0.0,)
+    held: bool = False
+
+    def at(self, time: float) -> float:
+        """On the line."""
+        share = min(max(time / self.duration, 0.0), 1.0)
+        return self.begin + share * (self.end - self.begin)
+
+
+@dataclass(frozen=True, slots=True)
+class Sine:
+    """``mean + amplitude·sin(2π·frequency·t + phase)``."""
+
+    mean: float
+    amplitude: float
+    frequency: float  #: Hz
+    phase: float  #: rad
+    duration: float
+    edges: tuple[float, ...] = (0.0,)
+    held: bool = False
+
+    def at(self, time: float) -> float:
+        """On the sine."""
+        angle = 2.0 * math.pi * math.fmod(self.frequency * time, 1.0) + self.phase
+        return self.mean + self.amplitude * math.sin(angle)
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Levels one after the other, each for `each` s; in `rise` s it is reached in a straight line."""
+
+    levels: tuple[float, ...]
+    each: float
+    rise: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """All levels."""
+        return self.each * len(self.levels)
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """The start of each level."""
+        return tuple(index * self.each for index in range(len(self.levels)))
+
+    @property
+    def held(self) -> bool:
+        """True without a rise."""
+        return self.rise == 0.0
+
+    def at(self, time: float) -> float:
+        """The level, or the line that leads to it from the one before."""
+        index = min(max(int(time / self.each + 1e-9), 0), len(self.levels) - 1)
+        since = time - index * self.each
+        if index == 0 or since >= self.rise:
+            return self.levels[index]
+        before = self.levels[index - 1]
+        return before + max(since, 0.0) / self.rise * (self.levels[index] - before)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Values at times; between them the last one (`held`), or a straight line."""
+
+    times: tuple[float, ...]  #: rising, the first is 0
+    values: tuple[float, ...]
+    held: bool
+
+    @property
+    def duration(self) -> float:
+        """Until its last time."""
+        return self.times[-1]
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Every time of a held one; of a line its start."""
+        return self.times if self.held else self.times[:1]
+
+    def at(self, time: float) -> float:
+        """The value, between two of them as the table says."""
+        index = min(max(bisect_right(self.times, time + 1e-9) - 1, 0), len(self.times) - 1)
+        if self.held or index == len(self.times) - 1:
+            return self.values[index]
+        span = self.times[index + 1] - self.times[index]
+        share = max(time - self.times[index], 0.0) / span
+        return self.values[index] + share * (self.values[index + 1] - self.values[index])
+
+
+def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[float, float]]:
+    """When the output is commanded to what: times in s from the start, rising.
+
+    A held course is commanded at its edges; any other every `period` s and at its end.
+    """
+    for number in range(rounds):
+        begin = number * shape.duration
+        if shape.held:
+            yield from ((begin + edge, shape.at(edge)) for edge in shape.edges)
+            continue
+        for index in range(math.ceil(shape.duration / period - 1e-9)):
+            yield begin + index * period, shape.at(index * period)
+        if number == rounds - 1:
+            yield begin + shape.duration, shape.at(shape.duration)
+
+
+def count(shape: Shape, period: float, rounds: int) -> float:
+    """How many commands there are at most."""
+    return rounds * (len(shape.edges) if shape.held else shape.duration / period + 1.0)

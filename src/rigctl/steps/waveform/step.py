@@ -1,0 +1,330 @@
+"""The step `waveform`: its fields, and how it is carried out."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.refusal import refusal
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, Row, Until
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Part
+from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.plan.shown import shown_time
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import COUNT, PERIOD, RATE, AnyTolerance, AnyValue, Count, Duration, Period, Rate
+from rigctl.project import find_project
+from rigctl.steps.set_ import Command, read_command
+from rigctl.steps.waveform.checks import MOST, check_commands
+from rigctl.steps.waveform.shapes import Ramp, Shape, Sine, Steps, Table, commands, count
+from rigctl.steps.waveform.table_file import read_table
+
+_SHAPES = ("ramp", "sine", "steps", "table")
+
+
+class RampFields(Part):
+    """In a straight line."""
+
+    from_: Command | None = Field(
+        default=None, alias="from", description="where it begins; what is commanded then, if left out"
+    )
+    to: Command = Field(description="where it ends")
+    over: Duration = Field(description="how long it takes")
+
+
+class SineFields(Part):
+    """``mean + amplitude·sin(2π·frequency·t + phase)``."""
+
+    mean: Command = Field(description="its middle")
+    amplitude: AnyTolerance = Field(description="from the middle to the top")
+    frequency: Rate = Field(description="how often it comes round")
+    phase: AnyValue | None = Field(default=None, description="where it begins", examples=["90 deg"])
+    for_: Duration = Field(alias="for", description="how long")
+
+
+class StepsFields(Part):
+    """Levels one after the other."""
+
+    levels: list[Command] = Field(
+        min_length=1, max_length=10_000, description="levels or positions, in order"
+    )
+    each: Duration = Field(description="how long each of them lasts")
+    rise: Period = Field(
+        default=PERIOD.read("0 s"), description="how long it takes from one to the next, in a straight line"
+    )
+
+
+class TableFields(Part):
+    """Values at times: from a CSV file with the columns ``time [s]`` and ``NAME [unit]``, or written here."""
+
+    file: str | None = Field(default=None, description="relative to the procedure or to the project")
+    points: list[tuple[Period, Command]] | None = Field(
+        default=None, min_length=2, max_length=10_000, description="pairs of a time and a value"
+    )
+    between: Literal["line", "hold"] = Field(
+        default="line", description="between two points a straight line, or the value of the first"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.file is None) == (self.points is None):
+            raise refusal(RigctlError("a table needs its values", expected="either 'file' or 'points'"))
+        return self
+
+
+class WaveformFields(Part):
+    """One actuator along one course; all of it is checked against the rig before anything moves."""
+
+    actuator: str = Field(description="what is commanded")
+    ramp: RampFields | None = Field(default=None, description="`from`, `to`, `over`: a straight line")
+    sine: SineFields | None = Field(
+        default=None, description="`mean`, `amplitude`, `frequency`, `phase`, `for`: a sine"
+    )
+    steps: StepsFields | None = Field(
+        default=None, description="`levels`, `each`, `rise`: one level after the other"
+    )
+    table: TableFields | None = Field(
+        default=None, description="`file` or `points`, `between`: values at times"
+    )
+    rate: Rate = Field(
+        default=RATE.read("10 Hz"), description="commands per second along a curve; steps need none"
+    )
+    repeat: Count = Field(default=COUNT.read(1), description="how often it comes one after the other")
+    then: Literal["stay", "safe"] = Field(
+        default="stay", description="at the end the last value stays, or the actuator goes to its safe one"
+    )
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        given = [name for name in _SHAPES if getattr(self, name) is not None]
+        if len(given) != 1:
+            what = f"two courses, {' and '.join(given)}" if given else "a waveform needs its course"
+            raise refusal(RigctlError(what, expected=f"one of {', '.join(_SHAPES)}"), tuple(given[1:2]))
+        return self
+
+
+class WaveformStep(Step):
+    """Command an actuator along a ramp, a sine, steps or a table."""
+
+    verb: ClassVar[str] = "waveform"
+    example: ClassVar[str] = (
+        "- waveform: {actuator: valve, steps: {levels: [extend, neutral], each: 500 ms}, then: safe}\n"
+        "- waveform: {actuator: valve, table: {points: [[0 s, extend], [0.4 s, neutral], [1 s, neutral]], "
+        "between: hold}}\n"
+    )
+    waveform: WaveformFields
+
+    def build(self, context: Context) -> Leaf:
+        """A `Waveform`, all of it checked where its start is known."""
+        fields = self.waveform
+        name, at = fields.actuator, ("waveform",)
+        rig = context.rig
+        with context.located(*at, "actuator"):
+            if name not in rig.actuators:
+                raise unknown_name("actuator", name, rig.actuators)
+            if rig.actuators[name].by == "operator":
+                raise RigctlError("this actuator is turned by hand", value=name, expected="a driven one")
+            if fields.then == "safe" and name not in rig.safe_state:
+                raise RigctlError("this actuator has no safe value to return to", value=name)
+        kind = next(kind for kind in _SHAPES if getattr(fields, kind) is not None)
+        shape = _Builder(context, name).shape(fields)
+        rounds = int(context.si(fields.repeat, *at, "repeat"))
+        action = Waveform(
+            actuator=name,
+            shape=shape,
+            period=1.0 / context.si(fields.rate, *at, "rate"),
+            rounds=rounds,
+            from_now=fields.ramp is not None and fields.ramp.from_ is None,
+            stay=fields.then == "stay",
+        )
+        with context.located(*at, kind):
+            if rounds < 1:
+                raise RigctlError("repeated never", value=str(rounds), expected="at least once")
+            if (many := count(shape, action.period, rounds)) > MOST:
+                raise RigctlError("too many commands", value=f"{many:.0f}", expected=f"at most {MOST}")
+            if not shape.held and rig.actuators[name].kind != "level":
+                raise RigctlError(
+                    f"'{name}' has positions and nothing between them",
+                    expected="'steps' without 'rise', or a table with 'between: hold'",
+                )
+            if not action.from_now:
+                check_commands(rig, name, action.course(None), held=shape.held)
+        again = f", {rounds} times" if rounds > 1 else ""
+        return context.leaf(f"{name}: {kind} for {shown_time(action.duration)}{again}", action)
+
+
+class _Builder:
+    """Reads the course of a waveform."""
+
+    def __init__(self, context: Context, actuator: str) -> None:
+        self._context = context
+        self._name = actuator
+        self._actuator = context.rig.actuators[actuator]
+
+    def shape(self, fields: WaveformFields) -> Shape:
+        """The one that is given."""
+        if fields.ramp is not None:
+            return self._ramp(fields.ramp)
+        if fields.sine is not None:
+            return self._sine(fields.sine)
+        if fields.steps is not None:
+            return self._steps(fields.steps)
+        if fields.table is not None:
+            return self._table(fields.table)
+        raise ValueError("a waveform without its course")
+
+    def _ramp(self, fields: RampFields) -> Ramp:
+        end = self._value(fields.to, "ramp", "to")
+        begin = end if fields.from_ is None else self._value(fields.from_, "ramp", "from")
+        return Ramp(begin, end, self._context.si(fields.over, "waveform", "ramp", "over"))
+
+    def _sine(self, fields: SineFields) -> Sine:
+        keys, context = ("waveform", "sine"), self._context
+        unit = self._actuator.display_unit
+        return Sine(
+            self._value(fields.mean, "sine", "mean"),
+            context.si(fields.amplitude, *keys, "amplitude", unit=unit),
+            context.si(fields.frequency, *keys, "frequency"),
+            context.optional_si(fields.phase, *keys, "phase", unit="deg") or 0.0,
+            context.si(fields.for_, *keys, "for"),
+        )
+
+    def _steps(self, fields: StepsFields) -> Steps:
+        keys, context = ("waveform", "steps"), self._context
+        each, rise = context.si(fields.each, *keys, "each"), context.si(fields.rise, *keys, "rise")
+        if rise > each:
+            with context.located(*keys, "rise"):
+                raise RigctlError("longer than a step", value=f"{rise:g} s", expected=f"at most {each:g} s")
+        levels = tuple(self._value(level, "steps", "levels", i) for i, level in enumerate(fields.levels))
+        return Steps(levels, each, rise)
+
+    def _table(self, fields: TableFields) -> Table:
+        context, held = self._context, fields.between == "hold"
+        if fields.file is not None:
+            with context.located("waveform", "table", "file"):
+                path = context.document.path
+                found = find_project(path.parent if path else None).resolve(fields.file, relative_to=path)
+            unit = self._actuator.display_unit
+            return Table(*read_table(found, self._name, unit, self._actuator.check), held)
+        times: list[float] = []
+        values: list[float] = []
+        for index, (time, value) in enumerate(fields.points or ()):
+            keys = ("waveform", "table", "points", index)
+            times.append(context.si(time, *keys, 0))
+            values.append(self._value(value, "table", "points", index, 1))
+            if index and times[-1] <= times[-2]:
+                with context.located(*keys):
+                    raise RigctlError("the time does not rise", value=f"{times[-1]:g} s")
+        return Table(tuple(time - times[0] for time in times), tuple(values), held)
+
+    def _value(self, command: Command, *keys: str | int) -> float:
+        with self._context.located("waveform", *keys):
+            return read_command(self._context, self._name, self._actuator, command)
+
+
+@dataclass(frozen=True, slots=True)
+class Waveform(Action):
+    """Command `actuator` along `shape`; SI.
+
+    Between two commands the last one is held. A host that is late leaves out what is past: what is commanded
+    is always the value of now.
+    """
+
+    actuator: str
+    shape: Shape
+    period: float  #: s between two commands along a curve
+    rounds: int
+    from_now: bool  #: a ramp that begins at what is commanded then
+    stay: bool  #: the last value stays; otherwise the safe one follows
+
+    @property
+    def duration(self) -> float:
+        """All rounds, s."""
+        return self.shape.duration * self.rounds
+
+    def course(self, now: float | None) -> Iterator[tuple[float, float]]:
+        """Its commands, when the actuator is commanded to `now` at its start."""
+        shape = self.shape
+        if self.from_now and now is not None and isinstance(shape, Ramp):
+            shape = replace(shape, begin=now)
+        return commands(shape, self.period, self.rounds)
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The time as written, and what the supply pressure follows."""
+        after = bench.pass_time(state, self.duration)
+        role = bench.rig.roles.set_pressure
+        reaches: Extents = {}
+        if role is not None and role.actuator == self.actuator:
+            values = [value for _, value in self.course(None)]
+            reaches = {role.channel: (min(values), max(values))}
+            after = replace(after, pressure=values[-1])
+        return Forecast(self.duration, Basis.TIMED, after, reaches)
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Give every command at its time, after a way to the first one that is no faster than allowed.
+
+        Whatever ends it makes the outputs safe, as it does in any step.
+
+        Raises
+        ------
+        StepFailed
+            from what is commanded now, it would be faster than the rig allows; nothing has moved.
+        """
+        name = self.actuator
+        now = bench.commanded.get(name, bench.safe_value(name))
+        course = list(self.course(now))
+        if self.from_now:
+            try:
+                check_commands(bench.rig, name, course, held=False)
+            except RigctlError as error:
+                raise StepFailed(str(error)) from None
+        bench.regulated.add(name)
+        try:
+            way = self._lead_in(bench, now, course[0][1])
+            if way:
+                yield from self._follow(bench, way, way[-1][0])
+            late = yield from self._follow(bench, course, self.duration)
+            if late:
+                bench.event("note", f"{name}: {late} commands were left out, the host was late")
+            last = course[-1][1] if self.stay else bench.safe_value(name)
+            if not bench.is_at(name, last):
+                yield from bench.command(name, last)
+        finally:
+            bench.regulated.discard(name)
+        return Outcome.COMPLETE
+
+    def _lead_in(self, bench: Bench, now: float, first: float) -> list[tuple[float, float]]:
+        """From what is commanded to the first value, as fast as it may be; nothing where it may jump."""
+        fastest = bench.rig.actuators[self.actuator].max_rate
+        if fastest is None or now == first:
+            return []
+        way = Ramp(now, first, abs(first - now) / fastest)
+        return list(commands(way, self.period))
+
+    def _follow(
+        self, bench: Bench, course: list[tuple[float, float]], end: float
+    ) -> Generator[Until, Row | None, int]:
+        """Give commands at their times until `end` s; how many were left out, a later one being due."""
+        begin, late = bench.now, 0
+        for index, (time, value) in enumerate(course):
+            if index + 1 < len(course) and begin + course[index + 1][0] <= bench.now:
+                late += 1
+                continue
+            if bench.now < begin + time:
+                yield Until(begin + time)
+            if not bench.is_at(self.actuator, value):
+                bench.try_switch(self.actuator, value)
+        if bench.now < begin + end:
+            yield Until(begin + end)
+        return late
+
+    def lasting(self) -> frozenset[str]:
+        """The actuator, where its last value stays."""
+        return frozenset({self.actuator}) if self.stay else frozenset()

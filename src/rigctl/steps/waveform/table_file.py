@@ -1,0 +1,96 @@
+"""A table of a waveform, from a CSV file with the columns ``time [s]`` and ``NAME [unit]``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+from rigctl.errors import Location, RigctlError
+from rigctl.units import Unit, parse_unit
+
+#: rows of a file
+_MOST: Final = 200_000
+
+
+def read_table(
+    path: Path, name: str, unit: str, check: Callable[[float], None]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Times and values in SI.
+
+    Parameters
+    ----------
+    name, unit: of the actuator whose column is read, and a unit of its dimension.
+    check: refuses a value that the actuator cannot take; the row is added to what it says.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, a column or a number is missing, or a value cannot be taken; with its line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise RigctlError(f"cannot read the table: {problem}", where=Location(path)) from problem
+    rows = list(csv.reader(io.StringIO(text)))
+    if len(rows) > _MOST:
+        raise RigctlError(
+            "the table is too long", value=f"{len(rows)} rows", expected=f"{_MOST}", where=Location(path)
+        )
+    head = rows[0] if rows else []
+    time_column, time_unit = _column(head, "time", "s", path)
+    value_column, value_unit = _column(head, name, unit, path)
+    times, values = [], []
+    for line, row in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        where = Location(path, line)
+        times.append(_number(row, time_column, time_unit, where))
+        values.append(_number(row, value_column, value_unit, where))
+        try:
+            check(values[-1])
+        except RigctlError as error:
+            raise error.at(where) from None
+        if len(times) > 1 and times[-1] <= times[-2]:
+            raise RigctlError("the time does not rise", value=row[time_column].strip(), where=where)
+    if len(times) < 2:
+        raise RigctlError("too few rows", expected="at least two", where=Location(path))
+    return tuple(time - times[0] for time in times), tuple(values)
+
+
+def _column(head: Sequence[str], name: str, unit: str, path: Path) -> tuple[int, Unit]:
+    """Where a column stands, and its unit."""
+    names = [cell.partition("[")[0].strip() for cell in head]
+    expected = f"'time [s],{name} [{unit}]'" if name != "time" else "a column 'time [s]'"
+    if names.count(name) != 1:
+        raise RigctlError(
+            f"one column '{name}' is expected",
+            value=", ".join(head) or "nothing",
+            expected=expected,
+            where=Location(path, 1),
+        )
+    index = names.index(name)
+    written = head[index].partition("[")[2].rpartition("]")[0].strip()
+    found = parse_unit(written or "1")
+    if found.dimension != parse_unit(unit).dimension:
+        raise RigctlError(
+            "wrong dimension" if written else "the unit is missing",
+            value=head[index],
+            expected=f"{name} [{unit}]",
+            where=Location(path, 1),
+        )
+    return index, found
+
+
+def _number(row: Sequence[str], column: int, unit: Unit, where: Location) -> float:
+    cell = row[column].strip() if column < len(row) else ""
+    try:
+        value = unit.to_si(float(cell))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise RigctlError("no number", value=cell, where=where)
+    return value

@@ -1,0 +1,187 @@
+"""Outputs along a course: what is commanded when, what is refused beforehand, and how it is broken off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigctl.dataset import open_run
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.plan import Plan
+from rigctl.planning import preview
+from rigctl.rig import Rig, parse_rig
+from rigctl.testing import VirtualBench
+from run_workshop import Workshop
+
+HEATERS = shipped("rigs", "heater-board.yaml")
+LEVEL = 'heater_1: {kind: level, unit: "%", low: 0 %, high: 100 %'
+
+
+def heaters(extra: str = "") -> Rig:
+    """The heater board; `extra` is added to what is said of its first heater."""
+    return parse_rig(HEATERS.read_text(encoding="utf-8").replace(LEVEL, LEVEL + extra))
+
+
+def waveform(text: str) -> str:
+    return f"steps:\n  - waveform: {{actuator: heater_1, {text}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ramp: {from: 10 %, to: 60 %, over: 20 s}", lambda t: 0.1 + 0.025 * t),
+        (
+            "sine: {mean: 50 %, amplitude: 20 %, frequency: 0.1 Hz, phase: 90 deg, for: 20 s}, rate: 20 Hz",
+            lambda t: 0.5 + 0.2 * np.cos(0.2 * math.pi * t),
+        ),
+        ("steps: {levels: [20 %, 40 %], each: 10 s}", lambda t: np.where(t < 10.0, 0.2, 0.4)),
+        ("steps: {levels: [20 %, 40 %], each: 5 s}, repeat: 2", lambda t: np.where(t % 10.0 < 5.0, 0.2, 0.4)),
+        (
+            "table: {points: [[0 s, 5 %], [10 s, 50 %], [20 s, 30 %]]}",
+            lambda t: np.interp(t, [0.0, 10.0, 20.0], [0.05, 0.5, 0.3]),
+        ),
+        (
+            "table: {points: [[0 s, 10 %], [4 s, 50 %], [20 s, 30 %]], between: hold}",
+            lambda t: np.where(t < 4.0, 0.1, 0.5),
+        ),
+    ],
+)
+def test_what_is_commanded_is_the_course(
+    tmp_path: Path, text: str, expected: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    bench = VirtualBench(tmp_path, HEATERS)
+    record = "  - record: {name: w, rate: 10 Hz}\n    do:\n      - " + waveform(text).partition("- ")[2]
+    done = bench.run(f"steps:\n{record}", rig=heaters())
+    assert done.result.folder is not None
+    taken = open_run(done.result.folder).record(0)
+    given = [switch for switch in taken.switches if switch.actuator == "heater_1"]
+    time = np.array([switch.time - given[0].time for switch in given if switch.time < taken.end])
+    value = np.array([switch.value for switch in given if switch.time < taken.end])
+    assert value == pytest.approx(expected(time + 1e-9), abs=1e-6)
+    # the command is a channel of the samples: at each the newest one that was given before it
+    seen = taken.commands["heater_1"]
+    newest = np.searchsorted([switch.time for switch in given], taken.time, side="left") - 1
+    later = newest >= 0
+    assert later.sum() > 190
+    assert seen[later] == pytest.approx(np.array([given[i].value for i in newest[later]]))
+
+
+def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text("time [min],heater_1 [%]\n5,10\n5.5,40\n6,20\n", encoding="utf-8")
+    text = waveform("table: {file: drive.csv}, then: safe").replace("steps", "procedure: t\nsteps", 1)
+    (tmp_path / "p.yaml").write_text(text, encoding="utf-8")
+    bench = VirtualBench(tmp_path, HEATERS)
+    done = bench.run(tmp_path / "p.yaml")
+    values = [value for _, value in done.commands("heater_1")]
+    assert (max(values), values[-1]) == (pytest.approx(0.4), 0.0)
+    assert preview(bench.plan(tmp_path / "p.yaml")).seconds == pytest.approx(60.0)
+    for content, said in [
+        ("time [s],heater_1 [%]\n0,10\n1,120\n", "out of range"),
+        ("time [s],heater_1 [K]\n0,10\n1,20\n", "wrong dimension"),
+        ("time [s],heater_2 [%]\n0,10\n1,20\n", "one column 'heater_1'"),
+        ("time [s],heater_1 [%]\n0,10\n0,20\n", "the time does not rise"),
+        ("time [s],heater_1 [%]\n0,10\n1,much\n", "no number"),
+    ]:
+        (tmp_path / "drive.csv").write_text(content, encoding="utf-8")
+        with pytest.raises(RigctlError, match=said) as caught:
+            bench.plan(tmp_path / "p.yaml")
+        assert caught.value.where.line in (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "extra", "said"),
+    [
+        ("ramp: {from: 0 %, to: 110 %, over: 1 s}", "", "out of range"),
+        ("sine: {mean: 90 %, amplitude: 20 %, frequency: 1 Hz, for: 9 s}", "", "out of range .* at 0.1 s"),
+        ("ramp: {from: 0 %, to: 50 %, over: 5 s}", ", max_rate: 9 %/s", "faster than 'heater_1' may be"),
+        ("steps: {levels: [0 %, 10 %], each: 60 s}", ", max_rate: 9 %/s", "10 % at once"),
+        ("steps: {levels: [0 %, 10 %], each: 1 s}", ", min_interval: 2 s", "too often, at 1 s"),
+        (
+            "ramp: {to: 50 %, over: 5 s}, sine: {mean: 1 %, amplitude: 1 %, frequency: 1 Hz, for: 1 s}",
+            "",
+            "two",
+        ),
+        ("rate: 1 Hz", "", "needs its course"),
+        ("ramp: {from: 0 %, to: 1 %, over: 1e8 s}", "", "too many commands"),
+        ("steps: {levels: [0 %, 10 %], each: 1 s, rise: 2 s}", "", "longer than a step"),
+        ("ramp: {from: 0 bar, to: 10 bar, over: 1 s}", "", "wrong dimension"),
+    ],
+)
+def test_a_course_that_the_rig_cannot_follow_is_refused_before_anything_moves(
+    tmp_path: Path, text: str, extra: str, said: str
+) -> None:
+    with pytest.raises(RigctlError, match=said) as caught:
+        VirtualBench(tmp_path, HEATERS).plan(waveform(text), heaters(extra))
+    assert caught.value.where.line == 3
+
+
+def test_positions_take_steps_only_and_hands_none(steps: Callable[..., Plan]) -> None:
+    with pytest.raises(RigctlError, match="positions and nothing between"):
+        steps("- waveform: {actuator: valve, ramp: {from: neutral, to: extend, over: 1 s}}")
+    with pytest.raises(RigctlError, match="turned by hand"):
+        steps("- waveform: {actuator: relief_valve, ramp: {from: 20 bar, to: 30 bar, over: 1 s}}")
+
+
+def test_a_set_point_is_held_against_the_limits_of_its_channel(tmp_path: Path) -> None:
+    written = shipped("rigs", "oil-circuit-modbus.yaml").read_text(encoding="utf-8")
+    rig = parse_rig(written.replace("above: 65 bar", "above: 50 bar"))
+    text = "steps:\n  - waveform: {actuator: relief_valve, ramp: {from: 10 bar, to: 59 bar, over: 2 s}}\n"
+    with pytest.raises(RigctlError, match="would trip the limit"):
+        VirtualBench(tmp_path).plan(text, rig)
+
+
+def test_the_way_to_the_first_value_is_no_faster_than_allowed(tmp_path: Path) -> None:
+    bench = VirtualBench(tmp_path, HEATERS)
+    done = bench.run(
+        waveform("steps: {levels: [40 %], each: 1 s}") + "  - waveform: {actuator: heater_1, "
+        "ramp: {to: 10 %, over: 10 s}}\n",
+        rig=heaters(", max_rate: 10 %/s"),
+    )
+    assert done.result.status == "finished"
+    given = done.commands("heater_1")
+    (t, v) = (np.array(column) for column in zip(*given, strict=True))
+    apart = np.diff(t) > 0.0  # the end of the run comes at the time of the last command
+    t, v = t[: apart.sum() + 1], v[: apart.sum() + 1]
+    fast = np.diff(v) / np.diff(t)
+    last_ramp = fast[(t[1:] < t[-1]) & (v[1:] > 0.0)]
+    assert np.abs(last_ramp).max() <= 0.1 * (1.0 + 1e-6)
+    assert v.max() == pytest.approx(0.4)
+
+
+def test_a_ramp_from_now_that_would_be_too_fast_moves_nothing(tmp_path: Path) -> None:
+    steps = (
+        "steps:\n  - set: {heater_1: 90 %}\n  - waveform: {actuator: heater_1, ramp: {to: 0 %, over: 1 s}}\n"
+    )
+    done = VirtualBench(tmp_path, HEATERS).run(steps, rig=heaters(", max_rate: 10 %/s"))
+    assert done.result.status == "failed"
+    assert "faster than 'heater_1' may be" in str(done.result.reason)
+    values = [value for _, value in done.commands("heater_1")]
+    assert values == [0.9, 0.0]
+
+
+def test_an_interlock_ends_it_with_outputs_safe(tmp_path: Path) -> None:
+    text = waveform("sine: {mean: 50 %, amplitude: 10 %, frequency: 0.1 Hz, for: 60 s}")
+    done = VirtualBench(tmp_path, HEATERS).run(
+        text, rig=heaters(), options={"faults": ("sensor_out_of_range:temperature_1@20 s",)}
+    )
+    assert done.result.status == "failed"
+    commands = done.commands("heater_1")
+    assert commands[-1][1] == 0.0
+    assert commands[-2][0] < 30.0
+
+
+def test_valves_follow_steps_of_positions(tmp_path: Path) -> None:
+    steps = (
+        "steps:\n  - waveform: {actuator: valve, steps: {levels: [extend, neutral, retract], each: 500 ms}, "
+        "then: safe}\n"
+    )
+    done = Workshop(tmp_path).run(steps)
+    given = done.commands("valve")
+    times, values = zip(*given, strict=True)
+    assert values == (1.0, 0.0, -1.0, 0.0)
+    assert np.diff(times) == pytest.approx(0.5)
