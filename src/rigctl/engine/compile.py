@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -86,24 +87,30 @@ def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Ker
 
     def announce() -> None:
         if progress is not None:
-            progress("Compiling the integrator, once for this installation (about 10 s)")
+            progress("Compiling the integrator, once for this installation (a few seconds)")
 
     if (module, checked) not in _kernels:
         source = f"{module}, bounds checked" if checked else module
-        found = load_compiled(f"kernel-{module}", source, lambda: _made(module), before_compiling=announce)
+        found = load_compiled(
+            f"kernel-{module}", source, lambda: _made(module, checked), before_compiling=announce
+        )
         (address,) = found.values()
         _kernels[module, checked] = _caller(address)
     return _kernels[module, checked]
 
 
-def _made(module: str) -> MachineCode:
-    from rigctl.engine.kernels.making import kernel_code
+def _made(module: str, checked: bool) -> MachineCode:
+    from rigctl.engine.kernels.portable import SYMBOL, kept_text, made_text
 
-    return kernel_code(module)
+    kept = None if checked else kept_text(module)
+    if kept is not None:
+        with suppress(RuntimeError):  # of an LLVM that cannot read what another version wrote
+            return compiled(kept, [SYMBOL])
+    return compiled(made_text(module), [SYMBOL])
 
 
 def _caller(address: int) -> Kernel:
-    """The kernel as Python calls it, while other threads go on; see `kernels.making.SYMBOL`."""
+    """The kernel as Python calls it, while other threads go on; see `kernels.portable.SYMBOL`."""
     pointer = ctypes.c_void_p
     function = ctypes.CFUNCTYPE(ctypes.c_int32, pointer, pointer, pointer)(address)
 

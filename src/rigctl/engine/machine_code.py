@@ -43,18 +43,15 @@ def compiled(text: str, defines: Iterable[str]) -> MachineCode:
     """
     import llvmlite.binding as llvm
 
+    machine = host()  # LLVM is ready to read for a target once it has one
     module = llvm.parse_assembly(text)
     module.verify()
+    module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.slp_vectorization = True
-    builder = llvm.create_pass_builder(host(), options)
+    builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
-    return emitted(module, defines)
-
-
-def emitted(module: Any, defines: Iterable[str]) -> MachineCode:
-    """The machine code of an LLVM module that has been optimised already."""
-    return MachineCode(host().emit_object(module), tuple(defines), tuple(sorted(set(_needs(module)))))
+    return MachineCode(machine.emit_object(module), tuple(defines), tuple(sorted(set(_needs(module)))))
 
 
 def _needs(module: Any) -> Iterable[str]:

@@ -82,8 +82,9 @@ def restart(addresses, u, q, inputs, work, relative, absolute, sensitive, counte
         if not math.isfinite(work.k[i]):
             counters[GUILTY_STATE] = i
             return NOT_FINITE_RHS, 0.0
-        size += (work.y[i] * work.weight[i]) ** 2
-        slope += (work.k[i] * work.weight[i]) ** 2
+        value, change = work.y[i] * work.weight[i], work.k[i] * work.weight[i]
+        size += value * value
+        slope += change * change
     size, slope = math.sqrt(size / n), math.sqrt(slope / n)
     probe = 0.01 * size / slope if size > 1e-5 and slope > 1e-5 else 1e-6
     for i in range(n):
@@ -91,7 +92,8 @@ def restart(addresses, u, q, inputs, work, relative, absolute, sensitive, counte
     call_4(addresses[RHS], offset(work.z, n), u, q, work.value)
     bend = 0.0
     for i in range(n):
-        bend += ((work.value[i] - work.k[i]) * work.weight[i]) ** 2
+        change = (work.value[i] - work.k[i]) * work.weight[i]
+        bend += change * change
     bend = math.sqrt(bend / n) / probe
     fastest = max(slope, bend)
     if not math.isfinite(fastest):
