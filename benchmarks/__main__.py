@@ -18,6 +18,7 @@ NAMES = (
     "board",
     "protocols",
     "endings",
+    "catalogue",
 )
 
 for name in NAMES:

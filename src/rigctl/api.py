@@ -129,19 +129,26 @@ def find_runs(
     procedure: str | None = None,
     rig: str | None = None,
     status: str | None = None,
+    where: str | None = None,
     runs: str | Path | None = None,
 ) -> list[RunSummary]:
-    """The runs of a folder, oldest first; one small file of each is read.
+    """The runs of a folder, oldest first; one small file of each is read, of many only those that changed.
 
     Parameters
     ----------
     procedure, rig: only those of this name.
     status: only those that ended so: ``finished``, ``failed``, ``aborted``, ``interrupted``.
+    where: only those that meet this condition, as `rigctl runs list --where`.
     runs: the folder; the project's by default.
+
+    Raises
+    ------
+    RigctlError
+        the condition is wrong.
     """
     wanted = {"procedure": procedure, "rig": rig, "status": status}
     return [
         summary
-        for summary in list_runs(Path(runs) if runs is not None else None)
+        for summary in list_runs(Path(runs) if runs is not None else None, where=where)
         if all(value is None or getattr(summary, name) == value for name, value in wanted.items())
     ]

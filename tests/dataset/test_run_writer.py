@@ -195,7 +195,7 @@ def test_a_name_taken_in_the_last_moment_is_noticed(
     taken.mkdir(parents=True)
     (taken / "precious").write_text("data", encoding="utf-8")
     answers = iter([header.id, f"{header.id}-2"])
-    monkeypatch.setattr(writer_module, "next_free", lambda *_: next(answers))
+    monkeypatch.setattr(writer_module, "free_run_id", lambda *_: next(answers))
     writer = RunWriter.create(runs, header)
     assert writer.id == f"{header.id}-2"
     assert [path.name for path in taken.iterdir()] == ["precious"]

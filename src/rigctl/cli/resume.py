@@ -32,6 +32,7 @@ def resume(
     """
     from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.dataset import find_run
+    from rigctl.dataset.shards import runs_root
     from rigctl.runner.access import bench_options, clock_for
     from rigctl.runner.launch import Launch
     from rigctl.runner.operator import AutomaticOperator
@@ -43,7 +44,7 @@ def resume(
     given = bench_options(kind, before.plan.rig, port=port or header.options.get("port"), seed=header.seed)
     echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
     how = Launch(
-        runs=before.folder.parent,
+        runs=runs_root(before.folder),
         operator=AutomaticOperator(),
         backend=kind,
         options={**header.options, **given},

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, echo_json
-from rigctl.errors import ExitCode
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.printable import printable
 
 if TYPE_CHECKING:
@@ -28,28 +28,51 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Where = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CONDITION", help='Only runs that meet it, in SQL: "records > 20".', show_default=False
+    ),
+]
+#: so many are listed where nothing else is said
+SHOWN = 100
 Ref = Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")]
 
 
 @app.command("list")
 def list_(
     *,
-    last: Annotated[int | None, typer.Option(min=1, help="Only the newest this many.")] = None,
+    where: Where = None,
+    last: Annotated[
+        int | None, typer.Option(min=1, help=f"Only the newest this many; {SHOWN} unless told otherwise.")
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Every one, however many there are.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List all runs, oldest first.
+    """List runs, oldest first.
 
-    Example: rigctl runs list --last 10
+    Example: rigctl runs list --where "rig = 'HL-32 test bench' AND started >= '2026-11'"
     """
     from rigctl.dataset import list_runs
 
-    found = list_runs()
-    shown = found[-last:] if last else found
+    if last and every:
+        raise RigctlError("'--last' and '--all' exclude each other")
+    most = None if every or (as_json and not last) else last or SHOWN
+    # one more than is shown tells whether there are more
+    found = list_runs(where=where, last=most + 1 if most and not last else most)
+    shown = found[-most:] if most else found
     if as_json:
         _print_json({"runs": [asdict(run) for run in shown]})
     elif not shown:
-        echo("There are no runs yet; 'rigctl simulate PROCEDURE' makes one.")
+        none = (
+            "No run meets the condition."
+            if where
+            else "There are no runs yet; 'rigctl simulate PROCEDURE' makes one."
+        )
+        echo(none)
     else:
+        if len(found) > len(shown):
+            echo(f"The newest {len(shown)}; '--all' lists every one, '--where' chooses.", err=True)
         _print_table(_runs_table(shown))
 
 
@@ -160,17 +183,19 @@ def exclude(
 def sql(
     query: Annotated[str, typer.Argument(metavar="SELECT", help="One SELECT in DuckDB's dialect.")],
     *,
+    where: Where = None,
     as_json: Json = False,
 ) -> None:
     """Ask across all closed runs: tables runs, records, samples, events and units.
 
-    The query can read the runs' data and nothing else, and write nothing.
+    The query can read the runs' data and nothing else, and write nothing; with --where those of
+    the runs that meet it.
 
     Example: rigctl runs sql "SELECT oil, supply, avg(stroke) FROM records GROUP BY ALL ORDER BY ALL"
     """
     from rigctl import dataset
 
-    answer = dataset.query(query)
+    answer = dataset.query(query, where=where)
     if as_json:
         rows = [[_plain_cell(value) for value in row] for row in answer.rows]
         _print_json({"columns": list(answer.columns), "rows": rows})

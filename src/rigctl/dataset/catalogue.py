@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import journal, log, run_json
 from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.history import INTERRUPTED
-from rigctl.dataset.lock import in_progress
+from rigctl.dataset.index.file import ask, is_indexed
+from rigctl.dataset.index.rows import DAMAGED
+from rigctl.dataset.index.select import select
+from rigctl.dataset.run_json import NAME as RUN_JSON
 from rigctl.dataset.run_json import read_info
+from rigctl.dataset.run_order import is_run, run_folders
+from rigctl.dataset.run_status import status_of
+from rigctl.dataset.shards import places_of
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.project import find_project
 
+__all__ = ["LATEST", "RunSummary", "find_run", "list_runs", "run_folders", "runs_folder", "status_of"]
+
 #: how the newest run is called on the command line
 LATEST: Final = "latest"
+#: of many runs, among so many of the newest the nearest name is looked for
+_NEAREST: Final = 1000
 
 
 @dataclass(frozen=True)
@@ -52,49 +62,44 @@ def runs_folder(runs: Path | None = None) -> Path:
     return find_project().runs if runs is None else runs
 
 
-def run_folders(runs: Path) -> list[Path]:
-    """The folders of all runs, oldest first; ids begin with their date and time, to the second."""
-    if not runs.is_dir():
-        return []
-    by_second: dict[str, list[Path]] = {}
-    for entry in sorted((entry for entry in runs.iterdir() if _is_run(entry)), key=_order):
-        by_second.setdefault(entry.name[:15], []).append(entry)
-    for together in by_second.values():
-        if len(together) > 1:
-            together.sort(key=_started)
-    return [folder for together in by_second.values() for folder in together]
+def list_runs(
+    runs: Path | None = None, *, where: str | None = None, last: int | None = None
+) -> list[RunSummary]:
+    """Runs, oldest first. One small file of each is read, of many only where it has changed since.
 
+    Parameters
+    ----------
+    where: only those that meet this condition: an expression in SQLite's SQL over the columns of `runs sql`,
+        ``notes`` and ``excluded``. What their channels range over is in ``channels``: ``id IN (SELECT run
+        FROM channels WHERE name = 'oil_temperature' AND high > 60)``, in the unit they were recorded in.
+    last: only the newest so many.
 
-def _started(folder: Path) -> str:
-    """When a run was made, to the microsecond; nothing where it cannot be read.
-
-    The data of an import may have begun years before.
+    Raises
+    ------
+    RigctlError
+        the condition is wrong.
     """
-    try:
-        info = read_info(folder)
-    except RigctlError:
-        return ""
-    return str(info.get("backend", {}).get("imported") or info.get("started", ""))
+    folder = runs_folder(runs)
+    if where is None and not is_indexed(folder):
+        folders = run_folders(folder)
+        return list(_summaries(folders[-last:] if last else folders))
+    rows = ask(folder, lambda index: select(index, where, last), channels=where is not None)
+    return [_summary_of(folder, row) for row in rows]
 
 
-def _is_run(folder: Path) -> bool:
-    """A run has lost ``run.json`` or its log at worst; a dot marks one that is just being made."""
-    if folder.name.startswith("."):
-        return False
-    return (folder / run_json.NAME).is_file() or (folder / log.NAME).is_file()
+def _summary_of(runs: Path, row: Mapping[str, Any]) -> RunSummary:
+    """The line of one run as the index has it."""
+    folder = place_of(runs, row)
+    if row["status"] == DAMAGED:
+        return RunSummary(row["id"], folder, DAMAGED)
+    same = ("id", "status", "procedure", "rig", "duration", "records", "complete_records", "rows")
+    facts = {name: row[name] for name in (*same, "notes", "excluded")}
+    return RunSummary(folder=folder, source=row["source"] or "", started=row["started_as"], **facts)
 
 
-def _order(folder: Path) -> tuple[str, int, str]:
-    """By start, then in the order in which runs of one second were given their numbers."""
-    stem, _, number = folder.name.rpartition("-")
-    if number.isdigit() and stem and (folder.parent / stem).is_dir():
-        return (stem[:15], int(number), folder.name)
-    return (folder.name[:15], 1, folder.name)
-
-
-def list_runs(runs: Path | None = None) -> list[RunSummary]:
-    """All runs, oldest first. Reads one small file of each."""
-    return list(_summaries(run_folders(runs_folder(runs))))
+def place_of(runs: Path, row: Mapping[str, Any]) -> Path:
+    """The folder of a run that the index names."""
+    return runs / str(row["shard"]) / str(row["id"])
 
 
 def _summaries(folders: list[Path]) -> Iterator[RunSummary]:
@@ -102,7 +107,7 @@ def _summaries(folders: list[Path]) -> Iterator[RunSummary]:
         try:
             info = read_info(folder)
         except RigctlError:
-            yield RunSummary(folder.name, folder, "damaged")
+            yield RunSummary(folder.name, folder, DAMAGED)
         else:
             yield summarise(folder, info)
 
@@ -131,14 +136,6 @@ def summarise(folder: Path, info: dict[str, Any]) -> RunSummary:
     )
 
 
-def status_of(folder: Path, info: dict[str, Any]) -> str:
-    """The run's status, with a run in progress told from one that was left behind."""
-    status = str(info["status"])
-    if status != run_json.RUNNING and not (folder / journal.NAME).exists():
-        return status
-    return run_json.RUNNING if in_progress(folder) else "unclosed"
-
-
 def find_run(ref: str | Path, runs: Path | None = None) -> Path:
     """The folder of the run that `ref` names: an id, an unambiguous start of one, a path, or ``latest``.
 
@@ -149,20 +146,34 @@ def find_run(ref: str | Path, runs: Path | None = None) -> Path:
     """
     text = str(ref)
     as_path = Path(text)
-    if text and _is_run(as_path):
+    if text and is_run(as_path):
         return as_path.resolve()
-    if as_path.name == run_json.NAME and as_path.is_file():
+    if as_path.name == RUN_JSON and as_path.is_file():
         return as_path.parent.resolve()
     folder = runs_folder(runs)
-    folders = run_folders(folder)
+    for place in places_of(folder, text) if text and as_path.name == text else ():
+        if is_run(place):
+            return place
+    return _by_start(text, folder, _known_folders(folder, text))
+
+
+def _known_folders(runs: Path, text: str) -> list[Path]:
+    """The folders in which to look for a start of an id, oldest first; of many runs those that begin so."""
+    if not is_indexed(runs):
+        return run_folders(runs)
+    begins = f"substr(id, 1, {len(text)}) = '{text.replace(chr(39), chr(39) * 2)}'"
+    if text == LATEST or not re.fullmatch(r"[\w.-]+", text):
+        rows = ask(runs, lambda index: select(index, last=1))
+    else:
+        rows = ask(runs, lambda index: select(index, begins) or select(index, last=_NEAREST))
+    return [place_of(runs, row) for row in rows]
+
+
+def _by_start(text: str, runs: Path, folders: list[Path]) -> Path:
     if not folders:
-        raise RigctlError(f"there are no runs in {folder}", value=text, hint="'rigctl simulate' makes one")
+        raise RigctlError(f"there are no runs in {runs}", value=text, hint="'rigctl simulate' makes one")
     if text == LATEST:
         return folders[-1]
-    return _by_start(text, folders)
-
-
-def _by_start(text: str, folders: list[Path]) -> Path:
     by_id = {folder.name: folder for folder in folders}
     if text in by_id:
         return by_id[text]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
+
+from rigctl.dataset.shards import is_taken
 
 #: longest slug; keeps a run's paths well below the 260 characters that some systems allow
 _SLUG_LENGTH = 40
@@ -21,17 +24,26 @@ def slug(name: str) -> str:
 
 
 def new_run_id(name: str, when: datetime, runs: Path) -> str:
-    """``YYYYMMDD-HHMMSS-slug`` in UTC; ``-2``, ``-3``, … is appended while a folder of that name exists.
+    """``YYYYMMDD-HHMMSS-slug`` in UTC; ``-2``, ``-3``, … is appended while a run has that name.
 
     Two programs may still be given the same name in the same moment; `RunWriter.create` settles that.
     """
     wanted = f"{when.astimezone(UTC):%Y%m%d-%H%M%S}-{slug(name)}"
-    return next_free(wanted, runs)
+    return free_run_id(wanted, runs)
 
 
-def next_free(wanted: str, runs: Path, suffix: str = "") -> str:
-    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that with `suffix` is no entry of `runs`."""
+def free_run_id(wanted: str, runs: Path) -> str:
+    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that no run in `runs` has."""
+    return _first_free(wanted, lambda name: is_taken(runs, name))
+
+
+def next_free(wanted: str, folder: Path, suffix: str = "") -> str:
+    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that with `suffix` is no entry of `folder`."""
+    return _first_free(wanted, lambda name: (folder / f"{name}{suffix}").exists())
+
+
+def _first_free(wanted: str, taken: Callable[[str], bool]) -> str:
     candidate, number = wanted, 2
-    while (runs / f"{candidate}{suffix}").exists():
+    while taken(candidate):
         candidate, number = f"{wanted}-{number}", number + 1
     return candidate

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,7 +39,7 @@ def read_info(folder: Path) -> dict[str, Any]:
         raise _damaged(path) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
         raise _damaged(path)
-    if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != checksum(info):
+    if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != _digest(info):
         raise _damaged(path, "the file was changed since it was written")
     require_own(folder, info["id"], path)
     return info
@@ -64,9 +66,14 @@ def require_own(folder: Path, run_id: object, path: Path) -> None:
 
 
 def write_info(folder: Path, info: Mapping[str, Any]) -> None:
-    """Replace ``run.json`` in one step, with the checksum of what it says."""
+    """Replace ``run.json`` in one step, with the checksum of what it says.
+
+    The folder that the run lies in is marked as changed: by that the catalogue sees which runs to read again.
+    """
     said = {key: value for key, value in info.items() if key != _CHECKSUM}
     write_json(folder / NAME, {**said, _CHECKSUM: checksum(said)})
+    with suppress(OSError):
+        os.utime(folder.parent)
 
 
 def checksum(info: Mapping[str, Any]) -> str:
@@ -74,7 +81,12 @@ def checksum(info: Mapping[str, Any]) -> str:
 
     The text is compared as JSON reads it back, so that formatting does not matter and any value does.
     """
-    said = json.loads(to_json({key: value for key, value in info.items() if key != _CHECKSUM}))
+    return _digest(json.loads(to_json(info)))
+
+
+def _digest(info: Mapping[str, Any]) -> str:
+    """`checksum` of what was read from JSON."""
+    said = {key: value for key, value in info.items() if key != _CHECKSUM}
     text = json.dumps(said, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from rigctl.dataset import journal, samples, tables
-from rigctl.dataset.catalogue import run_folders, runs_folder
+from rigctl.dataset.catalogue import place_of, run_folders, runs_folder
+from rigctl.dataset.index.file import ask, is_indexed
+from rigctl.dataset.index.select import select
 from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.run_json import RUNNING, read_info
 from rigctl.errors import RigctlError, unknown_name
@@ -77,14 +79,18 @@ class QueryResult:
         return pd.DataFrame(list(self.rows), columns=list(self.columns))
 
 
-def query(sql: str, runs: Path | None = None) -> QueryResult:
-    """Answer one SELECT over all closed runs.
+def query(sql: str, runs: Path | None = None, *, where: str | None = None) -> QueryResult:
+    """Answer one SELECT over all closed runs, or over those that meet a condition.
 
     The views are `runs` (one row per run), `records`, `samples` and `events` (each with the run's id in
     ``run``; columns that only some runs have are NULL in the others), and `units` (the unit of each column of
     a run's samples). Values are in display units.
 
     The query can read the runs' Parquet files and nothing else, and write nothing.
+
+    Parameters
+    ----------
+    where: the condition, as of `rigctl.dataset.list_runs`; of the other runs no file is opened.
 
     Raises
     ------
@@ -93,7 +99,13 @@ def query(sql: str, runs: Path | None = None) -> QueryResult:
     """
     import duckdb
 
-    closed = _closed_runs(run_folders(runs_folder(runs)))
+    folder = runs_folder(runs)
+    if where is None and not is_indexed(folder):
+        chosen = run_folders(folder)
+    else:
+        rows = ask(folder, lambda index: select(index, where), channels=where is not None)
+        chosen = [place_of(folder, row) for row in rows]
+    closed = _closed_runs(chosen)
     with duckdb.connect(":memory:") as connection:
         try:
             _require_select(sql)

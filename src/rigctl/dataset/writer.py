@@ -23,8 +23,9 @@ from rigctl.dataset.history import read_history
 from rigctl.dataset.journal import JournalWriter
 from rigctl.dataset.lock import FolderLock, lock_folder
 from rigctl.dataset.log import LogWriter
-from rigctl.dataset.run_id import next_free
+from rigctl.dataset.run_id import free_run_id
 from rigctl.dataset.run_json import RUNNING, read_info, write_info
+from rigctl.dataset.shards import folder_for
 from rigctl.errors import ExitCode, Location, RigctlError, shorten
 from rigctl.plan.measured import MeasuredValue
 
@@ -392,19 +393,21 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
     A folder cannot be renamed onto one that has files in it, so a name taken by somebody else in the same
     moment is noticed.
     """
-    draft = Path(mkdtemp(prefix=".new-", dir=runs))
+    place = folder_for(runs, header.id)
+    place.mkdir(exist_ok=True)
+    draft = Path(mkdtemp(prefix=".new-", dir=place))
     try:
         draft.chmod(0o755)
         while True:
-            run_id = next_free(header.id, runs)
+            run_id = free_run_id(header.id, runs)
             named = replace(header, id=run_id).to_json()
             line = log.protected_line({"time": 0.0, "kind": "run", "header": named})
             (draft / log.NAME).write_bytes(line + b"\n")
             write_info(draft, {**named, "status": RUNNING, "reason": None})
             try:
-                return draft.rename(runs / run_id)
+                return draft.rename(place / run_id)
             except OSError:
-                if not (runs / run_id).exists():
+                if not (place / run_id).exists():
                     raise
     except BaseException:
         with suppress(OSError):

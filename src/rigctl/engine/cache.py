@@ -23,11 +23,9 @@ from functools import cache
 from pathlib import Path
 
 from rigctl.engine.machine_code import MachineCode, loaded
+from rigctl.files.cache_folder import cache_folder
 
 logger = logging.getLogger(__name__)
-
-#: names another place for the cache than the user's own
-CACHE_VARIABLE = "RIGCTL_CACHE_DIR"
 
 _MANIFEST = "checksums.json"
 _CODE, _NAMES = "code.o", "names.json"
@@ -42,10 +40,7 @@ _loaded: dict[str, Mapping[str, int]] = {}
 
 def cache_root() -> Path:
     """The folder of the compiled modules."""
-    from platformdirs import user_cache_path
-
-    chosen = os.environ.get(CACHE_VARIABLE)
-    return (Path(chosen) if chosen else user_cache_path("rigctl", appauthor=False)) / "engine"
+    return cache_folder() / "engine"
 
 
 def load_compiled(

@@ -15,6 +15,7 @@ from tempfile import mkdtemp
 from typing import Final
 
 from rigctl.dataset.lock import in_progress
+from rigctl.dataset.shards import folder_for
 from rigctl.errors import Location, RigctlError
 
 #: how folders begin that are no runs yet; a dot hides them from the catalogue
@@ -56,8 +57,9 @@ def publish(folder: Path, runs: Path) -> Path:
     RigctlError
         another import took the name in the same second.
     """
-    place = runs / folder.name
+    place = folder_for(runs, folder.name) / folder.name
     try:
+        place.parent.mkdir(exist_ok=True)
         return folder.rename(place)
     except OSError as problem:
         if not place.exists():

@@ -1,0 +1,150 @@
+"""The index on disk: asked where there are many runs, brought up to date first, done without where it fails.
+
+It lies in the user's cache, one file for each runs folder. A runs folder may be read-only, or on a network
+whose locks SQLite cannot rely on; the cache is neither, and the runs folder holds runs alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Final, TypeVar
+
+from rigctl.dataset.index.refresh import refresh
+from rigctl.dataset.index.schema import TABLES, VERSION
+from rigctl.dataset.shards import is_shard
+from rigctl.files.cache_folder import cache_folder
+
+logger = logging.getLogger(__name__)
+
+#: from so many runs on they are looked up in an index; fewer are read one by one as fast
+INDEX_FROM: Final = 1000
+#: how long another program that writes to the index is waited for, s
+_PATIENCE: Final = 10.0
+T = TypeVar("T")
+
+
+def index_path(runs: Path) -> Path:
+    """The file of a runs folder's index."""
+    name = hashlib.sha256(os.fsencode(runs.resolve())).hexdigest()[:24]
+    return cache_folder() / "catalogue" / f"{name}.sqlite"
+
+
+def is_indexed(runs: Path) -> bool:
+    """Whether there are so many runs that an index is kept of them."""
+    if index_path(runs).exists():
+        return True
+    count = 0
+    try:
+        with os.scandir(runs) as entries:
+            for entry in entries:
+                count += len(os.listdir(entry)) if is_shard(entry.name) else 1  # noqa: PTH208
+                if count >= INDEX_FROM:
+                    return True
+    except OSError:
+        return False
+    return False
+
+
+def ask(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool = True) -> T:
+    """What `question` makes of an index that is up to date.
+
+    Of few runs, or where none can be kept, it is made in memory and forgotten. A damaged one, or one of
+    another version, is made again; that is said as a warning of this module's logger.
+
+    Parameters
+    ----------
+    channels: whether ranges of channels are asked for; in memory they are left out otherwise.
+    """
+    if is_indexed(runs):
+        path = index_path(runs)
+        try:
+            return _ask_file(path, runs, question)
+        except sqlite3.OperationalError as problem:
+            if _sound(path):
+                logger.warning("the index of the runs cannot be used (%s); their folders are read", problem)
+                return _ask_memory(runs, question, channels=channels)
+            why = str(problem)
+        except sqlite3.DatabaseError as problem:
+            why = str(problem)
+        except OSError as problem:
+            logger.warning("no index of the runs can be kept (%s); their folders are read", problem)
+            return _ask_memory(runs, question, channels=channels)
+        logger.warning("the index of the runs is damaged (%s); it is made again from their folders", why)
+        try:
+            remove_index(runs)
+            return _ask_file(path, runs, question)
+        except (sqlite3.DatabaseError, OSError) as problem:
+            logger.warning("no index of the runs can be kept (%s); their folders are read", problem)
+    return _ask_memory(runs, question, channels=channels)
+
+
+def remove_index(runs: Path) -> None:
+    """Forget the index of a runs folder: the next that asks makes it again.
+
+    Raises
+    ------
+    OSError
+        another program has it open, on systems that keep it for that one.
+    """
+    path = index_path(runs)
+    for file in (path, path.with_name(f"{path.name}-journal")):
+        file.unlink(missing_ok=True)
+
+
+def _ask_file(path: Path, runs: Path, question: Callable[[sqlite3.Connection], T]) -> T:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as index:
+        _prepare(index, path)
+        refresh(index, runs)
+        return question(index)
+
+
+def _ask_memory(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool) -> T:
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as index:
+        index.executescript(TABLES)
+        refresh(index, runs, channels=channels)
+        return question(index)
+
+
+def _prepare(index: sqlite3.Connection, path: Path) -> None:
+    """Make the tables where there are none; those of another version are taken away first."""
+    (version,) = index.execute("PRAGMA user_version").fetchone()
+    if version == VERSION:
+        return
+    index.execute("BEGIN EXCLUSIVE")
+    try:
+        (version,) = index.execute("PRAGMA user_version").fetchone()  # another program may have been faster
+        if version != VERSION:
+            if version:
+                logger.warning("%s is of version %d; it is made again from the runs' folders", path, version)
+            _clear(index)
+            for statement in TABLES.split(";"):
+                index.execute(statement)
+    except BaseException:
+        index.execute("ROLLBACK")
+        raise
+    index.execute("COMMIT")
+
+
+def _clear(index: sqlite3.Connection) -> None:
+    found = index.execute("SELECT type, name FROM sqlite_master WHERE type IN ('table', 'view')").fetchall()
+    for kind, name in sorted(found, reverse=True):  # views before the tables that they show
+        index.execute(f'DROP {kind} IF EXISTS "{name}"')
+
+
+def _sound(path: Path) -> bool:
+    """Whether what could not be used just now is a sound file: busy, or on a full disk; not damaged."""
+    try:
+        with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True, timeout=0)) as index:
+            tables = {name for (name,) in index.execute("SELECT name FROM sqlite_master")}
+    except sqlite3.OperationalError:
+        return True
+    except sqlite3.DatabaseError:
+        return False
+    return not path.exists() or not tables or {"run", "shard", "channel", "channel_name"} <= tables

@@ -1,0 +1,204 @@
+"""Bringing an index up to date with the folders of the runs.
+
+A folder's time of change says whether anything in it is new: `rigctl.dataset.run_json.write_info` marks the
+folder that a run lies in, and a run that is made or removed does so by itself. What other programs change
+inside of a run is not seen by that: some of the runs in folders that seem unchanged are looked at each time,
+and all of them once one has changed.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import random
+import sqlite3
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from rigctl.dataset.index.rows import FileState, Row, file_state, read_row
+from rigctl.dataset.index.schema import INNER_COLUMNS, RUN_COLUMNS, quoted
+from rigctl.dataset.shards import is_shard
+
+logger = logging.getLogger(__name__)
+
+#: the folder of runs itself, among those of days
+ROOT: Final = ""
+#: a folder that changed so short a time ago may change again without being seen to, ns
+_UNSETTLED: Final = 3_000_000_000
+#: how many runs in unchanged folders are looked at each time
+_SAMPLE: Final = 1000
+#: so many are read before they are kept: what an interrupt costs
+_BATCH: Final = 2000
+_COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
+_INSERT: Final = f"INSERT INTO run (key, {quoted(_COLUMNS)}) VALUES (?{', ?' * len(_COLUMNS)})"  # noqa: S608
+#: so many that reading them is worth a word
+_LONG: Final = 20_000
+
+
+@dataclass
+class _Changes:
+    """What differs between folders and index: runs to read, runs that are gone, the folders' times."""
+
+    read: dict[tuple[str, str], FileState] = field(default_factory=dict)
+    gone: list[tuple[str, str]] = field(default_factory=list)
+    times: dict[str, int] = field(default_factory=dict)
+    gone_folders: list[str] = field(default_factory=list)
+
+    def __bool__(self) -> bool:
+        return bool(self.read or self.gone or self.times or self.gone_folders)
+
+
+def refresh(index: sqlite3.Connection, runs: Path, *, channels: bool = True) -> None:
+    """Make the index say what the folders say; what has not changed is not read.
+
+    May be interrupted, and carried out by several programs at once: folders that are not finished with are
+    looked at again.
+    """
+    known: dict[str, int] = dict(index.execute("SELECT name, mtime FROM shard"))
+    changes = _Changes()
+    here = _folders(runs, known)
+    for name in here:
+        _compare(index, runs, name, known.get(name), changes)
+    changes.gone_folders = [name for name in known if name not in here]
+    for name in changes.gone_folders:
+        rows = index.execute("SELECT shard, id FROM run WHERE shard = ?", [name])
+        changes.gone += rows.fetchall()
+    settled = {name for name in here if name not in changes.times}
+    if settled and _changed_unseen(index, runs, settled):
+        for name in settled:
+            _compare(index, runs, name, None, changes)
+    _look_at_open(index, runs, changes)
+    if changes:
+        _apply(index, runs, changes, channels=channels)
+
+
+def _folders(runs: Path, known: dict[str, int]) -> list[str]:
+    """The runs folder itself, and those of days in it."""
+    try:
+        if known.get(ROOT) == runs.stat().st_mtime_ns:
+            return list(known)
+        with os.scandir(runs) as entries:
+            return [ROOT, *(entry.name for entry in entries if is_shard(entry.name) and entry.is_dir())]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def _compare(index: sqlite3.Connection, runs: Path, name: str, known: int | None, changes: _Changes) -> None:
+    """Look at every run of a folder, unless the folder has the time of change that is known."""
+    folder = runs / name
+    try:
+        changed = folder.stat().st_mtime_ns  # before its entries: what comes later changes it again
+        if changed == known:
+            return
+        with os.scandir(folder) as entries:
+            names = [entry.name for entry in entries]
+    except FileNotFoundError:
+        return  # removed just now, which changes the folder that it was in
+    rows = {
+        run_id: FileState(size, mtime)
+        for run_id, size, mtime in index.execute("SELECT id, size, mtime FROM run WHERE shard = ?", [name])
+    }
+    for run_id in names:
+        if run_id.startswith(".") or (name == ROOT and is_shard(run_id)):
+            continue
+        state = file_state(f"{folder}{os.sep}{run_id}")
+        if state is not None and rows.pop(run_id, None) != state:
+            changes.read[name, run_id] = state
+    changes.gone += [(name, run_id) for run_id in rows if file_state(folder / run_id) is None]
+    time_kept = changed if changed < time.time_ns() - _UNSETTLED else -1
+    if time_kept != known:
+        changes.times[name] = time_kept
+
+
+def _changed_unseen(index: sqlite3.Connection, runs: Path, settled: set[str]) -> bool:
+    """Whether one of some runs in folders that seem unchanged has changed: another program was there."""
+    (last,) = index.execute("SELECT max(key) FROM run").fetchone()
+    start = random.randrange((last or 0) + 1)  # noqa: S311 - no secret
+    columns = "SELECT shard, id, size, mtime FROM run WHERE key"
+    rows = index.execute(f"{columns} >= ? ORDER BY key LIMIT ?", [start, _SAMPLE]).fetchall()
+    if len(rows) < _SAMPLE:
+        rows += index.execute(f"{columns} < ? LIMIT ?", [start, _SAMPLE - len(rows)]).fetchall()
+    return any(
+        shard in settled and file_state(_folder(runs, shard, run_id)) != (size, mtime)
+        for shard, run_id, size, mtime in rows
+    )
+
+
+def _look_at_open(index: sqlite3.Connection, runs: Path, changes: _Changes) -> None:
+    """Runs that were in progress, or left behind, may have come to their end without a change of any file."""
+    for shard, run_id, status in index.execute("SELECT shard, id, status FROM run WHERE open").fetchall():
+        folder = _folder(runs, shard, run_id)
+        state = file_state(folder)
+        if state is None or (shard, run_id) in changes.read:
+            continue
+        if read_row(folder, shard, state, channels=False).values["status"] != status:
+            changes.read[shard, run_id] = state
+
+
+def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels: bool) -> None:
+    """Read what has changed, and keep it batch by batch; the folders count as looked at when all is kept."""
+    if len(changes.read) >= _LONG:
+        logger.warning("reading %d runs for the index of %s, once", len(changes.read), runs)
+    with _transaction(index):
+        unfinished = [(name, -1) for name in changes.times]
+        index.executemany("INSERT OR REPLACE INTO shard VALUES (?, ?)", unfinished)
+    wanted = list(changes.read.items())
+    for start in range(0, len(wanted), _BATCH):
+        rows = [
+            read_row(_folder(runs, shard, run_id), shard, state, channels=channels)
+            for (shard, run_id), state in wanted[start : start + _BATCH]
+        ]
+        with _transaction(index):
+            _remove(index, [(row.values["shard"], row.values["id"]) for row in rows])
+            _insert(index, rows)
+    with _transaction(index):
+        _remove(index, changes.gone)
+        index.executemany("INSERT OR REPLACE INTO shard VALUES (?, ?)", list(changes.times.items()))
+        index.executemany("DELETE FROM shard WHERE name = ?", [(name,) for name in changes.gone_folders])
+
+
+def _remove(index: sqlite3.Connection, places: Sequence[tuple[str, str]]) -> None:
+    for place in places:
+        found = index.execute("SELECT key FROM run WHERE shard = ? AND id = ?", place).fetchone()
+        if found is not None:
+            index.execute(
+                "DELETE FROM channel WHERE run = ? AND name IN (SELECT key FROM channel_name)", found
+            )
+            index.execute("DELETE FROM run WHERE key = ?", found)
+
+
+def _insert(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
+    (last,) = index.execute("SELECT max(key) FROM run").fetchone()
+    names = {
+        tuple(facts): key for key, *facts in index.execute("SELECT key, name, unit, kind FROM channel_name")
+    }
+    runs, channels = [], []
+    for key, row in enumerate(rows, start=(last or 0) + 1):
+        runs.append((key, *(row.values.get(name) for name in _COLUMNS)))
+        for channel in row.channels:
+            named = (channel.name, channel.unit, channel.kind)
+            if named not in names:
+                added = index.execute("INSERT INTO channel_name (name, unit, kind) VALUES (?, ?, ?)", named)
+                names[named] = added.lastrowid
+            channels.append((names[named], key, channel.low, channel.high))
+    index.executemany(_INSERT, runs)
+    index.executemany("INSERT OR REPLACE INTO channel VALUES (?, ?, ?, ?)", channels)
+
+
+@contextmanager
+def _transaction(index: sqlite3.Connection) -> Iterator[None]:
+    index.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        index.execute("ROLLBACK")
+        raise
+    index.execute("COMMIT")
+
+
+def _folder(runs: Path, shard: str, run_id: str) -> Path:
+    return runs / shard / run_id

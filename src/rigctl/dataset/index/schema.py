@@ -1,0 +1,62 @@
+"""The tables of the index, and the views that a filter may name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+#: of the tables below; an index of another version is made again
+VERSION: Final = 1
+#: what a filter can ask of a run: the columns of `rigctl runs sql`, and what was said of it
+RUN_COLUMNS: Final = (
+    "id",
+    "status",
+    "procedure",
+    "rig",
+    "source",
+    "operator",
+    "backend",
+    "seed",
+    "started",
+    "ended",
+    "duration",
+    "records",
+    "complete_records",
+    "rows",
+    "notes",
+    "excluded",
+)
+#: where it lies, whether it is still open, the text its start is written as, its order, its file's state
+INNER_COLUMNS: Final = ("shard", "open", "started_as", "second", "began", "number", "size", "mtime")
+CHANNEL_COLUMNS: Final = ("run", "name", "unit", "kind", "low", "high")
+VIEWS: Final = {"runs": RUN_COLUMNS, "channels": CHANNEL_COLUMNS}
+#: oldest first, as `rigctl.dataset.catalogue.run_folders` has it
+ORDER: Final = "second, began, number, id"
+
+
+def quoted(names: Iterable[str]) -> str:
+    """Names as SQL has them; some of ours are words of its own."""
+    return ", ".join(f'"{name}"' for name in names)
+
+
+#: no value of a user's is in it
+TABLES: Final = f"""
+CREATE TABLE shard (name TEXT PRIMARY KEY, mtime INTEGER) WITHOUT ROWID;
+CREATE TABLE run (
+    key INTEGER PRIMARY KEY, {quoted((*RUN_COLUMNS, *INNER_COLUMNS))}
+);
+CREATE UNIQUE INDEX run_place ON run (shard, id);
+CREATE INDEX run_order ON run ({ORDER});
+CREATE INDEX run_id ON run (id);
+CREATE INDEX run_open ON run (shard, id) WHERE open;
+CREATE TABLE channel_name (key INTEGER PRIMARY KEY, name TEXT, unit TEXT, kind TEXT,
+    UNIQUE (name, unit, kind));
+CREATE TABLE channel (
+    name INTEGER, run INTEGER, low REAL, high REAL, PRIMARY KEY (name, run)
+) WITHOUT ROWID;
+CREATE VIEW runs AS SELECT {quoted(RUN_COLUMNS)} FROM run;
+CREATE VIEW channels AS
+    SELECT run.id AS run, channel_name.name, unit, kind, low, high
+    FROM channel_name JOIN channel ON channel.name = channel_name.key JOIN run ON run.key = channel.run;
+PRAGMA user_version = {VERSION};
+"""  # noqa: S608

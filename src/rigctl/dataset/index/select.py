@@ -1,0 +1,88 @@
+"""Choosing runs by a condition, in SQL, which can read the index's two tables and do nothing else."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final, NoReturn
+
+from rigctl.dataset.index.schema import CHANNEL_COLUMNS, INNER_COLUMNS, ORDER, RUN_COLUMNS, VIEWS, quoted
+from rigctl.errors import RigctlError, unknown_name
+
+_COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
+_READS: Final = frozenset({"runs", "channels", "run", "channel", "channel_name"})
+#: so many steps of the database between two looks at Ctrl-C
+_STEPS: Final = 100_000
+#: functions that reach beyond a query
+_FORBIDDEN: Final = frozenset({"load_extension", "readfile", "writefile", "edit", "fts3_tokenizer"})
+
+
+def select(
+    index: sqlite3.Connection, where: str | None = None, last: int | None = None
+) -> list[dict[str, Any]]:
+    """The rows of the runs that meet a condition, oldest first.
+
+    Parameters
+    ----------
+    where: an expression in SQLite's SQL over the columns of a run, `VIEWS`; all runs when left out.
+    last: only the newest so many.
+
+    Raises
+    ------
+    RigctlError
+        the condition is wrong; names the nearest column.
+    """
+    chosen = "" if where is None else f"WHERE id IN (SELECT id FROM runs WHERE (\n{where}\n))"  # noqa: S608
+    newest = ", ".join(f"{column} DESC" for column in ORDER.split(", "))
+    sql = f"SELECT {quoted(_COLUMNS)} FROM run {chosen} ORDER BY {newest} LIMIT ?"  # noqa: S608 - guarded
+    with _guarded(index, where):
+        rows = index.execute(sql, [-1 if last is None else last]).fetchall()
+    return [dict(zip(_COLUMNS, row, strict=True)) for row in reversed(rows)]
+
+
+@contextmanager
+def _guarded(index: sqlite3.Connection, where: str | None) -> Iterator[None]:
+    """Let the database read its own tables and nothing else, and Ctrl-C be heard."""
+    if where is None:
+        yield
+        return
+    if where.count("(") != where.count(")") or ";" in where:
+        raise RigctlError("not one condition", value=where, expected="e.g. rig = 'bench' AND records > 20")
+    index.set_authorizer(_authorise)
+    index.set_progress_handler(lambda: 0, _STEPS)
+    try:
+        yield
+    except sqlite3.DatabaseError as problem:
+        if problem.sqlite_errorcode in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_AUTH):
+            _refuse(problem, where)
+        raise
+    finally:
+        index.set_authorizer(None)
+        index.set_progress_handler(None, 0)
+
+
+def _authorise(action: int, first: str | None, second: str | None, *_: str | None) -> int:
+    if action in (sqlite3.SQLITE_SELECT, sqlite3.SQLITE_RECURSIVE):
+        return sqlite3.SQLITE_OK
+    if action == sqlite3.SQLITE_READ and first in _READS:
+        return sqlite3.SQLITE_OK
+    if action == sqlite3.SQLITE_FUNCTION and second not in _FORBIDDEN:
+        return sqlite3.SQLITE_OK
+    return sqlite3.SQLITE_DENY
+
+
+def _refuse(problem: Exception, where: str) -> NoReturn:
+    text = str(problem)
+    names: Sequence[str] = sorted({name for columns in VIEWS.values() for name in columns})
+    if column := re.search(r"no such column: (\S+)", text):
+        raise unknown_name("column", column.group(1).rpartition(".")[2], names) from problem
+    if table := re.search(r"no such table: (\S+)", text):
+        raise unknown_name("table", table.group(1), VIEWS) from problem
+    raise RigctlError(
+        f"the condition cannot be understood: {text}",
+        value=where,
+        expected="e.g. rig = 'bench' AND records > 20",
+        hint=f"Of a run there are {', '.join(RUN_COLUMNS)}; of its channels {', '.join(CHANNEL_COLUMNS)}",
+    ) from problem

@@ -1,0 +1,78 @@
+"""The folders of all runs, and the order in which they were made."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rigctl.dataset import log, run_json
+from rigctl.dataset.run_json import read_info
+from rigctl.dataset.shards import is_shard
+from rigctl.errors import RigctlError
+
+
+class Order(NamedTuple):
+    """When a run was made: the second that its id begins with, within that to the microsecond, its number."""
+
+    second: str
+    began: str
+    number: int
+
+
+def is_run(folder: Path) -> bool:
+    """A run has lost ``run.json`` or its log at worst; a dot marks one that is just being made."""
+    if folder.name.startswith("."):
+        return False
+    return (folder / run_json.NAME).is_file() or (folder / log.NAME).is_file()
+
+
+def run_folders(runs: Path) -> list[Path]:
+    """The folders of all runs, oldest first; ids begin with their date and time, to the second."""
+    by_second: dict[str, list[Path]] = {}
+    for folder in sorted(filter(is_run, _entries(runs)), key=_numbered):
+        by_second.setdefault(folder.name[:15], []).append(folder)
+    for together in by_second.values():
+        if len(together) > 1:
+            together.sort(key=_began)
+    return [folder for together in by_second.values() for folder in together]
+
+
+def _entries(runs: Path) -> Iterator[Path]:
+    """What may be a run: in the runs folder itself, and in the folders of days."""
+    try:
+        with os.scandir(runs) as found:
+            names = [entry.name for entry in found]
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    for name in names:
+        if is_shard(name):
+            with os.scandir(runs / name) as found:
+                yield from [runs / name / entry.name for entry in found]
+        else:
+            yield runs / name
+
+
+def order_of(folder: Path, info: Mapping[str, Any]) -> Order:
+    """The order of one run, by what its ``run.json`` says; empty where that cannot be read.
+
+    The data of an import may have begun years before it was made.
+    """
+    began = info.get("backend", {}).get("imported") or info.get("started", "")
+    return Order(folder.name[:15], str(began), _numbered(folder)[1])
+
+
+def _began(folder: Path) -> str:
+    try:
+        return order_of(folder, read_info(folder)).began
+    except RigctlError:
+        return ""
+
+
+def _numbered(folder: Path) -> tuple[str, int, str]:
+    """By start, then in the order in which runs of one second were given their numbers."""
+    stem, _, number = folder.name.rpartition("-")
+    if number.isdigit() and stem and (folder.parent / stem).is_dir():
+        return (stem[:15], int(number), folder.name)
+    return (folder.name[:15], 1, folder.name)

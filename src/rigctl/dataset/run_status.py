@@ -1,0 +1,18 @@
+"""What has become of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rigctl.dataset import journal, run_json
+from rigctl.dataset.lock import in_progress
+
+
+def status_of(folder: Path, info: Mapping[str, Any]) -> str:
+    """The run's status, with a run in progress told from one that was left behind."""
+    status = str(info["status"])
+    if status != run_json.RUNNING and not (folder / journal.NAME).exists():
+        return status
+    return run_json.RUNNING if in_progress(folder) else "unclosed"

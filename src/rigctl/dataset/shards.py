@@ -1,0 +1,65 @@
+"""Where in a runs folder a run lies: directly in it, or, where there are many, in a folder for each day.
+
+``runs/20261121-093000-stroke`` and ``runs/2026-11-21/20261121-093000-stroke`` are both found everywhere.
+Nothing that was recorded is moved: only new runs get a day's folder.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+#: so many entries in a runs folder, and new runs get a folder for each day
+SHARD_FROM: Final = 1000
+_DAY: Final = re.compile(r"\d{4}-\d{2}-\d{2}")
+_ID: Final = re.compile(r"(\d{4})(\d{2})(\d{2})-\d{6}-")
+
+
+def is_shard(name: str) -> bool:
+    """Whether a folder of this name holds the runs of a day."""
+    return _DAY.fullmatch(name) is not None
+
+
+def shard_of(run_id: str) -> str | None:
+    """The day's folder that a run of this id may lie in: ``2026-11-21``; None for other ids."""
+    found = _ID.match(run_id)
+    return "-".join(found.groups()) if found else None
+
+
+def folder_for(runs: Path, run_id: str) -> Path:
+    """The folder that a new run of this id is made in; not made yet."""
+    shard = shard_of(run_id)
+    return runs / shard if shard is not None and _has_many(runs, shard) else runs
+
+
+def _has_many(runs: Path, shard: str) -> bool:
+    if (runs / shard).is_dir():
+        return True
+    try:
+        with os.scandir(runs) as entries:
+            names = [entry.name for entry in islice(entries, SHARD_FROM)]
+    except FileNotFoundError:
+        return False
+    return len(names) >= SHARD_FROM or any(map(is_shard, names))
+
+
+def places_of(runs: Path, run_id: str) -> Iterator[Path]:
+    """Where a run of this id may lie."""
+    yield runs / run_id
+    shard = shard_of(run_id)
+    if shard is not None:
+        yield runs / shard / run_id
+
+
+def is_taken(runs: Path, run_id: str) -> bool:
+    """Whether there is anything of this name, directly in the runs folder or in its day's."""
+    return any(place.exists() for place in places_of(runs, run_id))
+
+
+def runs_root(folder: Path) -> Path:
+    """The runs folder that a run's folder lies in."""
+    return folder.parent.parent if is_shard(folder.parent.name) else folder.parent

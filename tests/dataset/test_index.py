@@ -1,0 +1,250 @@
+"""Many runs: the index, folders of days, and what becomes of a bad index."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rigctl.dataset import RunWriter, annotate, exclude, find_run, list_runs, open_run, query
+from rigctl.dataset import shards as shards_module
+from rigctl.dataset.index import file as index_file
+from rigctl.dataset.index.file import index_path, is_indexed
+from rigctl.dataset.run_order import run_folders
+from rigctl.errors import RigctlError
+
+RunMaker = Callable[..., Path]
+HeaderMaker = Callable[..., object]
+NAMES = ("20261119-235959-heat", "20261120-080000-stroke", "20261120-080000-stroke-2", "20261121-093000-heat")
+
+
+@pytest.fixture(autouse=True)
+def many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs are many here."""
+    monkeypatch.setenv("RIGCTL_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(index_file, "INDEX_FROM", 2)
+
+
+@pytest.fixture
+def four(make_run: RunMaker, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The first lies in the runs folder as it was; there are many then."""
+    first = make_run(NAMES[0], records=1, rows=2)
+    monkeypatch.setattr(shards_module, "SHARD_FROM", 1)
+    return [first, *(make_run(name, records=1, rows=2 + number) for number, name in enumerate(NAMES[1:]))]
+
+
+def settle(runs: Path) -> None:
+    """As if nothing had been done here for some time."""
+    for folder in (runs, *(each for each in runs.iterdir() if shards_module.is_shard(each.name))):
+        os.utime(folder, (1e9, 1e9))
+
+
+def rows_in(runs: Path) -> int:
+    with sqlite3.connect(index_path(runs)) as index:
+        count: int = index.execute("SELECT count(*) FROM run").fetchone()[0]
+    index.close()
+    return count
+
+
+def ids(runs: Path, where: str | None = None) -> list[str]:
+    return [run.id for run in list_runs(runs, where=where)]
+
+
+def test_new_runs_of_many_lie_by_day_and_are_found_by_every_name(four: list[Path], runs: Path) -> None:
+    assert [folder.relative_to(runs).parent.as_posix() for folder in four] == [
+        ".", "2026-11-20", "2026-11-20", "2026-11-21",
+    ]  # fmt: skip
+    assert run_folders(runs) == four == [run.folder for run in list_runs(runs)]
+    assert is_indexed(runs)
+    assert find_run("latest", runs) == four[3]
+    assert [find_run(name, runs) for name in NAMES] == four
+    assert find_run("20261119", runs) == four[0]
+    assert open_run("20261121", runs).info["records"] == 1
+    with pytest.raises(RigctlError, match="several runs"):
+        find_run("20261120", runs)
+    with pytest.raises(RigctlError) as caught:
+        find_run("20261121-093000-haet", runs)
+    assert caught.value.nearest == NAMES[3]
+    counted = query("SELECT run, count(*) FROM samples GROUP BY run ORDER BY run", runs).rows
+    assert counted == tuple(zip(NAMES, (3, 3, 4, 5), strict=True))
+
+
+def test_the_index_says_what_the_folders_say(four: list[Path], runs: Path) -> None:
+    from rigctl.dataset.catalogue import _summaries
+
+    annotate(four[1], "new seals")
+    exclude(four[2], [0], "air")
+    (four[3] / "run.json").write_text("{", encoding="utf-8")
+    assert list_runs(runs) == list(_summaries(run_folders(runs)))
+    assert list_runs(runs, last=2) == list_runs(runs)[-2:]
+    assert (list_runs(runs)[1].notes, list_runs(runs)[2].excluded) == (1, 1)
+
+
+def test_runs_are_chosen_by_what_they_are_and_what_their_channels_range_over(
+    four: list[Path], runs: Path
+) -> None:
+    assert ids(runs, "started < '2027' AND rows > 3") == list(NAMES[2:])
+    hotter = "id IN (SELECT run FROM channels WHERE name = 'position' AND high >= 99 AND unit = 'mm')"
+    assert ids(runs, hotter) == list(NAMES)
+    assert ids(runs, hotter.replace("high >= 99", "high > 101")) == []
+    # of the others no file is opened
+    for folder in four[:3]:
+        (folder / "samples.parquet").unlink()
+    assert query("SELECT count(*) FROM samples", runs, where="rows = 5").rows == ((5,),)
+
+
+@pytest.mark.parametrize(
+    ("where", "said", "nearest"),
+    [
+        ("statsu = 'x'", "column", "status"),
+        ("id IN (SELECT run FROM channel_names)", "table", None),
+        ("id IN (SELECT name FROM sqlite_master)", "condition", None),
+        ("1); DROP TABLE run; --", "not one condition", None),
+        ("load_extension('x')", "condition", None),
+        ("rows >", "condition", None),
+    ],
+)
+def test_a_wrong_condition_is_refused(
+    four: list[Path], runs: Path, where: str, said: str, nearest: str | None
+) -> None:
+    with pytest.raises(RigctlError, match=said) as caught:
+        list_runs(runs, where=where)
+    if nearest:
+        assert caught.value.nearest == nearest
+    assert ids(runs) == list(NAMES)
+
+
+def test_what_changes_is_seen_and_nothing_else_is_read(
+    four: list[Path], runs: Path, make_run: RunMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rigctl.dataset.index import refresh as refreshing
+
+    settle(runs)
+    ids(runs)
+    read: list[str] = []
+    reading = refreshing.read_row
+    monkeypatch.setattr(
+        refreshing, "read_row", lambda folder, *a, **k: read.append(folder.name) or reading(folder, *a, **k)
+    )
+    assert ids(runs) == list(NAMES)
+    assert read == []
+    annotate(four[1], "a note")
+    assert list_runs(runs)[1].notes == 1
+    assert read == [NAMES[1]]
+    new = make_run("20261122-000000-x", records=0)
+    shutil.rmtree(four[3])
+    settle(new.parent)
+    assert ids(runs) == [*NAMES[:3], new.name]
+    # another program, which marks no folder
+    (four[0] / "run.json").write_text("{}", encoding="utf-8")
+    settle(runs)
+    assert list_runs(runs)[0].status == "damaged"
+
+
+def test_a_run_that_ends_or_is_left_behind_while_others_list(
+    four: list[Path], runs: Path, writer: RunWriter
+) -> None:
+    def status() -> str:
+        return {run.id: run.status for run in list_runs(runs)}[writer.id]
+
+    settle(runs)
+    assert status() == "running"
+    writer.close("finished")
+    settle(runs)
+    assert status() == "finished"
+
+
+def test_a_run_that_was_left_behind_is_told_though_no_file_changed(
+    four: list[Path], runs: Path, writer: RunWriter
+) -> None:
+    settle(runs)
+    assert list_runs(runs, where="status = 'running'")[0].id == writer.id
+    writer._lock.release()
+    settle(runs)
+    assert [run.id for run in list_runs(runs, where="status = 'unclosed'")] == [writer.id]
+
+
+def spoil(runs: Path, how: str) -> None:
+    path = index_path(runs)
+    if how == "newer":
+        with sqlite3.connect(path) as index:
+            index.execute("PRAGMA user_version = 99")
+            index.execute("DROP TABLE channel")
+        index.close()
+    elif how == "text":
+        path.write_text("no database at all", encoding="utf-8")
+    elif how == "cut":
+        path.write_bytes(path.read_bytes()[:5000])
+    elif how == "pages":
+        content = path.read_bytes()
+        path.write_bytes(content[:4096] + b"\x55" * (len(content) - 4096))
+    elif how == "tables":
+        with sqlite3.connect(path) as index:
+            index.execute("DROP TABLE run")
+        index.close()
+
+
+@pytest.mark.parametrize("how", ["newer", "text", "cut", "pages", "tables"])
+def test_a_bad_index_is_made_again_and_that_is_said(
+    four: list[Path], runs: Path, caplog: pytest.LogCaptureFixture, how: str
+) -> None:
+    assert ids(runs) == list(NAMES)
+    spoil(runs, how)
+    with caplog.at_level(logging.WARNING):
+        assert ids(runs, "rows > 0") == list(NAMES)
+    assert "made again" in caplog.text
+    assert rows_in(runs) == 4
+
+
+def test_where_no_index_can_be_kept_the_folders_are_read(
+    four: list[Path], runs: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "cache").write_text("a file where a folder should be", encoding="utf-8")
+    with caplog.at_level(logging.WARNING):
+        assert ids(runs) == list(NAMES)
+        assert ids(runs, "rows > 3") == list(NAMES[2:])
+    assert "no index of the runs can be kept" in caplog.text
+
+
+def test_an_index_that_another_program_holds_is_done_without(
+    four: list[Path], runs: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(index_file, "_PATIENCE", 0.05)
+    ids(runs)
+    with sqlite3.connect(index_path(runs), isolation_level=None) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        assert ids(runs, "rows > 3") == list(NAMES[2:])
+        other.execute("ROLLBACK")
+    other.close()
+    assert "cannot be used" in caplog.text
+    assert rows_in(runs) == 4
+
+
+OTHER = """
+import sys
+from pathlib import Path
+from rigctl.dataset import list_runs
+from rigctl.dataset.index import file
+file.INDEX_FROM = 2
+for _ in range(20):
+    print(len(list_runs(Path(sys.argv[1]))), flush=True)
+"""
+
+
+def test_two_programs_list_while_runs_end(four: list[Path], runs: Path, make_run: RunMaker) -> None:
+    lister = [sys.executable, "-c", OTHER, str(runs)]
+    with subprocess.Popen(lister, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as other:
+        for number in range(20):
+            make_run(f"20261122-0000{number:02d}-x", records=0)
+            assert len(ids(runs)) == 5 + number
+        counted, said = other.communicate(timeout=600)
+    seen = [int(line) for line in counted.split()]
+    assert (len(seen), seen, said) == (20, sorted(seen), "")
+    assert len(ids(runs)) == rows_in(runs) == 24
