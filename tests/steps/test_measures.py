@@ -47,6 +47,11 @@ def test_the_stroke() -> None:
     assert measure.expression.evaluate(known) == pytest.approx(0.08)
 
 
+def test_a_temperature_of_the_text_is_a_point_beside_a_reading() -> None:
+    measure = read("mean(oil) - 45 degC", "K")
+    assert float(measure.expression.evaluate({"mean_of_oil": 319.15})) == pytest.approx(1.0)
+
+
 def test_duration_and_answers_and_variables_can_be_named() -> None:
     measure = read("(last(position) - first(position)) / duration", "m/s")
     known = {"last_of_position": 0.1, "first_of_position": 0.0, "duration": 2.0}

@@ -10,7 +10,7 @@ import pytest
 from rigctl.plan import Plan, RecordNode, walk
 from rigctl.procedure import expand, parse_procedure
 from rigctl.procedure.steps_page import steps_page
-from rigctl.rig import Rig
+from rigctl.rig import Rig, load_rig
 from rigctl.steps.registry import BY_VERB
 
 ROOT = Path(__file__).parents[2]
@@ -18,7 +18,8 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize("verb", BY_VERB)
 def test_every_example_expands_on_the_shipped_rig(steps: Callable[..., Plan], verb: str) -> None:
-    plan = steps(BY_VERB[verb].example)
+    kind = BY_VERB[verb]
+    plan = steps(kind.example, load_rig(ROOT / "rigs" / kind.example_rig))
     assert {child.path.split("/")[1] for child in plan.root.children} <= {verb, "block"}
 
 

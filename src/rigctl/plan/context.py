@@ -75,6 +75,7 @@ class Context(Reader):
     path: str = ""  #: of the step; empty at the top of the procedure
     sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every sweep around, through calls
     recording: bool = False  #: inside a record
+    record_rate: float | None = None  #: Hz, of the samples of the record around
     depth: int = 0  #: steps around this one
     rounds: int = 1  #: how often the loops around repeat it
     calls: tuple[Called, ...]  #: from the procedure that was asked for to this one
@@ -145,9 +146,9 @@ class Context(Reader):
         path = f"{self.path.rpartition('/')[0]}/block" if "/" in self.path else "block"
         return self.collect([node], label=node.label, kind=GroupKind.DO, cleanup=cleanup, path=path)
 
-    def inside_record(self) -> Context:
-        """The same place, with a record open."""
-        return replace(self, recording=True)
+    def inside_record(self, rate: float) -> Context:
+        """The same place, with a record open whose samples come at `rate` Hz."""
+        return replace(self, recording=True, record_rate=rate)
 
     def repeated(self, count: int, key: str) -> Context:
         """The same place inside a loop of so many rounds."""

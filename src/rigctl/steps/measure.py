@@ -236,7 +236,7 @@ def read_measure(
         raise RigctlError(
             "the value does not have the dimension of its unit", value=text, expected=describe(unit)
         )
-    return ReadMeasure(expression, statistics, found.temperature == "difference")
+    return ReadMeasure(expression.checked(types), statistics, found.temperature == "difference")
 
 
 def _type_of(statistic: Statistic, signal: ValueType) -> ValueType:

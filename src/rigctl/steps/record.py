@@ -56,7 +56,7 @@ class RecordStep(Block):
             rate=rate,
             channels=channels,
             sweep=context.sweep_values(),
-            body=context.inside_record().body(self.do, "do"),
+            body=context.inside_record(rate).body(self.do, "do"),
             retries=int(context.optional_si(fields.retries, "record", "retries") or 0),
         )
         return context.with_cleanup(node, self)

@@ -133,7 +133,7 @@ class WaveformStep(Step):
                 raise RigctlError("this actuator is turned by hand", value=name, expected="a driven one")
             if fields.then == "safe" and name not in rig.safe_state:
                 raise RigctlError("this actuator has no safe value to return to", value=name)
-        kind = next(kind for kind in _SHAPES if getattr(fields, kind) is not None)
+        (kind,) = (kind for kind in _SHAPES if getattr(fields, kind) is not None)
         shape = _Builder(context, name).shape(fields)
         rounds = int(context.si(fields.repeat, *at, "repeat"))
         action = Waveform(

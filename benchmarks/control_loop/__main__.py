@@ -1,0 +1,65 @@
+"""How evenly a closed loop runs on this computer: ``python -m benchmarks.control_loop``.
+
+A whole run with its recording, interlocks and log, of a simulated bench in real time: the heater board, 100
+updates a second. The jitter is the one that the run itself keeps. A line to a real bench comes on top.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from benchmarks.board.real_time import go_first
+from benchmarks.record import keep, table
+from rigctl.backends.registry import create_backend
+from rigctl.clock import real_clock
+from rigctl.dataset import RunWriter, open_run
+from rigctl.dataset.background import BackgroundWriter
+from rigctl.files.shipped import shipped
+from rigctl.runner.operator import AutomaticOperator
+from rigctl.runner.session import run
+from rigctl.testing import VirtualBench
+
+FOLDER = Path(__file__).parent
+SECONDS = 30
+STEPS = f"""\
+steps:
+  - record: {{name: loop, rate: 100 Hz}}
+    do:
+      - control: {{actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 5 %/K,
+          integral: 0.1 %/(K*s), rate: 100 Hz, for: {SECONDS} s}}
+"""
+
+
+def main() -> None:
+    results: dict[str, Any] = {"updates": 100 * SECONDS}
+    bench_file = shipped("rigs", "heater-board.yaml")
+    for name, first in (("as any process", False), ("at the head of the queue", True)):
+        if first:
+            results["scheduling"] = go_first()
+        with tempfile.TemporaryDirectory() as folder:
+            bench = VirtualBench(Path(folder), bench_file)
+            plan = bench.plan(STEPS)
+            backend = create_backend(plan.rig, "simulated", real_clock(), {"seed": 1})
+            backend.open()
+            writer = RunWriter.create(Path(folder) / "runs", bench.header(plan, backend))
+            done = run(plan, backend, BackgroundWriter(writer), operator=AutomaticOperator())
+            if done.folder is None:
+                raise SystemExit(done.summary())
+            measures = open_run(done.folder).record(0).measures
+            results[name] = {key: 1e3 * measures[f"control_{key}"] for key in _SHOWN}
+    rows = [
+        (f"{key}, ms, {name}", f"{results[name][key]:.3f}", "5" if key == "jitter_p99" else "")
+        for name in ("as any process", "at the head of the queue")
+        for key in _SHOWN
+    ]
+    table("a closed loop at 100 Hz on the host", [("", "reached", "asked"), *rows])
+    print(f"\nkept in {keep(FOLDER, results)}")
+
+
+_SHOWN = ("jitter_p50", "jitter_p99", "latency_p99")
+
+if __name__ == "__main__":
+    sys.exit(main())

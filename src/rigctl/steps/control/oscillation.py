@@ -1,0 +1,60 @@
+"""Whether a loop oscillates instead of settling."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+#: half periods that are looked at: five cycles
+_HALVES: Final = 10
+#: share of the first half of them that the second half still has in a lasting oscillation
+_LASTING: Final = 0.8
+#: by which the lengths of half periods may differ from their median; those of noise differ more
+_REGULAR: Final = 0.5
+
+
+class OscillationDetector:
+    """Watches the control error between its changes of sign (after Hägglund, 1995).
+
+    A lasting oscillation has ten half periods in a row, whose peaks are all above `amplitude`, do not decay,
+    and whose lengths are alike.
+    """
+
+    def __init__(self, amplitude: float) -> None:
+        self._amplitude = amplitude
+        self._halves: deque[tuple[float, float]] = deque(maxlen=_HALVES)  # length in s, peak
+        self._sign = 0.0
+        self._began = 0.0
+        self._peak = 0.0
+
+    def add(self, time: float, error: float) -> tuple[float, float] | None:
+        """Take the error at a time; amplitude and period in s of a lasting oscillation, None for none."""
+        sign = math.copysign(1.0, error) if error != 0.0 else self._sign
+        if sign == self._sign:
+            self._peak = max(self._peak, abs(error))
+            return None
+        if self._sign != 0.0:
+            self._finish(time - self._began)
+        self._sign, self._began, self._peak = sign, time, abs(error)
+        return self._found()
+
+    def _finish(self, length: float) -> None:
+        """A half period is over; a small one ends what may have begun."""
+        if self._peak < self._amplitude:
+            self._halves.clear()
+        else:
+            self._halves.append((length, self._peak))
+
+    def _found(self) -> tuple[float, float] | None:
+        if len(self._halves) < _HALVES:
+            return None
+        lengths = sorted(length for length, _ in self._halves)
+        median = 0.5 * (lengths[_HALVES // 2 - 1] + lengths[_HALVES // 2])
+        if lengths[-1] > (1.0 + _REGULAR) * median or lengths[0] < (1.0 - _REGULAR) * median:
+            return None
+        peaks = [peak for _, peak in self._halves]
+        first, second = sum(peaks[: _HALVES // 2]), sum(peaks[_HALVES // 2 :])
+        if second < _LASTING * first:
+            return None
+        return second / (_HALVES // 2), 2.0 * median

@@ -1,0 +1,120 @@
+"""A PID controller in parallel form, sample by sample.
+
+With the error ``e = r − y`` of a reading ``y`` to its set-point ``r``::
+
+    v = u_ff + P + I + D
+    P = K_p·e
+    dI/dt = K_i·e + (u − v)/T_t                    (back-calculation)
+    T_f·dD/dt + D = −K_d·dy/dt                     (of the measurement, so that a set-point gives no kick)
+    u = v, bounded by the output's limits and its rate of change
+
+After Åström and Hägglund, *Advanced PID Control* (ISA, 2006), chapters 3 and 13: the integral by the forward
+difference, the derivative by the backward one, each with the time that has really passed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+
+class AntiWindup(Enum):
+    """What keeps the integral from running away while the output is bounded."""
+
+    BACK_CALCULATION = "back_calculation"  #: it is led back with the time constant T_t
+    CLAMPING = "clamping"  #: it stands still while the error would drive it further out
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """The controller's settings; SI of actuator and channel."""
+
+    proportional: float  #: K_p
+    integral: float  #: K_i, per s
+    derivative: float  #: K_d, times s
+    filter_time: float  #: T_f, s; needed with K_d
+    tracking_time: float  #: T_t, s; needed for back-calculation with K_i
+    anti_windup: AntiWindup
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the output may be."""
+
+    low: float
+    high: float
+    rate: float  #: greatest change per s; infinite without any
+
+    def apply(self, value: float, before: float, span: float) -> float:
+        """A value within the limits, and within reach of the one before in `span` s."""
+        reach = self.rate * span if math.isfinite(self.rate) else math.inf
+        near = min(max(value, before - reach), before + reach)
+        return min(max(near, self.low), self.high)
+
+
+class Pid:
+    """The controller's state.
+
+    Parameters
+    ----------
+    output: what is commanded when it starts, SI. With `bumpless` the integral begins where the output goes on
+        from there.
+    """
+
+    def __init__(self, gains: Gains, bounds: Bounds, output: float, *, bumpless: bool) -> None:
+        self._gains = gains
+        self._bounds = bounds
+        self._bumpless = bumpless and gains.integral != 0.0
+        self._integral = 0.0
+        self._derivative = 0.0
+        self._reading: float | None = None
+        self._time = 0.0
+        self.output = output
+        self.saturated = False  #: the newest output was bounded
+
+    def update(self, time: float, reading: float, setpoint: float, feed_forward: float) -> float:
+        """The output after a reading, SI.
+
+        Parameters
+        ----------
+        time: of the reading, s, later than that of the one before.
+        """
+        gains, error = self._gains, setpoint - reading
+        proportional = gains.proportional * error
+        if self._reading is None:
+            span = 0.0
+            if self._bumpless:
+                self._integral = self.output - proportional - feed_forward
+        else:
+            span = time - self._time
+            self._differentiate(reading, span)
+        self._reading, self._time = reading, time
+        wanted = feed_forward + proportional + self._integral + self._derivative
+        bounded = self._bounds.apply(wanted, self.output, span)
+        self.saturated = not math.isclose(bounded, wanted, rel_tol=1e-9, abs_tol=1e-12)
+        self.output = bounded
+        self._integrate(error, wanted, span)
+        return bounded
+
+    def _differentiate(self, reading: float, span: float) -> None:
+        """The backward difference of the filtered derivative."""
+        gains = self._gains
+        if gains.derivative == 0.0 or self._reading is None:
+            return
+        total = gains.filter_time + span
+        self._derivative = (
+            gains.filter_time * self._derivative - gains.derivative * (reading - self._reading)
+        ) / total
+
+    def _integrate(self, error: float, wanted: float, span: float) -> None:
+        """The forward difference of the integral, for the next output."""
+        gains, excess = self._gains, self.output - wanted
+        rise = gains.integral * error * span
+        if gains.anti_windup is AntiWindup.CLAMPING:
+            if not self.saturated or rise * excess > 0.0:
+                self._integral += rise
+            return
+        self._integral += rise
+        if self.saturated and gains.integral != 0.0:
+            self._integral += excess * min(span / gains.tracking_time, 1.0)

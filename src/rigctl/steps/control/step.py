@@ -1,0 +1,472 @@
+"""The step `control`: its fields, and how the loop is carried out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.refusal import refusal
+from rigctl.plan.action import Action
+from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
+from rigctl.plan.context import Context
+from rigctl.plan.fields import Name, Part
+from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
+from rigctl.plan.measured import MeasuredValue
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.plan.setpoints import check_level, check_set_point
+from rigctl.plan.shown import shown_time
+from rigctl.plan.step import Step
+from rigctl.plan.tree import Leaf
+from rigctl.plan.values import RATE, AnyDifference, AnyTolerance, AnyValue, Duration, Rate
+from rigctl.project import find_project
+from rigctl.rig import Actuator, Channel
+from rigctl.steps.control.feed_forward import FeedForward, read_feed_forward
+from rigctl.steps.control.oscillation import OscillationDetector
+from rigctl.steps.control.pid import AntiWindup, Bounds, Gains, Pid
+from rigctl.steps.control.timing import Timing
+from rigctl.steps.readings import reading
+from rigctl.steps.settling import Settling
+from rigctl.units import show
+
+#: share of a channel's range from which a lasting oscillation ends the step, where nothing is said
+_OSCILLATION = 0.02
+#: share of the loop's period that an update may come early, of two times on one grid
+_EARLY = 0.01
+
+
+class ControlFields(Part):
+    """A PID controller in parallel form with feed-forward; the loop runs on the host, sample by sample."""
+
+    actuator: str = Field(description="what is commanded: a driven level")
+    channel: str = Field(description="what is controlled")
+    to: AnyValue = Field(description="the set-point")
+    ramp: AnyDifference | None = Field(
+        default=None,
+        description="how fast the set-point goes there from the first reading; at once without",
+        examples=["2 K/min"],
+    )
+    gain: AnyDifference = Field(description="K_p, actuator per channel", examples=["4 %/K"])
+    integral: AnyDifference | None = Field(
+        default=None, description="K_i, actuator per channel and second", examples=["0.05 %/(K*s)"]
+    )
+    derivative: AnyDifference | None = Field(
+        default=None,
+        description="K_d of the reading, actuator times second per channel",
+        examples=["20 %*s/K"],
+    )
+    derivative_filter: Duration | None = Field(
+        default=None, description="T_f, the filter's time constant; a tenth of K_d/K_p without"
+    )
+    anti_windup: Literal["back_calculation", "clamping"] = Field(
+        default="back_calculation", description="what holds the integral while the output is bounded"
+    )
+    tracking_time: Duration | None = Field(
+        default=None, description="T_t of back-calculation; K_p/K_i without"
+    )
+    feed_forward: str | None = Field(
+        default=None,
+        min_length=1,
+        description="a formula of `setpoint`, channels, constants of the rig and parameters of a model",
+        examples=["convection*(setpoint - ambient_temperature)/heater_gain_1"],
+    )
+    parameters_of: str | None = Field(
+        default=None, description="the model file whose fitted parameters the formula can name"
+    )
+    start: Literal["bumpless", "zero"] = Field(
+        default="bumpless", description="the integral begins where the output goes on, or at zero"
+    )
+    rate: Rate = Field(
+        default=RATE.read("10 Hz"), description="updates per second; in a record not above its own"
+    )
+    low: AnyValue | None = Field(default=None, description="least output; the actuator's own without")
+    high: AnyValue | None = Field(default=None, description="greatest output; the actuator's own without")
+    max_rate: AnyDifference | None = Field(
+        default=None, description="fastest change of the output, per second; the actuator's own without"
+    )
+    for_: Duration | None = Field(default=None, alias="for", description="how long, however it goes")
+    within: AnyTolerance | None = Field(
+        default=None, description="instead of `for`: until the reading has settled in this tolerance"
+    )
+    settle: Duration | None = Field(default=None, description="how long it has to stay in there")
+    timeout: Duration | None = Field(default=None, description="when the step fails if it has not settled")
+    oscillation: AnyTolerance | None = Field(
+        default=None,
+        description="amplitude from which a lasting oscillation ends the step; 2 % of the range without",
+    )
+    name: Name = Field(default="control", description="the begin of the names of what is measured of it")
+    then: Literal["safe", "stay"] = Field(
+        default="safe", description="at the end the output goes to its safe value, or stays"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        settled = (self.within, self.settle, self.timeout)
+        if (self.for_ is None) == (self.within is None):
+            raise refusal(RigctlError("how long does it go on?", expected="either 'for' or 'within'"))
+        if any(part is None for part in settled) and any(part is not None for part in settled):
+            raise refusal(
+                RigctlError("settling needs all three", expected="'within', 'settle' and 'timeout'")
+            )
+        if self.parameters_of is not None and self.feed_forward is None:
+            raise refusal(
+                RigctlError("parameters without a formula", expected="'feed_forward'"), ("parameters_of",)
+            )
+        return self
+
+
+class ControlStep(Step):
+    """Control a channel by an actuator in a closed loop."""
+
+    verb: ClassVar[str] = "control"
+    example_rig: ClassVar[str] = "heater-board.yaml"
+    example: ClassVar[str] = (
+        "- control: {actuator: heater_1, channel: temperature_1, to: 50 degC, ramp: 10 K/min, gain: 4 %/K,\n"
+        "    integral: 0.05 %/(K*s), rate: 1 Hz, within: 0.5 K, settle: 1 min, timeout: 20 min, then: stay}\n"
+    )
+    control: ControlFields
+
+    def build(self, context: Context) -> Leaf:
+        """A `Control` whose gains, bounds and formula fit the rig."""
+        return _Builder(context, self.control).leaf()
+
+
+class _Builder:
+    """Reads the fields of a loop."""
+
+    def __init__(self, context: Context, fields: ControlFields) -> None:
+        self._context, self._fields = context, fields
+        self._channel: Channel = context.channel(fields.channel, "control", "channel")
+        self._actuator = self._driven_level()
+        unit = self._channel.unit
+        absolute = context.rig.layout.types()[fields.channel].temperature is not None
+        self._interval = "K" if absolute else unit
+
+    def leaf(self) -> Leaf:
+        """The plan's node."""
+        context, fields = self._context, self._fields
+        to = context.si(fields.to, "control", "to", unit=self._channel.unit)
+        with context.located("control", "to"):
+            check_set_point(context.rig, fields.channel, to)
+        period = 1.0 / context.si(fields.rate, "control", "rate")
+        self._check_period(period)
+        action = Control(
+            actuator=fields.actuator,
+            channel=fields.channel,
+            to=to,
+            ramp=self._ramp(),
+            gains=self._gains(),
+            bounds=self._bounds(),
+            feed_forward=self._feed_forward(),
+            bumpless=fields.start == "bumpless",
+            period=period,
+            duration=context.optional_si(fields.for_, "control", "for"),
+            within=context.optional_si(fields.within, "control", "within", unit=self._channel.unit),
+            settle=context.optional_si(fields.settle, "control", "settle"),
+            timeout=context.optional_si(fields.timeout, "control", "timeout"),
+            oscillation=self._oscillation(),
+            name=fields.name,
+            stay=fields.then == "stay",
+        )
+        for name, unit in _KEPT.items():
+            context.learn(f"{fields.name}_{name}", unit, "control", "name")
+        shown = show(to, self._channel.unit, difference=self._channel.difference)
+        return context.leaf(
+            f"control {fields.channel} to {shown} by {fields.actuator} for {shown_time(action.longest)}",
+            action,
+        )
+
+    def _driven_level(self) -> Actuator:
+        name, actuators = self._fields.actuator, self._context.rig.actuators
+        with self._context.located("control", "actuator"):
+            if name not in actuators:
+                raise unknown_name("actuator", name, actuators)
+            if actuators[name].by == "operator":
+                raise RigctlError("this actuator is turned by hand", value=name, expected="a driven one")
+            if actuators[name].kind != "level":
+                raise RigctlError("this actuator has positions only", value=name, expected="a level")
+        return actuators[name]
+
+    def _check_period(self, period: float) -> None:
+        rest, around = self._actuator.min_interval, self._context.record_rate
+        with self._context.located("control", "rate"):
+            if period < rest * (1.0 - _EARLY):
+                raise RigctlError(
+                    f"faster than '{self._fields.actuator}' may be commanded",
+                    value=f"{1.0 / period:g} Hz",
+                    expected=f"at most {1.0 / rest:g} Hz",
+                )
+            if around is not None and 1.0 / period > around * (1.0 + _EARLY):
+                raise RigctlError(
+                    "faster than the record's samples",
+                    value=f"{1.0 / period:g} Hz",
+                    expected=f"{around:g} Hz",
+                )
+
+    def _per(self, value: AnyDifference | None, field: str, more: str = "") -> float:
+        """A gain in SI: the actuator's unit per the channel's; zero where it is left out."""
+        if value is None:
+            return 0.0
+        unit = f"({self._actuator.display_unit})/({self._interval}){more}"
+        return self._context.si(value, "control", field, unit=unit)
+
+    def _gains(self) -> Gains:
+        fields, context = self._fields, self._context
+        proportional = self._per(fields.gain, "gain")
+        integral = self._per(fields.integral, "integral", "/s")
+        derivative = self._per(fields.derivative, "derivative", "*s")
+        for field, gain in (("integral", integral), ("derivative", derivative)):
+            if gain * proportional < 0.0:
+                with context.located("control", field):
+                    raise RigctlError("acts against the gain", expected="the sign of 'gain'")
+        filter_time = context.optional_si(fields.derivative_filter, "control", "derivative_filter")
+        tracking = context.optional_si(fields.tracking_time, "control", "tracking_time")
+        if proportional == 0.0 and (
+            (derivative != 0.0 and filter_time is None) or (integral != 0.0 and tracking is None)
+        ):
+            with context.located("control", "gain"):
+                raise RigctlError(
+                    "without a gain", expected="'tracking_time' and 'derivative_filter' as well"
+                )
+        return Gains(
+            proportional=proportional,
+            integral=integral,
+            derivative=derivative,
+            filter_time=filter_time or (0.1 * derivative / proportional if proportional else 0.0),
+            tracking_time=tracking or (proportional / integral if integral else math.inf),
+            anti_windup=AntiWindup(fields.anti_windup),
+        )
+
+    def _bounds(self) -> Bounds:
+        fields, context, described = self._fields, self._context, self._actuator
+        unit = described.display_unit
+        ends = []
+        for field, own in (("low", described.low), ("high", described.high)):
+            given = context.optional_si(getattr(fields, field), "control", field, unit=unit)
+            with context.located("control", field):
+                if given is None and own is None:
+                    raise RigctlError(f"'{fields.actuator}' has no '{field}'", expected=f"'{field}' here")
+                ends.append(float(own or 0.0) if given is None else given)
+                check_level(context.rig, fields.actuator, ends[-1])
+        context.check_bounds(ends[0], ends[1], unit, "control")
+        rate = context.optional_si(fields.max_rate, "control", "max_rate", unit=f"({unit})/s")
+        fastest = float(described.max_rate) if described.max_rate is not None else math.inf
+        if rate is not None and not 0.0 < rate <= fastest:
+            with context.located("control", "max_rate"):
+                raise RigctlError(
+                    "no rate that the actuator may have",
+                    value=show(rate, f"{unit}/s", difference=True),
+                    expected="more than 0, and not above the actuator's own",
+                )
+        return Bounds(ends[0], ends[1], fastest if rate is None else rate)
+
+    def _ramp(self) -> float | None:
+        rate = self._context.optional_si(self._fields.ramp, "control", "ramp", unit=f"({self._interval})/s")
+        if rate is not None and not rate > 0.0:
+            with self._context.located("control", "ramp"):
+                raise RigctlError("the set-point would never come", expected="more than 0")
+        return rate
+
+    def _feed_forward(self) -> FeedForward | None:
+        fields, context = self._fields, self._context
+        if fields.feed_forward is None:
+            return None
+        model = None
+        if fields.parameters_of is not None:
+            with context.located("control", "parameters_of"):
+                path = context.document.path
+                project = find_project(path.parent if path else None)
+                model = project.resolve(fields.parameters_of, relative_to=path)
+        with context.located("control", "feed_forward"):
+            return read_feed_forward(
+                context,
+                fields.feed_forward,
+                model,
+                self._channel.unit,
+                self._actuator.display_unit,
+                difference=self._channel.difference,
+            )
+
+    def _oscillation(self) -> float:
+        given = self._context.optional_si(
+            self._fields.oscillation, "control", "oscillation", unit=self._channel.unit
+        )
+        if given is not None:
+            return given
+        possible = self._channel.range
+        return _OSCILLATION * float(possible[1] - possible[0]) if possible is not None else math.inf
+
+
+#: what is kept of a loop, and in which unit
+_KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "latency_p99": "ms", "saturated": "%"}
+
+
+@dataclass(frozen=True, slots=True)
+class Control(Action):
+    """Control `channel` to `to` by `actuator`; SI throughout."""
+
+    actuator: str
+    channel: str
+    to: float
+    ramp: float | None  #: per s
+    gains: Gains
+    bounds: Bounds
+    feed_forward: FeedForward | None
+    bumpless: bool
+    period: float  #: s
+    duration: float | None  #: s; None: until it has settled
+    within: float | None
+    settle: float | None
+    timeout: float | None
+    oscillation: float  #: amplitude that ends the step
+    name: str
+    stay: bool
+
+    @property
+    def longest(self) -> float:
+        """When it is over at the latest, s."""
+        return self.duration if self.duration is not None else self.timeout or 0.0
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The time as written; where it ends by settling, at most its timeout."""
+        basis = Basis.TIMED if self.duration is not None else Basis.AT_MOST
+        after = bench.pass_time(state, self.longest)
+        heat, pressure = bench.rig.roles.heat, bench.rig.roles.set_pressure
+        if heat is not None and heat.channel == self.channel:
+            after = replace(after, temperature=self.to)
+        if pressure is not None and pressure.channel == self.channel:
+            after = replace(after, pressure=self.to)
+        return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Run the loop; between records the bench is read at its rate for the while.
+
+        Raises
+        ------
+        StepFailed
+            it has not settled in time, or it oscillates.
+        """
+        slower = bench.rate if not bench.recording else None
+        if slower is not None:
+            bench.start(1.0 / self.period)
+        bench.regulated.add(self.actuator)
+        timing = Timing(self.period)
+        try:
+            yield from self._loop(bench, timing)
+        finally:
+            bench.regulated.discard(self.actuator)
+            self._keep(bench, timing)
+            if slower is not None and bench.reachable:
+                bench.start(slower)
+        if not self.stay:
+            bench.release(self.actuator)
+        return Outcome.COMPLETE
+
+    def _loop(self, bench: Bench, timing: Timing) -> Generator[Until, Row | None, None]:
+        column = bench.columns[self.channel]
+        possible = bench.rig.channels[self.channel].possible
+        first = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
+        loop = _Loop(self, bench, first)
+        begin = bench.now
+        end = begin + self.longest
+        due = -math.inf
+        row: Row | None = yield from bench.fresh()
+        while True:
+            if row is not None and row[0] >= due:
+                due = row[0] + self.period * (1.0 - _EARLY)
+                if possible(row[column]) and not math.isnan(row[column]):
+                    if loop.update(row, row[column], timing):
+                        return
+                else:
+                    timing.missed += 1
+            row = yield Until(end, every_sample)
+            if row is None and bench.now >= end:
+                loop.give_up()
+                return
+
+    def _keep(self, bench: Bench, timing: Timing) -> None:
+        """Keep how the loop ran with the record or the run, of a loop that was broken off too."""
+        for name, value, unit in timing.values():
+            with suppress(RigctlError):  # a full disk ends the run at the next sample, and hides no other end
+                bench.record_measure(MeasuredValue(f"{self.name}_{name}", value, unit))
+        if timing.missed:
+            bench.event("note", f"{timing.missed} readings of {self.channel} could not be used")
+
+    def lasting(self) -> frozenset[str]:
+        """The actuator, where its last value stays."""
+        return frozenset({self.actuator}) if self.stay else frozenset()
+
+
+class _Loop:
+    """What one loop knows from update to update."""
+
+    def __init__(self, action: Control, bench: Bench, output: float) -> None:
+        self._action, self._bench = action, bench
+        self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
+        self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
+        self._ahead = 0.0  # the newest value that the formula had
+        self._detector = OscillationDetector(action.oscillation)
+        self._start: tuple[float, float] | None = None
+        self._settling: Settling | None = None
+        if action.within is not None and action.settle is not None:
+            self._settling = Settling(action.to, action.within, action.settle)
+
+    def update(self, row: Row, value: float, timing: Timing) -> bool:
+        """One update of the output; True when the reading has settled.
+
+        Raises
+        ------
+        StepFailed
+            the loop oscillates.
+        """
+        time = row[0]
+        setpoint = self._setpoint(time, value)
+        if self._feed_forward is not None:
+            ahead = self._feed_forward(row, setpoint)
+            self._ahead = self._ahead if math.isnan(ahead) else ahead
+        output = self._pid.update(time, value, setpoint, self._ahead)
+        name = self._action.actuator
+        if not self._bench.is_at(name, output):
+            self._bench.try_switch(name, output)
+        timing.add(time, self._bench.now, saturated=self._pid.saturated)
+        self._look_for_oscillation(time, setpoint - value)
+        return self._settling is not None and self._settling.add(time, value)
+
+    def give_up(self) -> None:
+        """The time is over.
+
+        Raises
+        ------
+        StepFailed
+            the reading should have settled by then.
+        """
+        if self._settling is not None:
+            action = self._action
+            reason = self._settling.gave_up(self._bench, action.channel, action.timeout or 0.0)
+            raise StepFailed(reason, outcome=Outcome.TIMED_OUT)
+
+    def _setpoint(self, time: float, value: float) -> float:
+        """Where the reading should be now: on the ramp from the first one."""
+        ramp, target = self._action.ramp, self._action.to
+        if ramp is None:
+            return target
+        if self._start is None:
+            self._start = (time, value)
+        began, first = self._start
+        way = ramp * (time - began)
+        return min(first + way, target) if target >= first else max(first - way, target)
+
+    def _look_for_oscillation(self, time: float, error: float) -> None:
+        found = self._detector.add(time, error)
+        if found is None:
+            return
+        amplitude = reading(self._bench, self._action.channel, found[0], difference=True)
+        raise StepFailed(
+            f"the loop oscillates: {self._action.channel} swings ± {amplitude} around its set-point, once in "
+            f"{found[1]:.3g} s"
+        )

@@ -1,0 +1,189 @@
+"""The closed loop, against simulations of it that share no code with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigctl.dataset import open_run
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.planning import preview
+from rigctl.rig import load_rig
+from rigctl.steps.control.oscillation import OscillationDetector
+from rigctl.testing import RunLog, VirtualBench
+
+HEATERS = shipped("rigs", "heater-board.yaml")
+#: the channel follows the level with this time constant, gain 1, s
+LAG = 0.2
+BAR = 1e5
+
+
+@pytest.fixture
+def press(tmp_path: Path) -> Callable[..., RunLog]:
+    """Control the pressure of a bench that is a first-order lag, in a record."""
+    rig = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
+    bench = VirtualBench(tmp_path, options={"plant": "roles", "noise": "off", "quantised": "off"})
+
+    def run(fields: str, before: str = "", rate: int = 100, **more: object) -> RunLog:
+        loop = f"actuator: relief_valve, channel: supply_pressure, rate: {rate} Hz, {fields}"
+        record = f"  - record: {{name: loop, rate: {rate} Hz}}\n    do:\n      - control: {{{loop}}}\n"
+        steps = f"steps:\n{before}{record}"
+        return bench.run(steps, rig=rig, **more)  # type: ignore[arg-type]
+
+    return run
+
+
+def first_order(
+    setpoint: float, gain: float, integral: float, high: float, count: int, period: float, track: float | None
+) -> np.ndarray:
+    """Readings under a PI controller in bar; without `track` its integral winds up."""
+    pressure, inside, found = 0.0, 0.0, []
+    kept = math.exp(-period / LAG)
+    for index in range(count):
+        found.append(pressure)
+        error = setpoint - pressure
+        wanted = gain * error + inside
+        output = min(max(wanted, 0.0), high)
+        if index:
+            inside += integral * error * period
+            inside += (output - wanted) * period / track if track else 0.0
+        pressure = output + (pressure - output) * kept
+    return np.array(found)
+
+
+def test_the_integral_does_not_wind_up_while_the_output_is_bounded(press: Callable[..., RunLog]) -> None:
+    done = press("to: 40 bar, gain: 3, integral: 15 1/s, high: 50 bar, start: zero, for: 3 s")
+    assert done.result.folder is not None
+    record = open_run(done.result.folder).record(0)
+    found = record.channels["supply_pressure"] / BAR
+    begin = int(np.flatnonzero(found > 0.0)[0]) - 1
+    found = found[begin : begin + 250]
+    expected = first_order(40.0, 3.0, 15.0, 50.0, 250, 0.01, track=0.2)
+    wound_up = first_order(40.0, 3.0, 15.0, 50.0, 250, 0.01, track=None)
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert wound_up.max() > 44.0
+    assert found.max() - 40.0 < 0.01 * (wound_up.max() - 40.0)
+    assert record.measures["control_saturated"] > 0.0
+    clamped = press(
+        "to: 40 bar, gain: 3, integral: 15 1/s, high: 50 bar, start: zero, for: 3 s, anti_windup: clamping"
+    )
+    assert clamped.result.folder is not None
+    again = open_run(clamped.result.folder).record(0).channels["supply_pressure"] / BAR
+    assert again.max() - 40.0 < 0.5 * (wound_up.max() - 40.0)
+    assert again[-1] == pytest.approx(40.0, abs=0.05)
+
+
+def test_an_oscillating_loop_ends_with_outputs_safe(press: Callable[..., RunLog]) -> None:
+    done = press("to: 30 bar, gain: 6, for: 20 s", rate=10)
+    assert done.result.status == "failed"
+    assert "the loop oscillates" in str(done.result.reason)
+    assert "once in 0.2 s" in str(done.result.reason)
+    assert done.commands("relief_valve")[-1][1] == 0.0
+    assert done.result.duration < 6.0
+
+
+def test_noise_and_a_decaying_ringing_are_no_oscillation() -> None:
+    random = np.random.default_rng(3)
+    noise, ringing = OscillationDetector(2.5), OscillationDetector(2.5)
+    for index in range(20_000):
+        time = index * 0.01
+        assert noise.add(time, random.normal()) is None
+        assert ringing.add(time, 100.0 * math.exp(-time / 4.0) * math.sin(6.0 * time)) is None
+    lasting = OscillationDetector(2.5)
+    found = [lasting.add(i * 0.01, 3.0 * math.sin(6.0 * i * 0.01)) for i in range(2000)]
+    amplitude, period = next(one for one in found if one is not None)
+    assert (amplitude, period) == (pytest.approx(3.0, rel=0.01), pytest.approx(math.pi / 3.0, rel=0.02))
+
+
+def test_it_begins_without_a_bump_and_keeps_to_the_rate(press: Callable[..., RunLog]) -> None:
+    before = "  - set: {relief_valve: 20 bar}\n  - wait: 3 s\n"
+    done = press(
+        "to: 30 bar, ramp: 10 bar/s, gain: 1, integral: 5 1/s, derivative: 0.01 s, max_rate: 15 bar/s, "
+        "for: 4 s",
+        before,
+    )
+    given = [(t, v / BAR) for t, v in done.commands("relief_valve") if v > 0.0]
+    times, values = (np.array(column) for column in zip(*given[1:], strict=True))
+    assert values[0] == pytest.approx(20.0, abs=0.2)
+    assert np.abs(np.diff(values) / np.diff(times)).max() <= 15.0 * (1.0 + 1e-6)
+    assert values[-1] == pytest.approx(30.0, abs=0.1)
+
+
+def heat(tmp_path: Path, fields: str, before: str = "", **options: object) -> RunLog:
+    text = f"{before}  - control: {{actuator: heater_1, channel: temperature_1, rate: 1 Hz, {fields}}}\n"
+    return VirtualBench(tmp_path, HEATERS).run(f"steps:\n{text}", options=options)
+
+
+def test_feed_forward_from_a_model_takes_away_what_a_gain_alone_leaves(tmp_path: Path) -> None:
+    model = tmp_path / "m.yaml"
+    model.write_text("parameters:\n  loss: {value: 16 mW/K, fit: true}\n  power: 1 W\n", encoding="utf-8")
+    formula = f"feed_forward: loss*(setpoint - ambient_temperature)/power, parameters_of: {model}"
+    steps = "to: 40 degC, gain: 2 %/K, for: 20 min, then: stay"
+    left = []
+    for fields in (steps, f"{steps}, {formula}"):
+        done = heat(tmp_path, fields)
+        assert done.result.folder is not None
+        run = open_run(done.result.folder)
+        left.append(313.15 - float(run.signals("temperature_1")[-3]))
+        assert {one["name"] for one in run.info["measures"]} >= {"control_jitter_p50", "control_jitter_p99"}
+    assert left[0] > 4.0
+    assert abs(left[1]) < 0.2
+
+
+def test_it_settles_or_says_what_it_saw(tmp_path: Path) -> None:
+    pi = "gain: 10 %/K, integral: 0.1 %/(K*s)"
+    done = heat(tmp_path, f"to: 35 degC, {pi}, within: 0.5 K, settle: 30 s, timeout: 15 min")
+    assert done.result.status == "finished"
+    assert done.commands("heater_1")[-1][1] == 0.0
+    late = heat(tmp_path, f"to: 60 degC, {pi}, within: 0.5 K, settle: 30 s, timeout: 30 s")
+    assert "did not settle at 60 degC ± 0.5 K within 30 s" in str(late.result.reason)
+    tripped = heat(
+        tmp_path, f"to: 60 degC, {pi}, for: 5 min", faults=("sensor_out_of_range:temperature_1@20 s",)
+    )
+    assert tripped.result.status == "failed"
+    assert tripped.commands("heater_1")[-1][1] == 0.0
+
+
+def test_one_seed_gives_one_run_to_the_byte(tmp_path: Path) -> None:
+    found = []
+    for name in ("a", "b"):
+        done = heat(tmp_path / name, "to: 40 degC, gain: 5 %/K, for: 1 min", noise="on", seed=7)
+        assert done.result.folder is not None
+        found.append((done.result.folder / "samples.parquet").read_bytes())
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ("to: 120 degC, gain: 1 %/K, for: 1 min", "would trip the limit"),
+        ("to: 40 degC, gain: 1 %, for: 1 min", "wrong dimension"),
+        ("to: 40 degC, gain: 1 %/K, integral: -1 %/(K*s), for: 1 min", "acts against the gain"),
+        ("to: 40 degC, gain: 1 %/K", "how long"),
+        ("to: 40 degC, gain: 1 %/K, within: 1 K", "settling needs all three"),
+        ("to: 40 degC, gain: 1 %/K, high: 150 %, for: 1 min", "out of range"),
+        ("to: 40 degC, gain: 1 %/K, for: 1 min, feed_forward: setpoint", "feed_forward"),
+        ("to: 40 degC, gain: 1 %/K, for: 1 min, feed_forward: convecton*setpoint", "convection"),
+        ("to: 40 degC, gain: 1 %/K, for: 1 min, parameters_of: m.yaml", "parameters without a formula"),
+        ("to: 40 degC, gain: 1 %/K, for: 1 min, max_rate: 0 %/s", "no rate"),
+    ],
+)
+def test_a_loop_that_does_not_fit_the_rig_is_refused(tmp_path: Path, fields: str, said: str) -> None:
+    text = f"steps:\n  - control: {{actuator: heater_1, channel: temperature_1, {fields}}}\n"
+    with pytest.raises(RigctlError) as caught:
+        VirtualBench(tmp_path, HEATERS).plan(text)
+    assert said in str(caught.value)
+    assert caught.value.where.line == 3
+
+
+def test_a_loop_is_no_faster_than_its_record_and_check_says_how_long(tmp_path: Path) -> None:
+    loop = "control: {actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 1 %/K, for: 90 s}"
+    bench = VirtualBench(tmp_path, HEATERS)
+    with pytest.raises(RigctlError, match="faster than the record's samples"):
+        bench.plan(f"steps:\n  - record: {{name: r, rate: 2 Hz}}\n    do:\n      - {loop}\n")
+    assert preview(bench.plan(f"steps:\n  - {loop}\n")).seconds == pytest.approx(90.0)
