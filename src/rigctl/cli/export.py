@@ -10,11 +10,16 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 
 #: what a run can be handed out as besides a table
-_FORMS = ("junit",)
+_FORMS = ("junit", "ro-crate")
 
 
 def export(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
+    runs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN...", help="Id, start of an id, path, or 'latest'; several with --to ro-crate."
+        ),
+    ],
     *,
     output: Annotated[
         Path | None,
@@ -40,8 +45,19 @@ def export(
     ] = False,
     to: Annotated[
         str | None,
-        typer.Option(metavar="FORM", help="junit: the measures with their limits, as test cases (.xml)."),
+        typer.Option(
+            metavar="FORM",
+            help="junit: measures with their limits as test cases (.xml); "
+            "ro-crate: whole runs for strangers, a folder or .zip.",
+        ),
     ] = None,
+    licence: Annotated[
+        str | None,
+        typer.Option(
+            "--licence", "--license", help="Of a crate: SPDX identifier or address, e.g. CC-BY-4.0."
+        ),
+    ] = None,
+    title: Annotated[str | None, typer.Option(help="Of a crate.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Write a run's data to a file that other programs read, every column with its unit.
@@ -53,18 +69,27 @@ def export(
     With --to junit, or a name that ends in .xml, it is the measures with their limits as JUnit XML, for build
     servers and test managers: one case for each, and one for the run having come to its end.
 
-    Examples:
+    With --to ro-crate it is one or several runs as a Research Object Crate 1.2: all their files, procedure
+    and rig file, and who measured what and when, on which bench and device, in which units, under which
+    licence.
 
-      rigctl export latest -o strokes.csv
-
-      rigctl export latest --to junit -o results.xml
+    Example: rigctl export latest -o strokes.csv
     """
     from rigctl.dataset import open_run
-    from rigctl.dataset.exporting import default_table, export_junit, export_run
+    from rigctl.dataset.exporting import default_table, export_junit, export_ro_crate, export_run
     from rigctl.files.write import to_json
 
-    opened = open_run(run)
     form = _form(to, output)
+    if form == "ro-crate":
+        opened_all = {found.id: found for found in map(open_run, runs)}
+        path = output or Path(f"{list(opened_all)[-1]}-crate")
+        files = export_ro_crate(tuple(opened_all.values()), path, licence=licence, title=title)
+        if as_json:
+            echo_json(to_json({"runs": list(opened_all), "path": str(path), "form": form, "files": files}))
+        else:
+            echo(f"{path}: {len(opened_all)} run{'' if len(opened_all) == 1 else 's'}, {files} files")
+        return
+    opened = open_run(_only(runs, licence, title))
     if form == "junit":
         path = output or Path(f"{opened.id}.xml")
         cases = export_junit(opened, path, overwrite=overwrite)
@@ -94,3 +119,17 @@ def _form(to: str | None, output: Path | None) -> str | None:
     if to is None and output is not None and output.suffix.lower() == ".xml":
         return "junit"
     return to
+
+
+def _only(runs: list[str], licence: str | None, title: str | None) -> str:
+    """The only run of a form that has room for one, and which knows no terms of use."""
+    from rigctl.errors import RigctlError
+
+    if licence is not None or title is not None:
+        name = "--licence" if licence is not None else "--title"
+        raise RigctlError(f"only a crate has '{name}'", expected="--to ro-crate")
+    if len(runs) > 1:
+        raise RigctlError(
+            "several runs in one file", value=" ".join(runs), expected="one run, or --to ro-crate"
+        )
+    return runs[0]

@@ -1,0 +1,112 @@
+"""Runs as a crate, opened by the reader that the makers of RO-Crate publish."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rocrate.rocrate import ROCrate
+
+from commands import refusal, told
+from rigctl.dataset import RunWriter, calibrations_of
+from rigctl.testing import VirtualBench
+
+STEPS = """\
+identity: {serial_number: HC-0042, part: two chambers}
+steps:
+  - record: {name: stroke, rate: 100 Hz}
+    do:
+      - wait: 0.2 s
+"""
+
+
+@pytest.fixture
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Two runs of one person on one bench, the first of a device."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    bench = VirtualBench(tmp_path, options={"plant": "roles"})
+    folders = []
+    for device in ({"serial_number": "HC-0042", "part": "HL32"}, {}):
+        plan = bench.plan(STEPS)
+        backend = bench.backend(plan.rig)
+        header = bench.header(plan, backend)
+        header = replace(
+            header, operator="Ada Lovelace", device=device, calibrations=calibrations_of(plan.rig)
+        )
+        folder = bench.run(STEPS, backend=backend, writer=RunWriter.create(tmp_path / "runs", header))
+        assert folder.result.folder is not None
+        folders.append(folder.result.folder)
+    return folders
+
+
+def graph(text: str) -> dict[str, dict[str, Any]]:
+    return {entity["@id"]: entity for entity in json.loads(text)["@graph"]}
+
+
+def references(value: object) -> set[str]:
+    """Everything that an entity refers to."""
+    if isinstance(value, dict):
+        here = {str(value["@id"])} if set(value) == {"@id"} else set()
+        return here.union(*map(references, value.values()))
+    return set().union(*map(references, value)) if isinstance(value, list) else set()
+
+
+def test_a_campaign_is_read_by_others(runs: list[Path]) -> None:
+    names = [folder.name for folder in runs]
+    told("export", *names, "--to", "ro-crate", "-o", "out", "--licence", "CC-BY-4.0", "--title", "strokes")
+    crate = ROCrate("out")
+    assert (crate.name, crate.license.id) == ("strokes", "https://spdx.org/licenses/CC-BY-4.0")
+    assert [one["name"] for one in crate.root_dataset["author"]] == ["Ada Lovelace"]
+    files = [entity for entity in crate.data_entities if entity.type == "File"]
+    assert len(files) == 14
+    for file in files:
+        content = (Path("out") / file.id).read_bytes()
+        assert file["sha256"] == hashlib.sha256(content).hexdigest()
+        assert int(file["contentSize"]) == len(content)
+    action = crate.dereference(f"#{names[0]}")
+    assert action["result"].id == f"{names[0]}/"
+    assert action["agent"]["name"] == "Ada Lovelace"
+    made_with = {one["name"] for one in action["instrument"]}
+    assert made_with == {"HL32 bench", "rigctl"}
+    device = next(one for one in action["object"] if one.type == "IndividualProduct")
+    assert (device["serialNumber"], device["model"]) == ("HC-0042", "HL32")
+    measured = {one["name"]: one for one in crate.dereference(f"{names[0]}/")["variableMeasured"]}
+    assert (measured["supply_pressure"]["unitText"], measured["supply_pressure"]["unitCode"]) == (
+        "bar",
+        "BAR",
+    )
+    assert "dead-weight tester" in measured["supply_pressure"]["measurementTechnique"]
+
+
+def test_every_reference_leads_somewhere_in_a_zip_too(runs: list[Path]) -> None:
+    told("export", runs[0].name, "--to", "ro-crate", "-o", "out.zip")
+    with zipfile.ZipFile("out.zip") as archive:
+        entities = graph(archive.read("ro-crate-metadata.json").decode("utf-8"))
+        names = set(archive.namelist())
+    outward = {name for name in references(list(entities.values())) if name not in entities}
+    assert outward == {"https://w3id.org/ro/crate/1.2", "http://schema.org/CompletedActionStatus"}
+    assert {name for name, one in entities.items() if one["@type"] == "File"} == names - {
+        "ro-crate-metadata.json"
+    }
+    assert entities["./"]["license"] == {"@id": "#no-licence"}
+    assert ROCrate("out.zip").root_dataset["license"].id == "#no-licence"
+
+
+def test_what_cannot_be_handed_out_leaves_nothing_behind(runs: list[Path]) -> None:
+    names = [folder.name for folder in runs]
+    assert "no licence" in refusal("export", names[0], "--to", "ro-crate", "-o", "a", "--licence", "my own")
+    assert "several runs" in refusal("export", *names, "-o", "a.csv")
+    assert "only a crate" in refusal("export", names[0], "-o", "a.csv", "--licence", "CC0-1.0")
+    Path("there").mkdir()
+    assert "something already" in refusal("export", names[0], "--to", "ro-crate", "-o", "there")
+    with (runs[1] / "events.parquet").open("ab") as file:
+        file.write(b"x")
+    said = refusal("export", *names, "--to", "ro-crate", "-o", "b", exit_code=1)  # type: ignore[arg-type]
+    assert "changed since the run was closed" in said
+    assert sorted(path.name for path in Path().iterdir()) == ["rigctl.toml", "runs", "there"]
