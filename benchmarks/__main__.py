@@ -19,6 +19,7 @@ NAMES = (
     "protocols",
     "endings",
     "catalogue",
+    "tasks",
 )
 
 for name in NAMES:

@@ -11,7 +11,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-from rigctl.validation.parallel import begin_worker
+from rigctl.tasks.pools import begin_worker
 
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=begin_worker)
@@ -35,7 +35,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path: Path) -> None:
 def test_ctrl_c_ends_a_process_at_once_and_without_a_word() -> None:
     """In a process of its own, as the terminal sends it to each of them."""
     code = (
-        "import signal, time; from rigctl.validation.parallel import begin_worker; "
+        "import signal, time; from rigctl.tasks.pools import begin_worker; "
         "begin_worker(); signal.raise_signal(signal.SIGINT); time.sleep(600.0)"
     )
     done = subprocess.run(

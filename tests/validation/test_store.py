@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
+from rigctl.tasks import Workers
 from rigctl.validation.outcome import Outcome
 from rigctl.validation.parallel import Standing, run_scenarios
 from rigctl.validation.scenario import Scenario
@@ -49,12 +50,12 @@ def test_a_store_that_cannot_be_written_says_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize("workers", [1, 2])
 def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
     store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
-    first = run_scenarios(SCENARIOS[:4], quick, store, workers=workers)
+    first = run_scenarios(SCENARIOS[:4], quick, store, workers=Workers(workers))
     assert {outcome.scenario.seed: bool(outcome.failure) for outcome in first} == {
         0: False, 1: True, 2: False, 3: True,
     }  # fmt: skip
     seen: list[Standing] = []
-    found = run_scenarios(SCENARIOS, quick, store, workers=workers, progress=seen.append)
+    found = run_scenarios(SCENARIOS, quick, store, workers=Workers(workers), progress=seen.append)
     assert len(found) == 8
     assert len(store.path.read_text(encoding="utf-8").splitlines()) == 8
     assert [standing.done for standing in seen] == [4, 5, 6, 7, 8]
@@ -66,7 +67,7 @@ def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
 def test_a_killed_process_costs_only_what_was_in_work(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     with pytest.raises(RigctlError, match="was killed"):
-        run_scenarios(SCENARIOS, dying, store, workers=2)
+        run_scenarios(SCENARIOS, dying, store, workers=Workers(2))
     kept = len(store.outcomes())
     assert kept < 8
-    assert len(run_scenarios(SCENARIOS, quick, store, workers=1)) == 8
+    assert len(run_scenarios(SCENARIOS, quick, store, workers=Workers(1))) == 8

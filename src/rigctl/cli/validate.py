@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from rigctl.cli.workers import Cluster
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
+    from rigctl.tasks import Workers
     from rigctl.validation.figures import Figures
     from rigctl.validation.outcome import AnyTrial, TrialOutcome
     from rigctl.validation.parallel import Standing, Work
@@ -59,6 +61,7 @@ def validate(
             metavar="N", min=1, help="Processes; one for each core if left out.", show_default=False
         ),
     ] = None,
+    cluster: Cluster = None,
     *,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -77,9 +80,11 @@ def validate(
     """
     from rigctl.cli.tables import print_json
     from rigctl.files.write import write_text
+    from rigctl.tasks import Workers
     from rigctl.validation.tables import page
 
-    found, path = _carried_out(tier, out, first, workers, resume=resume)
+    chosen = Workers(workers, cluster=cluster)
+    found, path = _carried_out(tier, out, first, chosen, resume=resume)
     command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")
     write_text(out / f"{tier.value}.md", page(found, command))
     if as_json:
@@ -89,7 +94,7 @@ def validate(
 
 
 def _carried_out(
-    tier: TierName, out: Path, first: int | None, workers: int | None, *, resume: bool
+    tier: TierName, out: Path, first: int | None, workers: Workers, *, resume: bool
 ) -> tuple[Figures, Path]:
     """The figures of the tier's trials, and the file that keeps every one of them."""
     path = out / f"{tier.value}.jsonl"
@@ -137,7 +142,7 @@ def _outcomes(
     work: Work[AnyTrial],
     path: Path,
     read: Callable[[Mapping[str, Any]], AnyTrial],
-    workers: int | None,
+    workers: Workers,
     *,
     resume: bool,
 ) -> Sequence[TrialOutcome[AnyTrial]]:

@@ -1,0 +1,54 @@
+"""Pieces of work on one worker and on two, here and on a cluster: ``python -m benchmarks.tasks``.
+
+Efficiency is the time of one worker over twice that of two. Pieces that compute show it for a quiet machine
+only; pieces that wait show what handing them out costs on any.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from benchmarks.record import keep, table
+from benchmarks.tasks.pieces import computes, nothing, waits
+from rigctl.tasks import Workers, map_tasks
+
+
+def seconds(work: object, pieces: int, workers: Workers) -> float:
+    """From the first result on: starting a worker is not counted."""
+    began = None
+    for _ in map_tasks(work, range(pieces + 1), workers):  # type: ignore[arg-type, var-annotated]
+        began = began or time.perf_counter()
+    return time.perf_counter() - (began or 0.0)
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--pieces", type=int, default=24)
+    asked = arguments.parse_args()
+    os.environ["PYTHONPATH"] = str(Path(__file__).parents[2])
+    rows, results = [("work", "where", "1 worker [s]", "2 workers [s]", "efficiency")], {}
+    for work in (waits, computes):
+        for where, of in (
+            ("processes", Workers),
+            ("cluster", lambda count: Workers(cluster=f"local:{count}")),
+        ):
+            one, two = (seconds(work, asked.pieces, of(count)) for count in (1, 2))
+            results[f"{work.__name__}, {where}"] = {
+                "one [s]": one,
+                "two [s]": two,
+                "efficiency": one / two / 2,
+            }
+            rows.append((work.__name__, where, f"{one:.2f}", f"{two:.2f}", f"{100 * one / two / 2:.0f} %"))
+    many = 2000
+    per_task = seconds(nothing, many, Workers(cluster="local:2")) / many
+    results["cluster, a piece of nothing [ms]"] = 1e3 * per_task
+    table("pieces of half a second", rows)
+    print(f"\na piece of nothing on a cluster: {1e3 * per_task:.2f} ms")
+    keep(Path(__file__).parent, results, "distributed")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,215 @@
+"""Work on a cluster of Dask's `distributed`."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.method_version import METHOD_VERSION
+from rigctl.tasks.workers import Workers
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+#: how long a scheduler, or its first worker, is waited for, s
+_PATIENCE: Final = 20.0
+#: how often it is looked whether the scheduler is still there, s
+_LOOK: Final = 1.0
+#: pieces at the scheduler for each thread of a worker: one in work, one that waits
+_AHEAD: Final = 2
+#: so often a piece is handed out again after everything that it needs was lost with a worker
+_LOST: Final = 3
+
+
+def on_cluster(
+    work: Callable[[T], R], pieces: Sequence[T], workers: Workers
+) -> Generator[tuple[int, R], None, None]:
+    """Results as they come, from the workers of a cluster."""
+    with _quiet(), _client(workers) as client:
+        yield from _Handing(client, work, pieces).results()
+
+
+class _Handing:
+    """Pieces on their way: few are handed out ahead, so that an interrupt is soon obeyed."""
+
+    def __init__(self, client: Client, work: Callable[[Any], Any], pieces: Sequence[Any]) -> None:
+        self._client, self._work, self._pieces = client, work, pieces
+        self._waiting = deque(range(len(pieces)))
+        self._running: dict[Future, int] = {}
+        self._lost = 0
+        self._sent: Future | None = None
+
+    def results(self) -> Iterator[tuple[int, Any]]:
+        """The index of each piece and what came of it."""
+        while self._waiting or self._running:
+            try:
+                self._hand_out()
+                finished = self._finished()
+            except (OSError, TimeoutError) as problem:
+                self._gone(problem)
+            for future in finished:
+                index = self._running.pop(future)
+                if future.status == "finished":
+                    yield index, self._result(future)
+                elif future.status == "error":
+                    _refuse(future.exception())
+                else:
+                    self._again(index)
+
+    def _hand_out(self) -> None:
+        """As many as there are workers for: some may have come, and some may have gone."""
+        threads = sum(self._client.nthreads().values())
+        while self._waiting and len(self._running) < max(1, _AHEAD * threads):
+            if self._sent is None:
+                self._sent = self._client.scatter(_Sent(self._work), broadcast=True, hash=False)
+            index = self._waiting.popleft()
+            future = self._client.submit(
+                _carried_out, self._sent, self._pieces[index], _version(), pure=False
+            )
+            self._running[future] = index
+
+    def _finished(self) -> list[Future]:
+        from distributed import wait
+
+        with suppress(TimeoutError, Exception):  # of futures that are lost: their states say so below
+            wait(list(self._running), timeout=_LOOK, return_when="FIRST_COMPLETED")
+        if self._client.status != "running":
+            self._gone(None)
+        return [future for future in self._running if future.done()]
+
+    def _result(self, future: Future) -> Any:
+        try:
+            return future.result(timeout=_PATIENCE)
+        except (OSError, TimeoutError) as problem:
+            self._gone(problem)
+
+    def _again(self, index: int) -> None:
+        """What a piece needs was on workers that are no more: it is sent anew."""
+        self._lost += 1
+        if self._lost > _LOST * len(self._pieces):
+            self._gone(None)
+        self._sent = None
+        self._waiting.append(index)
+
+    def _gone(self, problem: BaseException | None) -> NoReturn:
+        raise RigctlError(
+            "the cluster's scheduler does not answer any more; the results so far are kept",
+            hint="Start it again, and go on where it was",
+            exit_code=ExitCode.FAILED,
+        ) from problem
+
+
+class _Sent:
+    """What all pieces need, sent once; the scheduler is not to look into it."""
+
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        self.work = work
+
+
+def _carried_out(sent: _Sent, piece: Any, version: str) -> Any:
+    """One piece, on a worker of the same rigctl: another one would come to other results."""
+    if version != _version():
+        raise RigctlError(
+            "a worker of the cluster has another rigctl", value=_version(), expected=version,
+            hint="Install the same version on every worker", exit_code=ExitCode.FAILED,
+        )  # fmt: skip
+    return sent.work(piece)
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return f"{version('rigctl')}, method {METHOD_VERSION}"
+
+
+def _refuse(problem: BaseException) -> NoReturn:
+    from distributed.scheduler import KilledWorker
+
+    if isinstance(problem, KilledWorker):
+        raise RigctlError(
+            "a piece of work killed its workers again and again; the results so far are kept",
+            hint="Workers with more memory, or fewer of them on one computer",
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    if isinstance(problem, ImportError):
+        raise RigctlError(
+            f"a worker of the cluster cannot do the work: {problem}",
+            hint="Install the same rigctl on every worker",
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    raise problem
+
+
+@contextmanager
+def _client(workers: Workers) -> Iterator[Client]:
+    """A connection to the scheduler; of a cluster that is made here, the cluster too."""
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as problem:
+        raise RigctlError(
+            "'distributed' is not installed, which work on a cluster needs",
+            hint="pip install 'rigctl[cluster]'",
+        ) from problem
+    cluster = None
+    if workers.local_count is not None:
+        cluster = LocalCluster(
+            n_workers=workers.local_count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            host="127.0.0.1",
+        )
+    try:
+        client = _connected(Client, workers.cluster if cluster is None else cluster)
+        try:
+            yield client
+        finally:
+            with suppress(Exception):
+                client.close(timeout=2)
+    finally:
+        if cluster is not None:
+            with suppress(Exception):
+                cluster.close(timeout=5)
+
+
+def _connected(make: Callable[..., Client], where: Any) -> Client:
+    try:
+        client = make(where, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as problem:
+        raise RigctlError(
+            "no scheduler of a cluster answers",
+            value=str(where),
+            hint="'dask scheduler' starts one, 'dask worker tcp://HOST:8786 --nthreads 1' a worker",
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except (OSError, TimeoutError) as problem:
+        with suppress(Exception):
+            client.close(timeout=2)
+        raise RigctlError(
+            "the cluster has no workers",
+            value=str(where),
+            hint="'dask worker ADDRESS --nthreads 1' starts one",
+            exit_code=ExitCode.FAILED,
+        ) from problem
+    return client
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """What a user has to know is raised; the library also writes it to the terminal, over many lines."""
+    logger = logging.getLogger("distributed")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
