@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.identity import Levels
 from rigctl.analysis.law_answer import LawAnswer
@@ -174,6 +175,7 @@ class Diagnosis:
     laws: of each of `effects`, and of those that the model had, the law that the data ask for.
     outside: where the model with `effects` leaves the ranges over which their laws were learned.
     next_experiment: what to measure next, as a program reads it; None where nobody asked, or nothing is left.
+    bootstrap: intervals of the parameters of the model with `effects`; None where nobody asked.
     """
 
     runs: tuple[str, ...]
@@ -203,6 +205,7 @@ class Diagnosis:
     laws: tuple[LawAnswer, ...] = ()
     outside: tuple[Departure, ...] = ()
     next_experiment: Mapping[str, Any] | None = None
+    bootstrap: Bootstrap | None = None
 
     @property
     def title(self) -> str:
@@ -268,6 +271,7 @@ class Diagnosis:
             "findings": list(self.before.findings),
             "next_steps": list(self.next_steps),
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
+            "bootstrap": None if self.bootstrap is None else self.bootstrap.document(),
             "outside_validity": [one.document() for one in self.outside],
             "p_value": self.before.adequacy.p_value,
             "p_value_after": _finite(self.p_value_after),

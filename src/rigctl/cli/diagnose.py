@@ -12,6 +12,7 @@ import typer
 from rigctl.cli.compare import Assume, Force, HoldOut, OneModel, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.workers import Cluster
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from rigctl.cli.next_command import DataOptions
     from rigctl.dataset import Run
     from rigctl.design.result import DesignResult
+    from rigctl.tasks import Workers
 
 
 def diagnose(
@@ -66,6 +68,23 @@ def diagnose(
             help="Also design what to measure next, as 'rigctl design' does, where something is left open.",
         ),
     ] = False,
+    repetitions: Annotated[
+        int,
+        typer.Option(
+            "--bootstrap",
+            metavar="N",
+            min=0,
+            help="Also give intervals of the parameters that do not rest on the noise model, from N fits to "
+            "data that could have been measured as well; 200 are enough. Not with --apply.",
+        ),
+    ] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Processes for it; one for each core if left out.", show_default=False
+        ),
+    ] = None,
+    cluster: Cluster = None,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -92,10 +111,10 @@ def diagnose(
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
     from rigctl.design.design import with_next_experiment
-    from rigctl.errors import RigctlError
+    from rigctl.tasks import Workers
 
-    if design and apply:
-        raise RigctlError("--design and --apply do not go together", hint="'rigctl design' after --apply")
+    _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
+    at = Workers(workers, cluster=cluster)
     require_page(output, force=force)
     path = own_model(model) if apply else model
     choice = DataOptions(only, hold_out, assume or ())
@@ -109,6 +128,7 @@ def diagnose(
             found = diagnose_comparison(
                 before, compared.runs, compared.held_out, compared.notes, most=most, on_progress=on_progress
             )
+            found = _with_intervals(found, repetitions, at, on_progress)
         next_one = None
         if design:
             found, next_one = with_next_experiment(found, open_runs(runs), on_progress=on_progress)
@@ -129,6 +149,29 @@ def diagnose(
         if next_one is not None:
             show_design(next_one)
         _lead_on(found, runs, str(model), choice)
+
+
+def _require_no_apply(apply: bool, **others: bool) -> None:
+    """Refuse what belongs to one diagnosis beside an option that makes several."""
+    from rigctl.errors import RigctlError
+
+    for name, given in others.items():
+        if apply and given:
+            again = "rigctl design" if name == "design" else f"rigctl diagnose --{name}"
+            raise RigctlError(f"--{name} and --apply do not go together", hint=f"'{again}' after --apply")
+
+
+def _with_intervals(
+    found: Diagnosis, repetitions: int, at: Workers, on_progress: Callable[[str], None]
+) -> Diagnosis:
+    """The diagnosis with intervals of the parameters of the model that it ends with, if they are wanted."""
+    from rigctl.analysis.bootstrap import bootstrap
+
+    if not repetitions:
+        return found
+    return replace(
+        found, bootstrap=bootstrap(found.best.fit, repetitions, workers=at, on_progress=on_progress)
+    )
 
 
 def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rigctl.analysis.adequacy import chance
+from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.held_out import Unseen
 from rigctl.analysis.improve import Improvement, Step
@@ -56,11 +57,27 @@ def show_diagnosis(found: Diagnosis) -> None:
         if any(one.before for one in found.drift):
             out.print(_drift(found.drift))
     _show_laws(found.laws)
+    _show_intervals(found.bootstrap)
     _show_untestable(found.untestable)
     if found.next_steps:
         out.print("  [bold]what to measure next[/]")
     for step in found.next_steps:
         out.print(f"  {escape(step)}", soft_wrap=True)
+
+
+def _show_intervals(found: Bootstrap | None) -> None:
+    """What the repetitions say of each parameter, beside what the fit says of itself."""
+    if found is None:
+        return
+    out = console()
+    shown = table("parameter", "unit", "value", "interval", "± repeated", "± of the fit")
+    for one in found.parameters:
+        value, spread = known_digits(one.value, one.std)
+        low, high = (known_digits(end, one.std)[0] for end in (one.low, one.high))
+        fit = known_digits(one.value, one.fit_std)[1] if math.isfinite(one.fit_std) else ""
+        shown.add_row(escape(one.name), escape(one.unit), value, f"{low} … {high}", spread, fit)
+    out.print(shown)
+    out.print(f"  {escape(found.statement)}", soft_wrap=True)
 
 
 def _show_laws(found: Sequence[LawAnswer]) -> None:

@@ -27,8 +27,8 @@ def map_tasks(
 
     Parameters
     ----------
-    work: a module's function, or a partial of one: it is sent to other processes. What all pieces need is
-        sent along with it, once to each worker; large data go as paths where workers can read them.
+    work: a module's function, or a partial of one: it is sent to other processes, once to each, with what all
+        pieces need; large data go as paths where workers can read them.
     workers: where; on each core of this computer when left out.
     on_progress: told how many are done, and of how many.
 

@@ -81,9 +81,14 @@ def _killed(times: int) -> RigctlError:
 def _in_new_processes(
     work: Callable[[T], R], pieces: Sequence[T], queue: deque[int], handed_out: set[int], count: int
 ) -> Generator[tuple[int, R], None, None]:
+    import cloudpickle
+
     with _one_thread_each():
         pool = ProcessPoolExecutor(
-            count, mp_context=get_context("spawn"), initializer=begin_worker, initargs=(pickle.dumps(work),)
+            count,
+            mp_context=get_context("spawn"),
+            initializer=begin_worker,
+            initargs=(cloudpickle.dumps(work),),
         )
         try:
             yield from _finished(pool, _given_work, pieces, queue, count, handed_out)

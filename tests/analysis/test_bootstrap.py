@@ -1,0 +1,91 @@
+"""Intervals by repetition: as wide as the scatter that there is, whatever the noise was taken for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from commands import answer, refusal, told
+from rigctl.analysis.bootstrap import Bootstrap, bootstrap
+from rigctl.analysis.comparison import compare
+from rigctl.cli.init import create_project
+from rigctl.dataset import open_run
+from rigctl.dataset.importing.bring_in import import_file
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.load import load_model
+from rigctl.tasks import Workers
+
+#: an oil by Vogel's law, cSt over degC, as the shipped table has about
+TEMPERATURES = np.arange(10.0, 90.0, 10.0)
+READINGS = 3
+
+
+def viscosity(temperature: np.ndarray) -> np.ndarray:
+    return 0.0707 * np.exp(911.0 / (temperature + 273.15 - 164.9))
+
+
+def fitted(folder: Path, shared: float, each: float) -> FitResult:
+    """Three readings at each temperature, off by what they share and by what each has, as a share of it."""
+    rng = np.random.default_rng(3)
+    lines = ["oil_temperature [degC],kinematic_viscosity [cSt]"]
+    for temperature in TEMPERATURES:
+        common = shared * rng.normal()
+        for _ in range(READINGS):
+            value = viscosity(temperature) * np.exp(common + each * rng.normal())
+            lines.append(f"{temperature:g},{value:.6g}")
+    table = folder / "oil.csv"
+    table.write_text("\n".join(lines) + "\n", "utf-8")
+    run = open_run(import_file(table, None, folder / "runs").path)
+    return compare([run], [load_model(shipped("models") / "hl32-oil.yaml")]).models[0].fit
+
+
+def ratios(found: Bootstrap) -> list[float]:
+    """By how much the repetitions scatter more than the fit says."""
+    return [one.std / one.fit_std for one in found.parameters]
+
+
+@pytest.fixture(scope="module")
+def independent(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
+    return fitted(tmp_path_factory.mktemp("independent"), 0.0, 0.01)
+
+
+def test_of_independent_noise_they_are_as_wide_as_the_fit_says(independent: FitResult) -> None:
+    found = bootstrap(independent, 60, workers=Workers(1))
+    assert (found.by, found.failed) == ("condition", 0)
+    assert all(0.6 < ratio < 1.6 for ratio in ratios(found))
+    for one in found.parameters:
+        assert one.low < one.value < one.high
+        assert one.high - one.low == pytest.approx(3.92 * one.std, rel=0.4)
+
+
+def test_of_errors_that_readings_share_they_are_wider(tmp_path: Path) -> None:
+    found = bootstrap(fitted(tmp_path, 0.02, 0.005), 30, workers=Workers(1))
+    assert all(ratio > 2.0 for ratio in ratios(found))
+
+
+def test_they_do_not_depend_on_who_works(independent: FitResult) -> None:
+    assert bootstrap(independent, 8, workers=Workers(1)) == bootstrap(independent, 8, workers=Workers(2))
+
+
+def test_one_record_cannot_be_drawn_from(independent: FitResult) -> None:
+    from dataclasses import replace
+
+    with pytest.raises(RigctlError, match="one record"):
+        bootstrap(replace(independent, fitted=(0,)), 10)
+    with pytest.raises(RigctlError, match="nothing was fitted"):
+        bootstrap(replace(independent, solution=None), 10)
+
+
+def test_a_diagnosis_has_them_when_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    create_project(tmp_path)
+    told("import", "data/hl32-viscosity.csv")
+    ask = ("diagnose", "latest", "--model", "models/hl32-oil.yaml")
+    found = answer(*ask, "--bootstrap", "20", "--workers", "1")["bootstrap"]
+    assert (found["repetitions"], found["by"], found["level"]) == (20, "condition", 0.95)
+    assert set(found["parameters"]) == {"vogel_a", "vogel_b", "vogel_c"}
+    assert "--bootstrap and --apply do not go together" in refusal(*ask, "--bootstrap", "20", "--apply")
