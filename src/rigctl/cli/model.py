@@ -214,6 +214,57 @@ def remove(
     carry_out(own_model(model), wanted, as_json=as_json)
 
 
+@app.command()
+def export(
+    model: ModelFile,
+    *,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Ends in .fmu; as the model is called."),
+    ] = None,
+    to: Annotated[str, typer.Option(metavar="FORM", help="fmu: FMI 2.0, co-simulation.")] = "fmu",
+    sources_only: Annotated[
+        bool, typer.Option("--sources-only", help="C sources alone, for a simulator that compiles them.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", "--force", help="Replace a file.")] = False,
+    family: FamilyOption = None,
+    as_json: Json = False,
+) -> None:
+    """Write a model as a Functional Mock-up Unit, which other simulators run beside their own models.
+
+    Inputs are those of the family, parameters those that a fit can change, outputs the channels of the rig,
+    all in SI. It is made with this computer's C compiler and runs on computers like it; its sources are in
+    it.
+
+    Example: rigctl model export models/hl32-textbook.yaml -o cylinder.fmu
+    """
+    from dataclasses import asdict
+
+    from rigctl.cli.echo import echo
+    from rigctl.cli.plans import find_file
+    from rigctl.cli.tables import print_json
+    from rigctl.dataset.outputs import require_output
+    from rigctl.errors import unknown_name
+    from rigctl.files.version_suffix import split_version
+    from rigctl.model import load_model
+    from rigctl.model.fmu import export_fmu
+
+    if to != "fmu":
+        raise unknown_name("form", to, ("fmu",))
+    path = find_file(model)
+    target = output or Path(f"{split_version(path)[0].stem}.fmu")
+    require_output(target, force=overwrite, option="--overwrite")
+    made = export_fmu(load_model(path), target, sources_only=sources_only)
+    if as_json:
+        print_json({**asdict(made), "path": str(made.path), "model": str(path)})
+        return
+    compiled = f"compiled for {made.platform}" if made.platform else "not compiled"
+    echo(
+        f"{made.path}: {made.states} states, {made.inputs} inputs, {made.parameters} parameters, "
+        f"{made.outputs} outputs, {compiled}"
+    )
+
+
 def own_model(written: Path) -> Path:
     """The model file that a command is to change: from the current folder or the project.
 

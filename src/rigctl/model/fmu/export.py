@@ -1,0 +1,202 @@
+"""Write a model as an FMU: description, C sources, and the library that a compiler makes of them here."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from rigctl.engine.source import source_of
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.files.write import write_error
+from rigctl.model.fmu.description import model_description
+from rigctl.model.fmu.equations import equations_header
+from rigctl.model.inputs import input_values
+from rigctl.model.model import Model
+from rigctl.model.plant import initial_state, plant_inputs
+
+#: the folder of a library, its ending, and how it is made, by ``sys.platform``
+_PLATFORMS: Final = {
+    "linux": ("linux64", ".so"),
+    "darwin": ("darwin64", ".dylib"),
+    "win32": ("win64", ".dll"),
+}
+#: s that a compiler may take
+_PATIENCE: Final = 120.0
+#: every file of an archive has this date, so that equal models give equal files
+_DATE: Final = (1980, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written: sizes, and the platform that a library was made for; None for sources alone."""
+
+    path: Path
+    states: int
+    inputs: int
+    parameters: int
+    outputs: int
+    platform: str | None
+
+
+def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Exported:
+    """Write a model as a slave for co-simulation of FMI 2.0.
+
+    Its inputs are those of the family, its parameters those that a fit can change, each with the model's
+    value, its outputs the channels of the rig. All values are SI. An FMU holds its inputs between two
+    communication points, and integrates with its own method to a relative tolerance of 1e-8, or the one that
+    the simulator asks for.
+
+    Parameters
+    ----------
+    path: ends in ``.fmu``; what is there is replaced.
+    sources_only: for a simulator that compiles them itself.
+
+    Raises
+    ------
+    RigctlError
+        there is no compiler or it fails, or the file cannot be written.
+    """
+    if path.suffix.lower() != ".fmu":
+        raise RigctlError("unknown kind of file", value=path.name, expected="a name that ends in .fmu")
+    system = model.system()
+    states, inputs = _start(model)
+    ordered = [states[name] for name in system.state_names]
+    about = f"{source_of(system).digest} {ordered!r} {inputs!r} {system.nominal!r}"
+    digest = hashlib.sha256(about.encode()).hexdigest()
+    guid = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+    identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    identifier = identifier if not identifier[:1].isdigit() else f"m_{identifier}"
+    description = model_description(
+        system,
+        name=model.name,
+        identifier=identifier,
+        guid=guid,
+        version=version("rigctl"),
+        about=model.summary(),
+        states=ordered,
+        inputs=inputs,
+        meanings=_meanings(model),
+    )
+    here = Path(__file__).parent
+    files = {
+        "modelDescription.xml": description,
+        "sources/slave.c": (here / "slave.c").read_bytes(),
+        "sources/equations.h": equations_header(system, guid, ordered, inputs).encode(),
+    }
+    platform = None
+    if not sources_only:
+        platform, ending = _platform()
+        files[f"binaries/{platform}/{identifier}{ending}"] = _compiled(files, identifier + ending)
+    with write_error(path):
+        _write(path, files)
+    counts = (len(system.states), len(system.inputs), len(system.parameters), len(system.outputs))
+    return Exported(path, *counts, platform)
+
+
+def _start(model: Model) -> tuple[dict[str, float], list[float]]:
+    """States by name and inputs in order at the start: what the rig's simulation says, nothing commanded."""
+    effects = [model.effect(name) for name in sorted(model.effects)]
+    if model.rig is None:
+        return initial_state(model.family, effects), [item.value for item in model.family.inputs]
+    known = {state.name for state in model.family.states}
+    read = {name: float(value) for name, value in model.rig.simulation.initial.items() if name in known}
+    states = initial_state(model.family, effects, read)
+    commands = dict.fromkeys(model.rig.actuators, 0.0)
+    role = model.rig.roles.set_pressure
+    if role is not None and role.channel in states:
+        commands[role.actuator] = states[role.channel]
+    return states, input_values(plant_inputs(model.rig, model.family).sources, commands)
+
+
+def _meanings(model: Model) -> Mapping[str, str]:
+    """What the family says of its variables."""
+    family = model.family
+    said = {item.name: item.meaning for item in family.inputs}
+    return said | {item.name: item.meaning for item in family.parameters}
+
+
+def _platform() -> tuple[str, str]:
+    if sys.platform not in _PLATFORMS or sys.maxsize < 2**32:
+        raise RigctlError(
+            "FMI 2.0 has no name for this platform", value=sys.platform, hint="Write '--sources-only'"
+        )
+    return _PLATFORMS[sys.platform]
+
+
+def _compiled(files: Mapping[str, bytes], library: str) -> bytes:
+    """The shared library that this computer's C compiler makes of the sources.
+
+    Raises
+    ------
+    RigctlError
+        there is none, or it fails.
+    """
+    with TemporaryDirectory(prefix="rigctl-fmu-") as folder:
+        for name in ("slave.c", "equations.h"):
+            (Path(folder) / name).write_bytes(files[f"sources/{name}"])
+        command = _compiler(library)
+        try:
+            done = subprocess.run(  # noqa: S603 - the user's own compiler; no word of the model is in it
+                command, cwd=folder, capture_output=True, text=True, timeout=_PATIENCE, check=False
+            )
+        except (OSError, subprocess.TimeoutExpired) as problem:
+            raise RigctlError(f"the C compiler failed: {problem}", exit_code=ExitCode.FAILED) from problem
+        made = Path(folder) / library
+        if done.returncode != 0 or not made.exists():
+            said = (done.stderr or done.stdout).strip().splitlines()
+            raise RigctlError(
+                "the C compiler failed", value=said[0] if said else command[0], exit_code=ExitCode.FAILED
+            )
+        return made.read_bytes()
+
+
+def _compiler(library: str) -> list[str]:
+    """The command that makes a shared library of ``slave.c``.
+
+    Raises
+    ------
+    RigctlError
+        no compiler is found.
+    """
+    wished = os.environ.get("CC")
+    for name in filter(None, (wished, "cc", "gcc", "clang")):
+        found = shutil.which(name)
+        if found is not None:
+            shared = ["-dynamiclib"] if sys.platform == "darwin" else ["-shared"]
+            plain = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden"]
+            position = [] if sys.platform == "win32" else ["-fPIC"]
+            return [found, *shared, *position, *plain, "slave.c", "-o", library, "-lm"]
+    microsoft = shutil.which("cl") if sys.platform == "win32" else None
+    if microsoft is not None:
+        return [microsoft, "/nologo", "/LD", "/O2", "slave.c", f"/Fe:{library}"]
+    raise RigctlError(
+        "there is no C compiler",
+        expected="cc, gcc or clang, or cl on Windows",
+        hint="Install one, name it in CC, or write '--sources-only'",
+    )
+
+
+def _write(path: Path, files: Mapping[str, bytes]) -> None:
+    """The archive, in one step."""
+    draft = path.with_name(f".{path.name}.tmp")
+    try:
+        with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in files.items():
+                entry = zipfile.ZipInfo(name, _DATE)
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry.external_attr = 0o644 << 16
+                archive.writestr(entry, content)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
