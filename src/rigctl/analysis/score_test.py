@@ -108,11 +108,16 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
     draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
-    least = np.ones(len(draws))
+    # of effects whose chance is the same function of their gain the largest gain has the smallest
+    largest: dict[tuple[int, bool], tuple[Floats, list[int]]] = {}
     for index, columns in _tests(projected):
         signs = _signs(projected, index, columns)
-        square = cosines[np.ix_(columns, columns)]
-        np.minimum(least, tail(cone(draws[:, columns], square, signs)[0], signs), out=least)
+        gain, _ = cone(draws[:, columns], cosines[np.ix_(columns, columns)], signs)
+        kind = len(signs), len(signs) == 1 and bool(signs[0])
+        largest[kind] = np.maximum(largest[kind][0], gain) if kind in largest else gain, signs
+    least = np.ones(len(draws))
+    for gain, signs in largest.values():
+        np.minimum(least, tail(gain, signs), out=least)
     least.sort()
     return least
 
@@ -133,6 +138,8 @@ def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floa
     The maximum is the free one of some subset of the parameters, the others being 0: all are tried.
     """
     count, k = z.shape
+    if k == 1:
+        return _half_line(z, float(cosines[0, 0]), signs[0])
     best, amplitudes = np.zeros(count), np.zeros((count, k))
     wanted = np.array(signs)
     for number in range(1, k + 1):
@@ -148,6 +155,14 @@ def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floa
             moved[:, chosen] = theta
             amplitudes = np.where(better[:, None], moved, amplitudes)
     return best, amplitudes
+
+
+def _half_line(z: Floats, cosine: float, sign: int) -> tuple[Floats, Floats]:
+    """`cone` of one parameter."""
+    theta = z * (1.0 / cosine if cosine > 0.0 else 0.0)
+    if sign:
+        theta = np.where(theta * sign > 0.0, theta, 0.0)
+    return z[:, 0] * theta[:, 0], theta
 
 
 def tail(gain: Floats, signs: Sequence[int]) -> Floats:

@@ -104,13 +104,11 @@ def diagnose(
     from rigctl.analysis.improve import improve
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_runs
-    from rigctl.cli.design_views import show_design
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
     from rigctl.cli.model import own_model
     from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
-    from rigctl.design.design import with_next_experiment
     from rigctl.tasks import Workers
 
     _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
@@ -130,7 +128,9 @@ def diagnose(
             )
             found = _with_intervals(found, repetitions, at, on_progress)
         next_one = None
-        if design:
+        if design:  # which reads what steps there are, and is not asked for often
+            from rigctl.design.design import with_next_experiment
+
             found, next_one = with_next_experiment(found, open_runs(runs), on_progress=on_progress)
     if laws is not None:
         if apply:
@@ -147,6 +147,8 @@ def diagnose(
     else:
         show_diagnosis(found)
         if next_one is not None:
+            from rigctl.cli.design_views import show_design
+
             show_design(next_one)
         _lead_on(found, runs, str(model), choice)
 

@@ -32,6 +32,10 @@ _BOLD = 2  # steps of little damping that may lead nowhere
 _ASIDE = 3  # steps from where one of them raised the cost
 _LEAST_GAIN = 1e-4  # share of the expected fall that a step must bring
 _NEARER = 0.01  # share of the distance to a rival that a step must promise
+_CUT_OFF = 0.99  # of the box: a step that is longer would have been longer without it
+_AS_EXPECTED = 0.5  # share of the expected fall from which on a step that was cut off may be longer next time
+_LONGER, _LONGEST = 2.0, 4.0  # times as long as the last one, and as the first may be
+_SHORTER = 0.5  # times as long as one that led nowhere, at the most
 _PATIENCE = 4  # iterations that together must lower the cost by the share at which a fit is done
 
 
@@ -46,7 +50,8 @@ class Options:
     step: stop when it would move every parameter by less than this share of its size.
     gradient: stop when the cosine between residuals and every column is below this.
     iterations: never more than these.
-    largest_step: the change of a parameter in one iteration, in units of its size.
+    largest_step: the change of a parameter in the first iteration, in units of its size; it may become four
+        times that while the steps go as expected.
     rival: a cost that is known to be reached otherwise: far above it, a fit is done when it would not come
         nearer by a hundredth of the distance.
     """
@@ -71,11 +76,11 @@ def least_squares(
     """Minimise ``sum of loss(residuals)/2 + sum of ((value - mean)/std)²/2`` over all parameters.
 
     Levenberg's damping of a Gauss-Newton step with Marquardt's scaling by the columns' lengths and Nielsen's
-    updates; where late in a fit the damping alone leaves a step little to gain, it is lowered until half of
-    what there is to gain is promised, and a step that then leaves a curved valley is given up only when the
-    next ones do not lead back into it; the records' own parameters are eliminated record by record, so that
-    the cost is linear in the number of records; a parameter at a bound is held there while it would leave
-    (see `bounded_step`).
+    updates, inside a box that grows while the steps go as expected; where late in a fit the damping alone
+    leaves a step little to gain, it is lowered until half of what there is to gain is promised, and a step
+    that then leaves a curved valley is given up only when the next ones do not lead back into it; the
+    records' own parameters are eliminated record by record, so that the cost is linear in the number of
+    records; a parameter at a bound is held there while it would leave (see `bounded_step`).
 
     Parameters
     ----------
@@ -117,6 +122,7 @@ class _Search:
         self.upper = np.array([unknown.upper for unknown in self.all])
         self.size = np.array([unknown.size for unknown in self.all])
         self.damping, self.growth = _FIRST_DAMPING, 2.0
+        self.reach = self.options.largest_step
         self.evaluations = self.iterations = 0
         self.column_size = np.zeros(len(self.all))
         self.falls: list[float] = []
@@ -268,7 +274,7 @@ class _Search:
         """The damped step inside the bounds, in the parameters' own units."""
         scale = self._scale()
         flat = self.point.flat()
-        reach = self.options.largest_step * np.maximum(self.size, np.abs(flat))
+        reach = self.reach * np.maximum(self.size, np.abs(flat))
         lower = np.maximum(self.lower - flat, -reach) * scale
         upper = np.minimum(self.upper - flat, reach) * scale
         residual, weight = prior_rows(self.all, flat)
@@ -348,14 +354,30 @@ class _Search:
         self._report(largest, accepted=accepted, reason=reason)
         if accepted:
             self._relax(gain)
+            if largest > _CUT_OFF * self.reach and gain > _AS_EXPECTED:
+                self.reach = min(_LONGER * self.reach, _LONGEST * self.options.largest_step)
             return 0.25 < gain <= _STRETCHED, None
         self.turned_down = True
+        self.reach = self.options.largest_step
         if 0.0 <= expected <= 1e-6 * self.cost and self.damping < 1.0:
             return False, (Outcome.COST, "The cost falls no further than the model is exact")
-        self.damping, self.growth = self.damping * self.growth, self.growth * 2.0
+        self._shorten(largest)
         if self.damping > _MOST_DAMPING:
             return False, (Outcome.STALLED, "No step lowers the cost")
         return False, None
+
+    def _shorten(self, largest: float) -> None:
+        """More damping (Nielsen's rule), until the next step is shorter than one that led nowhere.
+
+        Where bounds or the box cut a step off, a little more damping leaves it as it was.
+        """
+        while True:
+            self.damping, self.growth = self.damping * self.growth, self.growth * 2.0
+            if (
+                self.damping > _MOST_DAMPING
+                or self._largest(self._step(self.damping).step) <= _SHORTER * largest
+            ):
+                return
 
     def _move(self, point: Vector, cost: float, blocks: Sequence[Block]) -> None:
         self.point, self.cost, self.turned_down = point, float(cost), False
