@@ -149,6 +149,17 @@ def test_it_settles_or_says_what_it_saw(tmp_path: Path) -> None:
     assert tripped.commands("heater_1")[-1][1] == 0.0
 
 
+def test_between_records_the_bench_is_read_as_often_as_the_loop_needs(tmp_path: Path) -> None:
+    text = "steps:\n  - control: {actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 1 %/K, "
+    done = VirtualBench(tmp_path, HEATERS).run(f"{text}integral: 0.1 %/(K*s), rate: 20 Hz, for: 5 s}}\n")
+    given = [time for time, value in done.commands("heater_1") if value > 0.0]
+    assert np.diff(given) == pytest.approx(0.05)
+    assert len(given) > 95
+    assert done.result.folder is not None
+    kept = {one["name"]: one["value"] for one in open_run(done.result.folder).info["measures"]}
+    assert kept["control_jitter_p99"] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_one_seed_gives_one_run_to_the_byte(tmp_path: Path) -> None:
     found = []
     for name in ("a", "b"):

@@ -128,6 +128,7 @@ class Bench(Protocol):
     columns: Mapping[str, int]  #: of a row, by channel or command
     newest: Row | None
     rate: float  #: Hz, of the samples
+    needed_rate: float  #: Hz that the step in progress has to be read with at least, between records
     commanded: dict[str, float]
     pulses: dict[str, Pulse]
     missed: list[str]  #: what lay outside its limits while the procedure went on

@@ -38,6 +38,7 @@ class Bench:
         self.columns: Mapping[str, int] = {name: index for index, name in enumerate(rig.layout.columns)}
         self.newest: Row | None = None
         self.rate = rig.monitor_rate
+        self.needed_rate = 0.0  #: Hz that the step in progress has to be read with at least
         self.record_began = -math.inf  #: s, when the newest record was opened
         self.path = ""  #: of the step in progress
         self.commanded: dict[str, float] = {}
@@ -102,7 +103,8 @@ class Bench:
         """
         known = {**self.commanded, **self.doubtful}
         moving = any(known.get(name, rest) != rest for name, rest in self._resting.items())
-        return max(self.rig.monitor_rate, self.rig.moving_rate) if moving else self.rig.monitor_rate
+        rate = max(self.rig.monitor_rate, self.rig.moving_rate) if moving else self.rig.monitor_rate
+        return max(rate, self.needed_rate)
 
     def _keep_watch(self) -> None:
         """Between records, read as often as what is commanded now calls for."""

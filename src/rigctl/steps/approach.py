@@ -78,6 +78,7 @@ def approach(action: MoveTo, bench: Bench) -> Behaviour:
     """
     slower = bench.rate if bench.rate < _RATE and not bench.recording else None
     if slower is not None:
+        bench.needed_rate = _RATE
         bench.start(_RATE)
     drive = _Drive(action, bench)
     try:
@@ -86,6 +87,7 @@ def approach(action: MoveTo, bench: Bench) -> Behaviour:
             yield from drive.towards(position)
             position = yield from drive.rest()
     finally:
+        bench.needed_rate = 0.0
         drive.stop()
         if slower is not None and bench.reachable:
             bench.start(slower)

@@ -353,13 +353,15 @@ class Control(Action):
         """
         slower = bench.rate if not bench.recording else None
         if slower is not None:
-            bench.start(1.0 / self.period)
+            bench.needed_rate = 1.0 / self.period
+            bench.start(bench.needed_rate)
         bench.regulated.add(self.actuator)
         timing = Timing(self.period)
         try:
             yield from self._loop(bench, timing)
         finally:
             bench.regulated.discard(self.actuator)
+            bench.needed_rate = 0.0
             self._keep(bench, timing)
             if slower is not None and bench.reachable:
                 bench.start(slower)
