@@ -38,7 +38,7 @@ def load(name: str, *, forget: bool = True) -> list[str]:
 
     def make() -> MachineCode:
         made.append("made")
-        return compiled(SOURCE, ["double"])
+        return compiled(SOURCE, ["double"], vectors=False)
 
     found = cache.load_compiled(name, SOURCE, make, before_compiling=lambda: made.append("announced"))
     double = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(found["double"])

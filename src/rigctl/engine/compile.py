@@ -71,7 +71,9 @@ def compile_system(
     """
     _kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
-    model = load_compiled("model", source.text, lambda: compiled(module_of(source.text), ARGUMENTS))
+    model = load_compiled(
+        "model", source.text, lambda: compiled(module_of(source.text), ARGUMENTS, vectors=False)
+    )
     addresses = np.array([model[name] for name in ARGUMENTS], dtype=np.int64)
     return CompiledSystem(system, source, addresses)
 
@@ -105,8 +107,8 @@ def _made(module: str, checked: bool) -> MachineCode:
     kept = None if checked else kept_text(module)
     if kept is not None:
         with suppress(RuntimeError):  # of an LLVM that cannot read what another version wrote
-            return compiled(kept, [SYMBOL])
-    return compiled(made_text(module), [SYMBOL])
+            return compiled(kept, [SYMBOL], vectors=True)
+    return compiled(made_text(module), [SYMBOL], vectors=True)
 
 
 def _caller(address: int) -> Kernel:

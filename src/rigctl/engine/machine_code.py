@@ -36,10 +36,15 @@ class MachineCode:
     needs: tuple[str, ...]
 
 
-def compiled(text: str, defines: Iterable[str]) -> MachineCode:
+def compiled(text: str, defines: Iterable[str], *, vectors: bool) -> MachineCode:
     """The functions `defines` of a module in LLVM's language, optimised, as machine code.
 
     Nothing is allowed that changes a number: no reordering, no fused multiplication.
+
+    Parameters
+    ----------
+    vectors: look for what vector instructions can do at once. In code without loops that takes longer than
+        everything else, and finds next to nothing.
     """
     import llvmlite.binding as llvm
 
@@ -48,7 +53,7 @@ def compiled(text: str, defines: Iterable[str]) -> MachineCode:
     module.verify()
     module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization = options.slp_vectorization = True
+    options.loop_vectorization = options.slp_vectorization = vectors
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return MachineCode(machine.emit_object(module), tuple(defines), tuple(sorted(set(_needs(module)))))
