@@ -139,7 +139,7 @@ def find_runs(
     procedure, rig: only those of this name.
     status: only those that ended so: ``finished``, ``failed``, ``aborted``, ``interrupted``.
     where: only those that meet this condition, as `rigctl runs list --where`.
-    runs: the folder; the project's by default.
+    runs: the folder, or the address in storage; the project's by default.
 
     Raises
     ------
@@ -149,6 +149,6 @@ def find_runs(
     wanted = {"procedure": procedure, "rig": rig, "status": status}
     return [
         summary
-        for summary in list_runs(Path(runs) if runs is not None else None, where=where)
+        for summary in list_runs(runs, where=where)
         if all(value is None or getattr(summary, name) == value for name, value in wanted.items())
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,18 +13,22 @@ from rigctl.files.version_suffix import is_there
 
 MARKER = "rigctl.toml"
 _SETTINGS = ("runs", "rig")
+#: of storage, and not a path; a drive of Windows has one letter and no slashes
+_ADDRESS = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+://")
 
 
 @dataclass(frozen=True)
 class Project:
     """A folder with rigs, procedures and models, and the folder its runs are kept in.
 
+    `store` is the address of storage that closed runs are sent to, ``s3://bucket/runs``; None without any.
     `rig` is the rig file that is meant when a command names none.
     """
 
     root: Path
     runs: Path
     rig: Path | None = None
+    store: str | None = None
 
     def resolve(self, path: str | Path, relative_to: Path | None = None) -> Path:
         """The file that a path in a file means.
@@ -55,8 +60,9 @@ def find_project(start: Path | None = None) -> Project:
     """The project around `start` (the current folder by default).
 
     The nearest folder upwards that holds ``rigctl.toml`` is its root; without one, `start` itself. Runs are
-    kept in ``runs/`` under it, or where ``runs = "..."`` in ``rigctl.toml`` says; ``rig = "..."`` names the
-    rig file of commands that are given none.
+    kept in ``runs/`` under it, or where ``runs = "..."`` in ``rigctl.toml`` says; an address there,
+    ``s3://bucket/runs``, is where they are sent to once they are closed. ``rig = "..."`` names the rig file
+    of commands that are given none.
 
     Raises
     ------
@@ -68,12 +74,23 @@ def find_project(start: Path | None = None) -> Project:
         marker = folder / MARKER
         if marker.is_file():
             settings = _read_settings(marker)
-            rig = settings.get("rig")
-            return Project(folder, folder / settings.get("runs", "runs"), folder / rig if rig else None)
+            rig, runs = settings.get("rig"), settings.get("runs", "runs")
+            store = runs if is_address(runs) else None
+            return Project(
+                folder,
+                folder / (_expanded(runs) if store is None else "runs"),
+                folder / _expanded(rig) if rig else None,
+                store,
+            )
     return Project(here, here / "runs")
 
 
-def _read_settings(marker: Path) -> dict[str, Path]:
+def is_address(text: object) -> bool:
+    """Whether this is an address of storage, ``s3://bucket/runs``, and not a path."""
+    return isinstance(text, str) and _ADDRESS.match(text) is not None
+
+
+def _read_settings(marker: Path) -> dict[str, str]:
     """The paths that the project file names."""
     import tomllib
 
@@ -93,7 +110,7 @@ def _read_settings(marker: Path) -> dict[str, Path]:
         if not isinstance(written, str) or not written:
             kind = "a folder" if name == "runs" else "a rig file"
             raise RigctlError(f"{name}: wrong kind of value", value=str(written), expected=kind, where=where)
-        found[name] = _expanded(written)
+        found[name] = written
     return found
 
 

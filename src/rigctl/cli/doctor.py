@@ -27,6 +27,7 @@ _EXTRAS = (
     ("openpyxl", "xlsx", "reads and writes spreadsheets"),
     ("pyvisa", "visa", "speaks to instruments behind VISA: network, USB, GPIB"),
     ("asyncua", "opcua", "reads and writes the nodes of OPC UA servers"),
+    ("fsspec", "storage", 'keeps runs in object storage: runs = "s3://bucket/runs"'),
     ("distributed", "cluster", "hands independent pieces of work to a Dask cluster: --cluster"),
     ("pymodbus", "modbus", "speaks to devices with Modbus registers"),
 )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rigctl.dataset import RunSummary
+    from rigctl.dataset.storage import StoredFolder
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -82,13 +83,17 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
 
     Example: rigctl runs show latest
     """
-    from rigctl.dataset import find_run
-    from rigctl.dataset.catalogue import status_of
+    from pathlib import Path
+
+    from rigctl.dataset.catalogue import locate_run, status_of
     from rigctl.dataset.run_json import read_info
 
-    folder = find_run(run)
-    info = {**read_info(folder), "folder": folder}
-    info["status"] = status_of(folder, info)
+    folder = locate_run(run)
+    if isinstance(folder, Path):
+        info = {**read_info(folder), "folder": folder}
+        info["status"] = status_of(folder, info)
+    else:
+        info = {**folder.info, "folder": folder}
     open_still = info["status"] in ("running", "unclosed")
     records, facts = ([], {}) if open_still else _records(folder)
     if as_json:
@@ -114,11 +119,16 @@ def verify(
 
     Example: rigctl runs verify latest
     """
-    from rigctl import dataset
-    from rigctl.dataset.catalogue import run_folders, runs_folder
+    from pathlib import Path
 
-    folders = [dataset.find_run(ref) for ref in runs] if runs else run_folders(runs_folder())
-    verdicts = [dataset.verify(folder) for folder in folders]
+    from rigctl import dataset
+    from rigctl.dataset.catalogue import locate_run, run_folders, runs_folder
+    from rigctl.dataset.storage.verify import verify_stored
+
+    folders = [locate_run(ref) for ref in runs] if runs else run_folders(runs_folder())
+    verdicts = [
+        dataset.verify(folder) if isinstance(folder, Path) else verify_stored(folder) for folder in folders
+    ]
     broken = sum(not verdict.good for verdict in verdicts)
     if as_json:
         told = [
@@ -134,6 +144,53 @@ def verify(
         if not verdicts:
             echo("There are no runs yet.")
     if broken:
+        raise typer.Exit(ExitCode.FAILED)
+
+
+@app.command()
+def upload(
+    runs: Annotated[list[str] | None, typer.Argument(metavar="RUN", help="All when left out.")] = None,
+    *,
+    to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Where to, instead of what rigctl.toml says.", show_default=False
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Send closed runs to storage, such as s3://bucket/runs; what is there already is not sent again.
+
+    Every file is read back and compared by its checksum. Runs stay here too. Ends with exit code 1 when one
+    could not be sent.
+
+    Example: rigctl runs upload --to s3://lab/runs
+    """
+    from rigctl.dataset import find_run
+    from rigctl.dataset.catalogue import run_folders, runs_folder
+    from rigctl.dataset.storage import Store
+    from rigctl.dataset.storage import upload as send
+    from rigctl.project import find_project
+
+    address = to or find_project().store
+    if address is None:
+        raise RigctlError("no storage is named", expected='--to ADDRESS, or runs = "s3://…" in rigctl.toml')
+    folders = [find_run(ref) for ref in runs] if runs else run_folders(runs_folder())
+    store, told = Store(address), []
+    for folder in folders:
+        try:
+            done = send(folder, store)
+        except RigctlError as problem:
+            told.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
+        else:
+            told.append({"run": done.run, "sent": done.sent, "there": done.there, "problem": None})
+        if not as_json:
+            last = told[-1]
+            said = last["problem"] or f"{last['sent']} files sent, {last['there']} were there"
+            echo(f"{folder.name}: {said}")
+    if as_json:
+        _print_json({"address": address, "runs": told})
+    if any(one["problem"] for one in told):
         raise typer.Exit(ExitCode.FAILED)
 
 
@@ -281,7 +338,7 @@ def _source(source: Mapping[str, str]) -> str:
     return f"{source['name']} ({source['path']})" if source["path"] else source["name"]
 
 
-def _records(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
+def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
     """The rows of records.parquet, and what each of its columns says of itself."""
     from rigctl.dataset import tables
     from rigctl.dataset.parquet import open_parquet

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.history import INTERRUPTED
-from rigctl.dataset.index.file import ask, is_indexed
-from rigctl.dataset.index.rows import DAMAGED
+from rigctl.dataset.index.file import ask, is_indexed, memory_index
+from rigctl.dataset.index.refresh import add_rows
+from rigctl.dataset.index.rows import DAMAGED, facts_of, stored_rows
 from rigctl.dataset.index.select import select
 from rigctl.dataset.run_json import NAME as RUN_JSON
 from rigctl.dataset.run_json import read_info
 from rigctl.dataset.run_order import is_run, run_folders
 from rigctl.dataset.run_status import status_of
 from rigctl.dataset.shards import places_of
+from rigctl.dataset.storage.store import Store, StoredFolder
 from rigctl.errors import RigctlError, nearest_name
-from rigctl.project import find_project
+from rigctl.project import find_project, is_address
 
 __all__ = ["LATEST", "RunSummary", "find_run", "list_runs", "run_folders", "runs_folder", "status_of"]
 
@@ -39,7 +40,7 @@ class RunSummary:
     """
 
     id: str
-    folder: Path
+    folder: Path | StoredFolder
     status: str
     procedure: str = ""
     rig: str = ""
@@ -63,12 +64,13 @@ def runs_folder(runs: Path | None = None) -> Path:
 
 
 def list_runs(
-    runs: Path | None = None, *, where: str | None = None, last: int | None = None
+    runs: str | Path | None = None, *, where: str | None = None, last: int | None = None
 ) -> list[RunSummary]:
     """Runs, oldest first. One small file of each is read, of many only where it has changed since.
 
     Parameters
     ----------
+    runs: the folder, or the address in storage; the project's when left out, with its storage.
     where: only those that meet this condition: an expression in SQLite's SQL over the columns of `runs sql`,
         ``notes`` and ``excluded``. What their channels range over is in ``channels``: ``id IN (SELECT run
         FROM channels WHERE name = 'oil_temperature' AND high > 60)``, in the unit they were recorded in.
@@ -79,7 +81,21 @@ def list_runs(
     RigctlError
         the condition is wrong.
     """
-    folder = runs_folder(runs)
+    if is_address(runs):
+        return list_stored(Store(str(runs)), where, last)
+    folder = runs_folder(Path(runs) if runs is not None else None)
+    store = find_project().store if runs is None else None
+    if store is not None:
+        here = _list_local(folder, where, None)
+        others = list_stored(
+            Store(store), where, None, but={run.id for run in _list_local(folder, None, None)}
+        )
+        together = sorted([*here, *others], key=lambda run: run.id[:15])
+        return together[-last:] if last else together
+    return _list_local(folder, where, last)
+
+
+def _list_local(folder: Path, where: str | None, last: int | None) -> list[RunSummary]:
     if where is None and not is_indexed(folder):
         folders = run_folders(folder)
         return list(_summaries(folders[-last:] if last else folders))
@@ -87,14 +103,41 @@ def list_runs(
     return [_summary_of(folder, row) for row in rows]
 
 
+def list_stored(
+    store: Store, where: str | None = None, last: int | None = None, *, but: Collection[str] = ()
+) -> list[RunSummary]:
+    """The runs of a storage, oldest first: ``run.json`` of each is asked for, all together.
+
+    Parameters
+    ----------
+    but: ids of runs that are not wanted.
+    """
+    wanted = [name for name in store.ids() if name not in but]
+    if where is None and last:
+        wanted = wanted[-last:]
+    infos = store.infos(wanted)
+    with memory_index() as index:
+        add_rows(index, stored_rows(store, infos, channels=where is not None and "channels" in where))
+        return [_summary_in(store.folder(row["id"]), row) for row in select(index, where, last)]
+
+
 def _summary_of(runs: Path, row: Mapping[str, Any]) -> RunSummary:
     """The line of one run as the index has it."""
-    folder = place_of(runs, row)
+    return _summary_in(place_of(runs, row), row)
+
+
+def _summary_in(folder: Path | StoredFolder, row: Mapping[str, Any]) -> RunSummary:
     if row["status"] == DAMAGED:
         return RunSummary(row["id"], folder, DAMAGED)
     same = ("id", "status", "procedure", "rig", "duration", "records", "complete_records", "rows")
-    facts = {name: row[name] for name in (*same, "notes", "excluded")}
-    return RunSummary(folder=folder, source=row["source"] or "", started=row["started_as"], **facts)
+    said = ("notes", "excluded", "serial_number", "part", "test")
+    return RunSummary(
+        folder=folder,
+        source=row["source"] or "",
+        operator=row["operator"] or "",
+        started=row["started_as"],
+        **{name: row[name] for name in (*same, *said)},
+    )
 
 
 def place_of(runs: Path, row: Mapping[str, Any]) -> Path:
@@ -109,31 +152,36 @@ def _summaries(folders: list[Path]) -> Iterator[RunSummary]:
         except RigctlError:
             yield RunSummary(folder.name, folder, DAMAGED)
         else:
-            yield summarise(folder, info)
+            facts = {**facts_of(info), "id": folder.name, "status": status_of(folder, info)}
+            yield _summary_in(folder, facts)
 
 
-def summarise(folder: Path, info: dict[str, Any]) -> RunSummary:
-    """The line of one run."""
-    said = [Annotation(**statement) for statement in info.get("annotations", ())]
-    return RunSummary(
-        id=folder.name,
-        folder=folder,
-        status=status_of(folder, info),
-        procedure=info["procedure"]["name"],
-        rig=info["rig"]["name"],
-        source=info.get("source", ""),
-        started=info["started"],
-        duration=info.get("duration"),
-        records=info.get("records"),
-        complete_records=info.get("complete_records"),
-        rows=info.get("rows"),
-        notes=sum(statement.kind == "note" for statement in said),
-        excluded=len(excluded_records(said)),
-        serial_number=info.get("device", {}).get("serial_number", ""),
-        part=info.get("device", {}).get("part", ""),
-        operator=info.get("operator", ""),
-        test=info.get("test", {}).get("result", ""),
-    )
+def locate_run(ref: str | Path, runs: str | Path | None = None) -> Path | StoredFolder:
+    """As `find_run`, also of runs that lie in storage: at an address, or in that of the project.
+
+    Raises
+    ------
+    RigctlError
+        there is no such run, or several ids begin like this.
+    """
+    if is_address(ref):
+        address, _, name = str(ref).rstrip("/").removesuffix(f"/{RUN_JSON}").rpartition("/")
+        return Store(address).find(name)
+    if is_address(runs):
+        return Store(str(runs)).find(str(ref))
+    store = find_project().store if runs is None else None
+    if store is None:
+        return find_run(ref, Path(runs) if runs is not None else None)
+    try:
+        here = find_run(ref)
+    except RigctlError as problem:
+        if "several runs" in problem.what:
+            raise
+        return Store(store).find(str(ref))
+    if str(ref) != LATEST:
+        return here
+    there = Store(store).ids()[-1:]
+    return Store(store).folder(there[0]) if there and there[0][:15] > here.name[:15] else here
 
 
 def find_run(ref: str | Path, runs: Path | None = None) -> Path:
@@ -142,9 +190,15 @@ def find_run(ref: str | Path, runs: Path | None = None) -> Path:
     Raises
     ------
     RigctlError
-        there is no such run (names the nearest), or several ids begin like this.
+        there is no such run (names the nearest), or several ids begin like this; it lies in storage.
     """
     text = str(ref)
+    if is_address(text):
+        raise RigctlError(
+            "a run in storage is only read",
+            value=text,
+            hint="Notes and recovery belong where it was recorded; 'rigctl runs upload' sends them after it",
+        )
     as_path = Path(text)
     if text and is_run(as_path):
         return as_path.resolve()

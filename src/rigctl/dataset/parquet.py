@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
     from numpy.typing import NDArray
 
+    from rigctl.dataset.storage.store import StoredFile
+
 
 @contextmanager
-def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a Parquet file for reading.
+def open_parquet(path: Path | StoredFile) -> Iterator[pq.ParquetFile]:
+    """Open a Parquet file for reading, where it lies.
 
     Raises
     ------
@@ -30,6 +32,18 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    if not isinstance(path, Path):
+        with path.open() as source:
+            try:
+                with pq.ParquetFile(source) as file:
+                    yield file
+            except (OSError, pa.ArrowException) as problem:
+                raise RigctlError(
+                    f"the object in storage cannot be read: {problem}",
+                    value=str(path),
+                    exit_code=ExitCode.FAILED,
+                ) from problem
+        return
     try:
         with pq.ParquetFile(path) as file:
             yield file

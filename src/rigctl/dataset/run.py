@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rigctl.dataset import journal, run_json, samples
-from rigctl.dataset.catalogue import find_run
+from rigctl.dataset.catalogue import locate_run
 from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
 from rigctl.dataset.lock import in_progress
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
+    from rigctl.dataset.storage.store import StoredFolder
     from rigctl.rig import Layout
 
 
@@ -86,11 +87,11 @@ class Run:
 
     Parameters
     ----------
-    folder: where it lies.
+    folder: where it lies, on this computer or in storage.
     info: the content of ``run.json``.
     """
 
-    folder: Path
+    folder: Path | StoredFolder
     info: Mapping[str, Any] = field(repr=False)
 
     @property
@@ -294,20 +295,22 @@ class Run:
         return np.asarray(values * unit.factor + offset, dtype=np.float64)
 
 
-def open_run(ref: str | Path, runs: Path | None = None) -> Run:
-    """Open a run that is over.
+def open_run(ref: str | Path, runs: str | Path | None = None) -> Run:
+    """Open a run that is over; one in storage is read where it lies.
 
     Parameters
     ----------
-    ref: id, unambiguous start of one, path, or ``latest``.
-    runs: the folder that holds the runs; the project's when left out.
+    ref: id, unambiguous start of one, path, address, or ``latest``.
+    runs: the folder or the address that holds the runs; the project's when left out.
 
     Raises
     ------
     RigctlError
         there is no such run, or it is still in progress or was never closed.
     """
-    folder = find_run(ref, runs)
+    folder = locate_run(ref, runs)
+    if not isinstance(folder, Path):
+        return Run(folder, MappingProxyType(folder.info))
     info = run_json.read_info(folder)
     if info["status"] == run_json.RUNNING or (folder / journal.NAME).exists():
         going_on = in_progress(folder)

@@ -32,16 +32,40 @@ def read_info(folder: Path) -> dict[str, Any]:
     """
     path = folder / NAME
     try:
-        info = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as problem:
         raise RigctlError(f"no run: {problem.strerror}", where=Location(path)) from problem
+    except ValueError as problem:
+        raise _damaged(path) from problem
+    info = _checked(text, path)
+    require_own(folder, info["id"], path)
+    return info
+
+
+def read_text(text: str, folder: os.PathLike[str]) -> dict[str, Any]:
+    """The content of a ``run.json`` that has been read from `folder`, wherever that is.
+
+    Raises
+    ------
+    RigctlError
+        it is damaged or was changed since it was written, or it is another run's.
+    """
+    address = os.fspath(folder)
+    info = _checked(text, Path(address, NAME))
+    if info["id"] != address.rpartition("/")[2]:
+        raise RigctlError("the file belongs to another run", value=str(info["id"]), expected=address)
+    return info
+
+
+def _checked(text: str, path: Path) -> dict[str, Any]:
+    try:
+        info = json.loads(text)
     except ValueError as problem:
         raise _damaged(path) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
         raise _damaged(path)
     if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != _digest(info):
         raise _damaged(path, "the file was changed since it was written")
-    require_own(folder, info["id"], path)
     return info
 
 

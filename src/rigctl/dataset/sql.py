@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from rigctl.dataset import journal, samples, tables
-from rigctl.dataset.catalogue import place_of, run_folders, runs_folder
-from rigctl.dataset.index.file import ask, is_indexed
-from rigctl.dataset.index.select import select
+from rigctl.dataset.catalogue import list_runs
+from rigctl.dataset.index.rows import DAMAGED
 from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.run_json import RUNNING, read_info
 from rigctl.errors import RigctlError, unknown_name
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
     import pyarrow.dataset as ds
+
+    from rigctl.dataset.storage.store import StoredFolder
 
 #: views over the files of all runs, and the columns they have when there is no run
 _FILES: Final[Mapping[str, tuple[str, str]]] = {
@@ -79,7 +80,7 @@ class QueryResult:
         return pd.DataFrame(list(self.rows), columns=list(self.columns))
 
 
-def query(sql: str, runs: Path | None = None, *, where: str | None = None) -> QueryResult:
+def query(sql: str, runs: str | Path | None = None, *, where: str | None = None) -> QueryResult:
     """Answer one SELECT over all closed runs, or over those that meet a condition.
 
     The views are `runs` (one row per run), `records`, `samples` and `events` (each with the run's id in
@@ -99,13 +100,7 @@ def query(sql: str, runs: Path | None = None, *, where: str | None = None) -> Qu
     """
     import duckdb
 
-    folder = runs_folder(runs)
-    if where is None and not is_indexed(folder):
-        chosen = run_folders(folder)
-    else:
-        rows = ask(folder, lambda index: select(index, where), channels=where is not None)
-        chosen = [place_of(folder, row) for row in rows]
-    closed = _closed_runs(chosen)
+    closed = _closed_runs([run.folder for run in list_runs(runs, where=where) if run.status != DAMAGED])
     with duckdb.connect(":memory:") as connection:
         try:
             _require_select(sql)
@@ -138,10 +133,13 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
             raise
 
 
-def _closed_runs(folders: Iterable[Path]) -> dict[Path, dict[str, Any]]:
+def _closed_runs(folders: Iterable[Path | StoredFolder]) -> dict[Path | StoredFolder, dict[str, Any]]:
     """``run.json`` of the runs whose tables exist."""
-    found = {}
+    found: dict[Path | StoredFolder, dict[str, Any]] = {}
     for folder in folders:
+        if not isinstance(folder, Path):
+            found[folder] = folder.info
+            continue
         try:
             info = read_info(folder)
         except RigctlError:
@@ -163,7 +161,7 @@ def _require_select(sql: str) -> None:
 
 
 def _make_views(
-    connection: duckdb.DuckDBPyConnection, closed: Mapping[Path, Mapping[str, Any]], sql: str
+    connection: duckdb.DuckDBPyConnection, closed: Mapping[Path | StoredFolder, Mapping[str, Any]], sql: str
 ) -> None:
     """Make the views that the query names, then take every file system away from the database.
 
@@ -190,7 +188,7 @@ def _make_views(
         connection.execute(f"SET {setting}")
 
 
-def _files_as_one(folders: Iterable[Path], file: str) -> ds.FileSystemDataset:
+def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Dataset:
     """One file of every run as one table: columns by name, null where a run has none; `run` is its folder.
 
     Raises
@@ -203,13 +201,19 @@ def _files_as_one(folders: Iterable[Path], file: str) -> ds.FileSystemDataset:
     from pyarrow.fs import LocalFileSystem
 
     form, local = ds.ParquetFileFormat(), LocalFileSystem()
-    fragments, schemas = [], [pa.schema([("run", pa.string())])]
+    fragments: dict[int, tuple[Any, list[Any]]] = {}
+    schemas = [pa.schema([("run", pa.string())])]
     for folder in folders:
         path = folder / file
         with open_parquet(path) as opened:
             schemas.append(pa.schema([(field.name, field.type) for field in opened.schema_arrow]))
         named = ds.field("run") == folder.name
-        fragments.append(form.make_fragment(str(path), local, partition_expression=named))
+        if isinstance(folder, Path):
+            files, where = local, str(path)
+        else:
+            files, where = folder.store.arrow, folder.store.path(folder.name, file)
+        made = form.make_fragment(where, files, partition_expression=named)
+        fragments.setdefault(id(files), (files, []))[1].append(made)
     try:
         schema = pa.unify_schemas(schemas, promote_options="permissive")
     except pa.ArrowException as problem:
@@ -217,7 +221,8 @@ def _files_as_one(folders: Iterable[Path], file: str) -> ds.FileSystemDataset:
             f"the runs' files {file} cannot be read as one table: {problem}",
             hint="Query runs with unlike columns in folders of their own",
         ) from problem
-    return ds.FileSystemDataset(fragments, schema, form, local)
+    parts = [ds.FileSystemDataset(made, schema, form, files) for files, made in fragments.values()]
+    return parts[0] if len(parts) == 1 else ds.dataset(parts)
 
 
 def _make_runs(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:

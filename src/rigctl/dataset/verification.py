@@ -13,6 +13,7 @@ from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
 from rigctl.dataset.lock import try_lock
+from rigctl.dataset.storage.store import StoredFolder
 from rigctl.errors import RigctlError
 
 
@@ -30,7 +31,7 @@ class Verification:
     """The verdict on one run; `problems` says what is broken, or what was recovered."""
 
     id: str
-    folder: Path
+    folder: Path | StoredFolder
     condition: Condition
     problems: tuple[str, ...] = ()
 

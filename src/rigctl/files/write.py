@@ -148,4 +148,6 @@ def _plain_scalar(value: object) -> str | bool | int | float | None:
         return value.isoformat()
     if isinstance(value, PurePath):
         return value.as_posix()
+    if isinstance(value, os.PathLike):
+        return str(os.fspath(value))
     raise TypeError(f"cannot write a {type(value).__name__} as JSON")

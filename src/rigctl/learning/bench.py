@@ -78,7 +78,7 @@ def cut_off(plan: Plan, runs: Path, since: str) -> Interrupted | None:
     for summary in reversed(list_runs(runs)):
         if summary.id[:_STAMP] < since[:_STAMP]:
             return None
-        if summary.status in ("unclosed", "interrupted"):
+        if summary.status in ("unclosed", "interrupted") and isinstance(summary.folder, Path):
             before = open_interrupted(summary.folder)
             if before.plan.digest == plan.digest:
                 return before

@@ -19,6 +19,7 @@ from rigctl.dataset import (
     source_of_rig,
 )
 from rigctl.dataset.background import BackgroundWriter
+from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.plan import Plan
 from rigctl.planning.rates import refuse_rates
 from rigctl.runner.access import Access, held, opened
@@ -80,7 +81,15 @@ def launch(plan: Plan, how: Launch) -> RunResult:
         refuse_rates(plan)
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
         writer = RunWriter.create(how.runs, header_of(plan, backend, how))
-        return carry_out(plan, backend, writer, lock, how)
+        result = carry_out(plan, backend, writer, lock, how)
+    return stored(result)
+
+
+def stored(result: RunResult) -> RunResult:
+    """Send a run that has ended to the project's storage, if it has one; the bench is free meanwhile."""
+    if result.folder is not None:
+        upload_if_wanted(result.folder)
+    return result
 
 
 def carry_out(

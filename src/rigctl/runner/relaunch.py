@@ -16,7 +16,7 @@ from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
 from rigctl.runner.access import held, opened
-from rigctl.runner.launch import Launch, carry_out, header_of
+from rigctl.runner.launch import Launch, carry_out, header_of, stored
 from rigctl.runner.resume import Resume, record_paths
 from rigctl.runner.session import RunResult
 
@@ -72,7 +72,8 @@ def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
         header = replace(header_of(plan, backend, how), id=run_before.history.header.id)
         _require_same_bench(run_before.history.header.backend, header.backend)
         writer = RunWriter.reopen(run_before.folder, header)
-        return carry_out(plan, backend, writer, lock, how, run_before.done)
+        result = carry_out(plan, backend, writer, lock, how, run_before.done)
+    return stored(result)
 
 
 def _require_same_bench(before: Mapping[str, str], now: Mapping[str, str]) -> None:

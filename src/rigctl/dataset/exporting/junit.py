@@ -16,6 +16,7 @@ from xml.etree import ElementTree as ET
 from rigctl.dataset.history import History, read_history
 from rigctl.dataset.judgement import Judged, judge
 from rigctl.dataset.run_id import slug
+from rigctl.errors import RigctlError
 from rigctl.files.write import write_error
 from rigctl.units import show
 
@@ -34,6 +35,12 @@ def write(run: Run, path: Path) -> int:
     RigctlError
         the run's log is damaged, or the file cannot be written.
     """
+    if not isinstance(run.folder, Path):
+        raise RigctlError(
+            "measures are judged by the run's log, which is read where the run was recorded",
+            value=str(run.folder),
+            expected="a run in a folder of this computer",
+        )
     suites = ET.Element("testsuites")
     history = read_history(run.folder)
     cases = _suite(suites, run, history)

@@ -23,6 +23,7 @@ from rigctl.dataset.importing.survey import Survey
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
 from rigctl.dataset.importing.times import instant
 from rigctl.dataset.run_id import new_run_id
+from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.dataset.writer import RunWriter
 from rigctl.errors import Location, RigctlError
 
@@ -120,6 +121,7 @@ def import_files(
             if isinstance(problem, Exception):
                 _check_unchanged(paths, before, problem)
             raise
+    upload_if_wanted(folder)
     return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
 
 

@@ -10,8 +10,8 @@ import hashlib
 import logging
 import os
 import sqlite3
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -105,9 +105,16 @@ def _ask_file(path: Path, runs: Path, question: Callable[[sqlite3.Connection], T
         return question(index)
 
 
-def _ask_memory(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool) -> T:
+@contextmanager
+def memory_index() -> Iterator[sqlite3.Connection]:
+    """An empty index that is forgotten."""
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as index:
         index.executescript(TABLES)
+        yield index
+
+
+def _ask_memory(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool) -> T:
+    with memory_index() as index:
         refresh(index, runs, channels=channels)
         return question(index)
 

@@ -161,6 +161,12 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
         index.executemany("DELETE FROM shard WHERE name = ?", [(name,) for name in changes.gone_folders])
 
 
+def add_rows(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
+    """Add runs that are not in the index."""
+    with _transaction(index):
+        _insert(index, rows)
+
+
 def _remove(index: sqlite3.Connection, places: Sequence[tuple[str, str]]) -> None:
     for place in places:
         found = index.execute("SELECT key FROM run WHERE shard = ? AND id = ?", place).fetchone()

@@ -14,6 +14,7 @@ from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.run_order import order_of
 from rigctl.dataset.run_status import status_of
+from rigctl.dataset.storage.store import Store, StoredFolder
 from rigctl.errors import RigctlError
 
 #: the states in which a run may still change by itself
@@ -61,7 +62,7 @@ def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = Tru
     try:
         info = run_json.read_info(folder)
         status = status_of(folder, info)
-        values |= _facts(info) | {"status": status, "open": status in OPEN}
+        values |= facts_of(info) | {"status": status, "open": status in OPEN}
     except (RigctlError, KeyError, TypeError, AttributeError):
         info, values["status"] = {}, DAMAGED
     values |= order_of(folder, info)._asdict()
@@ -69,7 +70,26 @@ def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = Tru
     return Row(values, _ranges(folder, info) if closed else ())
 
 
-def _facts(info: Mapping[str, Any]) -> dict[str, Any]:
+def stored_rows(store: Store, infos: Mapping[str, Mapping[str, Any] | None], *, channels: bool) -> list[Row]:
+    """The rows of runs in storage, by what their ``run.json`` says; None where that is damaged."""
+    rows = []
+    for run_id, info in infos.items():
+        values: dict[str, Any] = {"id": run_id, "shard": "", "open": False, "number": 1}
+        began = "" if info is None else str(info.get("started", ""))
+        values |= {
+            "second": run_id[:15],
+            "began": began,
+            "status": DAMAGED if info is None else info["status"],
+        }
+        if info is not None:
+            values |= facts_of(info)
+        wanted = channels and info is not None
+        rows.append(Row(values, _ranges(store.folder(run_id), info or {}) if wanted else ()))
+    return rows
+
+
+def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
+    """What a ``run.json`` says of a run, its status apart, as the index has it."""
     said = [Annotation(**statement) for statement in info.get("annotations", ())]
     same = ("source", "operator", "seed", "duration", "records", "complete_records", "rows")
     return {
@@ -82,6 +102,9 @@ def _facts(info: Mapping[str, Any]) -> dict[str, Any]:
         "ended": _utc(info.get("ended")),
         "notes": sum(statement.kind == "note" for statement in said),
         "excluded": len(excluded_records(said)),
+        **{name: info.get("device", {}).get(name, "") for name in ("serial_number", "part")},
+        "test": info.get("test", {}).get("result", ""),
+        **{name: info.get("test", {}).get(name) for name in ("passed", "missed")},
     }
 
 
@@ -95,7 +118,7 @@ def _utc(text: str | None) -> str | None:
         return text
 
 
-def _ranges(folder: Path, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
+def _ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
     """What the columns range over, by what Parquet keeps of each block; nothing where it is damaged."""
     layout = info["layout"]
     units = dict(

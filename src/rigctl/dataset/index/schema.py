@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 #: of the tables below; an index of another version is made again
-VERSION: Final = 1
+VERSION: Final = 2
 #: what a filter can ask of a run: the columns of `rigctl runs sql`, and what was said of it
 RUN_COLUMNS: Final = (
     "id",
@@ -25,6 +25,11 @@ RUN_COLUMNS: Final = (
     "rows",
     "notes",
     "excluded",
+    "serial_number",
+    "part",
+    "test",
+    "passed",
+    "missed",
 )
 #: where it lies, whether it is still open, the text its start is written as, its order, its file's state
 INNER_COLUMNS: Final = ("shard", "open", "started_as", "second", "began", "number", "size", "mtime")

@@ -1,0 +1,138 @@
+"""Sending a closed run to storage: every file compared by its checksum, tried again, gone on with."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rigctl.dataset import journal, run_json
+from rigctl.dataset.lock import LOCK_NAME, STATE_NAME, in_progress
+from rigctl.dataset.storage.store import Store, StoredFile, StoredFolder
+from rigctl.errors import ExitCode, Location, RigctlError
+
+logger = logging.getLogger(__name__)
+
+#: how often a file is sent, and how long is waited before it is sent again, s; each time twice as long
+_ATTEMPTS: Final = 3
+_PAUSE: Final = 0.5
+#: what belongs to the computer that wrote the run
+_LEFT: Final = (LOCK_NAME, STATE_NAME)
+#: by what a run in storage is known to be the same one, of an earlier state
+_SAME: Final = ("id", "started", "plan_digest", "backend", "layout")
+
+
+@dataclass(frozen=True)
+class Uploaded:
+    """What was done: how many files were sent, and how many were there, whole."""
+
+    run: str
+    address: str
+    sent: int
+    there: int
+
+
+def upload(folder: Path, store: Store) -> Uploaded:
+    """Send a run that is closed; a repeated call sends what is not there yet, or was changed by a note since.
+
+    ``run.json`` is sent last: without it nobody sees a run. Each file is read back, and compared.
+
+    Raises
+    ------
+    RigctlError
+        the run is not closed or not whole, storage has another run of this name, or it refuses, stalls, or
+        keeps something else than it was sent. The run here is untouched.
+    """
+    info = _closed(folder)
+    there = store.folder(folder.name)
+    _require_same(info, there)
+    files = sorted(path for path in folder.iterdir() if path.is_file() and _belongs(path.name))
+    files.sort(key=lambda path: path.name == run_json.NAME)
+    sent = sum(_send(path, there / path.name, info) for path in files)
+    return Uploaded(folder.name, str(there), sent, len(files) - sent)
+
+
+def _belongs(name: str) -> bool:
+    return not name.startswith(".") and name not in _LEFT
+
+
+def _closed(folder: Path) -> dict[str, Any]:
+    info = run_json.read_info(folder)
+    if info["status"] == run_json.RUNNING or (folder / journal.NAME).exists():
+        raise RigctlError(
+            "the run is still in progress" if in_progress(folder) else "the run was never closed",
+            value=folder.name,
+            hint=f"'rigctl runs verify {folder.name}' recovers one that was left behind",
+        )
+    return info
+
+
+def _require_same(info: dict[str, Any], there: StoredFolder) -> None:
+    """Refuse to write over another run: ids are given out by each computer for itself."""
+    found = there.store.infos([there.name])
+    known = found.get(there.name)
+    if there.name in found and known is None:
+        return  # damaged on its way: it is sent again
+    if known is not None and any(known.get(key) != info.get(key) for key in _SAME):
+        raise RigctlError(
+            "storage has another run of this name",
+            value=str(there),
+            hint="Nothing that was recorded is written over; give this bench an address of its own",
+            exit_code=ExitCode.FAILED,
+        )
+
+
+def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:
+    """Send a file, if it is not there; whether it was."""
+    known = run_json.file_facts(path)
+    if info["files"].get(path.name, known) != known:
+        raise RigctlError(
+            "the file has changed since the run was closed: it is not sent",
+            where=Location(path),
+            hint=f"'rigctl runs verify {path.parent.name}' says what is broken",
+            exit_code=ExitCode.FAILED,
+        )
+    if there.size() == known["bytes"] and there.facts() == known:
+        return False
+    problem: RigctlError | None = None
+    for attempt in range(_ATTEMPTS):
+        if attempt:
+            time.sleep(_PAUSE * 2.0 ** (attempt - 1))
+        try:
+            there.send(str(path))
+            found = there.facts()
+        except RigctlError as error:
+            problem = error
+            continue
+        if found == known:
+            return True
+        problem = RigctlError(
+            f"storage keeps something else than it was sent as {path.name}",
+            value="nothing" if found is None else f"{found['bytes']} bytes",
+            expected=f"{known['bytes']} bytes, SHA-256 {known['sha256'][:12]}…",
+            hint="The run is whole here; 'rigctl runs upload' tries again",
+            exit_code=ExitCode.FAILED,
+        )
+    assert problem is not None  # noqa: S101 - it was tried at least once
+    raise problem
+
+
+def upload_if_wanted(folder: Path) -> None:
+    """Send a run that has just been closed to the storage of its project, if that has one.
+
+    What goes wrong is said and no more: the run is whole here, and can be sent later.
+    """
+    from rigctl.project import find_project
+
+    address = find_project(folder).store
+    if address is None:
+        return
+    try:
+        done = upload(folder, Store(address))
+    except RigctlError as error:
+        logger.warning("%s is kept in %s and not uploaded: %s", folder.name, folder, error)
+        logger.warning("'rigctl runs upload' tries again")
+    else:
+        logger.info("%s: %d files sent to %s", done.run, done.sent, done.address)

@@ -1,0 +1,305 @@
+"""A runs folder behind an address, and the folder of one run in it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any, Final
+
+from rigctl.dataset import run_json
+from rigctl.dataset.shards import is_shard
+from rigctl.errors import ExitCode, RigctlError, nearest_name
+
+#: how long storage may take to take a connection, and to send the next bytes, s
+CONNECTS_WITHIN: Final = 10.0
+ANSWERS_WITHIN: Final = 20.0
+#: how often one request is tried
+_ATTEMPTS: Final = 3
+_BLOCK: Final = 1 << 20
+
+
+class Store:
+    """A runs folder at an address of `fsspec`.
+
+    Parameters
+    ----------
+    address: ``s3://bucket/runs``, ``memory://runs``, ``file:///data/runs``. Who may read and write there is
+        known to the library of the storage: for S3 the usual variables and files of AWS.
+
+    Raises
+    ------
+    RigctlError
+        the library for such addresses is not installed.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address.rstrip("/")
+        try:
+            from fsspec.core import url_to_fs
+
+            self.files, self._root = url_to_fs(self.address, **_options(address))
+            if hasattr(self.files, "retries"):
+                self.files.retries = 1  # its own, beside those of the library that it rests on
+        except ImportError as problem:
+            raise RigctlError(
+                f"what reads this storage is not installed: {problem}",
+                value=address,
+                hint="pip install 'rigctl[storage]'",
+            ) from problem
+        except ValueError as problem:
+            raise RigctlError(f"no address of storage: {problem}", value=address) from problem
+
+    @cached_property
+    def arrow(self) -> Any:
+        """The storage as Arrow opens files in it."""
+        from pyarrow.fs import FSSpecHandler, PyFileSystem
+
+        return PyFileSystem(FSSpecHandler(self.files))
+
+    def folder(self, run_id: str) -> StoredFolder:
+        """The folder of a run, whether there is one or not."""
+        return StoredFolder(self, run_id)
+
+    def ids(self) -> list[str]:
+        """The ids of the runs that are there, whole, oldest first.
+
+        Raises
+        ------
+        RigctlError
+            the storage does not answer, or refuses.
+        """
+        with self.answering("list the runs"):
+            try:
+                found = self.files.ls(self._root, detail=False)
+            except FileNotFoundError:
+                return []
+        names = [path.rstrip("/").rpartition("/")[2] for path in found]
+        return sorted(name for name in names if name and not name.startswith(".") and not is_shard(name))
+
+    def infos(self, ids: Iterable[str]) -> dict[str, dict[str, Any] | None]:
+        """``run.json`` of each run, asked for together; None where it is damaged.
+
+        Without one there is no run: it is sent last.
+
+        Raises
+        ------
+        RigctlError
+            the storage does not answer, or refuses.
+        """
+        paths = {self.path(run_id, run_json.NAME): run_id for run_id in ids}
+        if not paths:
+            return {}
+        with self.answering("read the runs"):
+            answers = self.files.cat(list(paths), on_error="return")
+        found: dict[str, dict[str, Any] | None] = {}
+        for path, content in answers.items():
+            run_id = paths.get(path) or paths.get(path.lstrip("/")) or path.rstrip("/").split("/")[-2]
+            if isinstance(content, FileNotFoundError | NotADirectoryError):
+                continue  # not sent to its end: no run yet
+            if isinstance(content, BaseException):
+                with self.answering("read the runs"):
+                    raise content
+            try:
+                found[run_id] = run_json.read_text(content.decode("utf-8"), self.folder(run_id))
+            except (RigctlError, UnicodeDecodeError):
+                found[run_id] = None
+        return found
+
+    def find(self, ref: str) -> StoredFolder:
+        """The run that an id, or an unambiguous start of one, names; ``latest`` the newest.
+
+        Raises
+        ------
+        RigctlError
+            there is none, or several begin so.
+        """
+        ids = self.ids()
+        if not ids:
+            raise RigctlError("there are no runs in this storage", value=self.address)
+        matches = (
+            [ref] if ref in ids else ids[-1:] if ref == "latest" else [i for i in ids if i.startswith(ref)]
+        )
+        if len(matches) == 1:
+            return self.folder(matches[0])
+        if matches:
+            raise RigctlError(
+                "several runs begin like this", value=ref, expected="one of " + ", ".join(matches[:6])
+            )
+        raise RigctlError(
+            "no such run",
+            value=f"{self.address}/{ref}",
+            expected=f"e.g. {ids[-1]}",
+            nearest=nearest_name(ref, ids),
+        )
+
+    def path(self, run_id: str, name: str) -> str:
+        """What the library calls a file of a run."""
+        return f"{self._root.rstrip('/')}/{run_id}/{name}"
+
+    @contextmanager
+    def answering(self, doing: str) -> Iterator[None]:
+        """Say in one sentence what a storage answers that does not do what it was asked."""
+        try:
+            yield
+        except (RigctlError, FileNotFoundError, KeyboardInterrupt):
+            raise
+        except Exception as problem:
+            # the library of each storage has errors of its own
+            raise RigctlError(
+                f"cannot {doing}: {_in_words(problem)}",
+                value=self.address,
+                hint="Is it there, and may you read and write in it? Nothing that was recorded here is lost",
+                exit_code=ExitCode.FAILED,
+            ) from problem
+
+
+class StoredFolder:
+    """The folder of one run in a `Store`, as far as reading needs one."""
+
+    def __init__(self, store: Store, name: str) -> None:
+        self.store, self.name = store, name
+
+    def __truediv__(self, name: str) -> StoredFile:
+        """A file in it."""
+        return StoredFile(self, name)
+
+    def __fspath__(self) -> str:
+        """Its address."""
+        return f"{self.store.address}/{self.name}"
+
+    __str__ = __fspath__
+
+    def __repr__(self) -> str:
+        return f"StoredFolder({str(self)!r})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, StoredFolder) and str(self) == str(other)
+
+    def __hash__(self) -> int:
+        return hash(str(self))
+
+    def __deepcopy__(self, _: object) -> StoredFolder:
+        return self
+
+    @cached_property
+    def info(self) -> dict[str, Any]:
+        """``run.json``, as it was when it was first asked for.
+
+        Raises
+        ------
+        RigctlError
+            there is none, it is damaged, or the storage does not answer.
+        """
+        text = (self / run_json.NAME).read().decode("utf-8", errors="replace")
+        return run_json.read_text(text, self)
+
+
+class StoredFile:
+    """One file of a run in a `Store`."""
+
+    def __init__(self, folder: StoredFolder, name: str) -> None:
+        self.folder, self.name = folder, name
+
+    def __str__(self) -> str:
+        """Its address."""
+        return f"{self.folder}/{self.name}"
+
+    @property
+    def _path(self) -> str:
+        return self.folder.store.path(self.folder.name, self.name)
+
+    def size(self) -> int | None:
+        """Bytes; None where there is no such file."""
+        store = self.folder.store
+        with store.answering(f"look at {self.name} of {self.folder.name}"):
+            try:
+                return int(store.files.info(self._path)["size"])
+            except FileNotFoundError:
+                return None
+
+    def read(self) -> bytes:
+        """All of it.
+
+        Raises
+        ------
+        RigctlError
+            there is none, or the storage does not answer.
+        """
+        store = self.folder.store
+        with store.answering(f"read {self.name} of {self.folder.name}"):
+            try:
+                content: bytes = store.files.cat_file(self._path)
+            except FileNotFoundError as problem:
+                raise RigctlError("no run: there is no such file in storage", value=str(self)) from problem
+        return content
+
+    def open(self) -> Any:
+        """A file to read from where it lies, in blocks.
+
+        Raises
+        ------
+        RigctlError
+            there is none, it is shorter or longer than the run says, or the storage does not answer.
+        """
+        size, known = self.size(), self._known()
+        if size is None or (known is not None and size != known):
+            raise RigctlError(
+                "the object is missing in storage" if size is None else "the object in storage is not whole",
+                value=str(self) if size is None else f"{size} bytes",
+                expected=None if known is None else f"{known} bytes",
+                hint=f"'rigctl runs upload {self.folder.name}' where it was recorded sends it again",
+                exit_code=ExitCode.FAILED,
+            )
+        store = self.folder.store
+        with store.answering(f"read {self.name} of {self.folder.name}"):
+            return store.files.open(self._path, "rb", block_size=_BLOCK, cache_type="readahead")
+
+    def _known(self) -> int | None:
+        """How many bytes it has by the run's ``run.json``."""
+        facts = self.folder.info.get("files", {}).get(self.name)
+        return None if facts is None else int(facts["bytes"])
+
+    def facts(self) -> dict[str, Any] | None:
+        """Size and SHA-256, read back from storage; None where there is no such file."""
+        store, digest, size = self.folder.store, hashlib.sha256(), 0
+        with store.answering(f"read {self.name} of {self.folder.name} back"):
+            try:
+                with store.files.open(self._path, "rb", block_size=_BLOCK, cache_type="readahead") as file:
+                    while block := file.read(_BLOCK):
+                        digest.update(block)
+                        size += len(block)
+            except FileNotFoundError:
+                return None
+        return {"sha256": digest.hexdigest(), "bytes": size}
+
+    def send(self, path: str) -> None:
+        """Put a file of this computer there."""
+        store = self.folder.store
+        with store.answering(f"send {self.name} of {self.folder.name}"):
+            store.files.makedirs(self._path.rpartition("/")[0], exist_ok=True)
+            store.files.put_file(path, self._path)
+
+
+def _options(address: str) -> dict[str, Any]:
+    """What makes a storage that stalls an error within a minute, and no listing older than it is."""
+    if not address.startswith(("s3://", "s3a://")):
+        return {"use_listings_cache": False}
+    return {
+        "use_listings_cache": False,
+        # said here, though its library knows it: clients are kept, by what they were made with
+        "endpoint_url": os.environ.get("AWS_ENDPOINT_URL"),
+        "config_kwargs": {
+            "connect_timeout": CONNECTS_WITHIN,
+            "read_timeout": ANSWERS_WITHIN,
+            "retries": {"max_attempts": _ATTEMPTS - 1, "mode": "standard"},
+        },
+    }
+
+
+def _in_words(problem: BaseException) -> str:
+    """The first line of what a library says, or the kind of error where it says nothing."""
+    text = next(iter(str(problem).strip().splitlines()), "")
+    return text or type(problem).__name__

@@ -1,0 +1,274 @@
+"""Runs in storage: sent whole, read where they lie, nothing lost to what refuses, stalls or cuts short."""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import boto3
+import pandas as pd
+import pytest
+from moto.server import ThreadedMotoServer
+from typer.testing import CliRunner
+
+from dataset.strokes import LAYOUT, measure_strokes
+from rigctl.cli.main import app
+from rigctl.dataset import (
+    RunHeader,
+    RunWriter,
+    Source,
+    annotate,
+    find_run,
+    list_runs,
+    open_run,
+    query,
+    verify,
+)
+from rigctl.dataset.storage import Store, upload
+from rigctl.dataset.storage import store as store_module
+from rigctl.dataset.storage.sending import upload_if_wanted
+from rigctl.dataset.storage.store import StoredFile
+from rigctl.dataset.storage.verify import verify_stored
+from rigctl.dataset.verification import Condition
+from rigctl.errors import RigctlError
+
+NAME = "20261121-093000-stroke"
+MakeRun = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[str]:
+    """A server of S3's protocol on this computer."""
+    running = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    running.start()
+    host, port = running.get_host_and_port()
+    yield f"http://{host}:{port}"
+    running.stop()
+
+
+@pytest.fixture
+def bucket(server: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Any:
+    """A bucket of its own, as another client sees it."""
+    access(monkeypatch, server)
+    found = boto3.resource("s3", endpoint_url=server).Bucket(f"lab-{abs(hash(request.node.name)) % 10**9}")
+    found.create(CreateBucketConfiguration={"LocationConstraint": "eu-central-1"})
+    return found
+
+
+def access(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> None:
+    monkeypatch.setattr("rigctl.dataset.storage.sending._PAUSE", 0.0)
+    for name, value in {
+        "AWS_ENDPOINT_URL": endpoint,
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "eu-central-1",
+    }.items():
+        monkeypatch.setenv(name, value)
+
+
+@pytest.fixture
+def make_run(tmp_path: Path) -> MakeRun:
+    def make(run_id: str = NAME, runs: str = "runs", **facts: Any) -> Path:
+        began = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)
+        known = {"procedure": Source("stroke"), "rig": Source("bench"), "layout": LAYOUT, "started": began}
+        writer = RunWriter.create(tmp_path / runs, RunHeader(id=run_id, **(known | facts)))
+        measure_strokes(writer, 2, 20)
+        return writer.close("finished")
+
+    return make
+
+
+def address_of(kind: str, bucket: Any, tmp_path: Path) -> str:
+    places = {"memory": f"memory://{bucket.name}/runs", "file": (tmp_path / "share").as_uri()}
+    return places.get(kind, f"s3://{bucket.name}/runs")
+
+
+@pytest.mark.parametrize("kind", ["s3", "memory", "file"])
+def test_a_run_that_was_sent_is_read_where_it_lies(
+    kind: str, bucket: Any, tmp_path: Path, make_run: MakeRun
+) -> None:
+    address = address_of(kind, bucket, tmp_path)
+    first, second = make_run(), make_run("20261122-000000-heat")
+    done = [upload(folder, Store(address)) for folder in (first, second)]
+    assert all((one.sent, one.there) == (5, 0) for one in done)
+    assert (upload(first, Store(address)).sent, upload(first, Store(address)).there) == (0, 5)
+
+    here, there = open_run(first), open_run(f"{address}/{NAME}")
+    assert dict(there.info) == dict(here.info)
+    for ours, theirs in ((here.samples(), there.samples()), (here.records, there.records)):
+        pd.testing.assert_frame_equal(ours, theirs)
+    assert (there.record(1).channels["position"] == here.record(1).channels["position"]).all()
+    assert there.switches == here.switches
+    assert str(there.folder) == f"{address}/{NAME}"
+
+    runs = list_runs(address)
+    assert [(run.id, run.status, run.records) for run in runs] == [
+        (NAME, "finished", 2),
+        ("20261122-000000-heat", "finished", 2),
+    ]
+    assert open_run("latest", address).id == "20261122-000000-heat"
+    assert open_run("20261121", address).id == NAME
+    chosen = "id IN (SELECT run FROM channels WHERE name = 'position' AND high > 18) AND id LIKE '%heat'"
+    assert [run.id for run in list_runs(address, where=chosen)] == ["20261122-000000-heat"]
+    assert query("SELECT count(*), count(DISTINCT run) FROM samples", address).rows == ((84, 2),)
+    assert verify_stored(Store(address).find(NAME)).condition is Condition.WHOLE
+    with pytest.raises(RigctlError, match="only read"):
+        find_run(f"{address}/{NAME}")
+    with pytest.raises(RigctlError) as caught:
+        open_run(f"{address}/20261121-093000-strook")
+    assert caught.value.nearest == NAME
+
+
+def test_what_was_interrupted_is_seen_by_nobody_and_gone_on_with(
+    bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, folder, sending = Store(f"s3://{bucket.name}/runs"), make_run(), StoredFile.send
+    sent: list[str] = []
+
+    def interrupted(self: StoredFile, path: str) -> None:
+        if len(sent) == 2:
+            raise KeyboardInterrupt
+        sent.append(self.name)
+        sending(self, path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(StoredFile, "send", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            upload(folder, store)
+    assert list_runs(store.address) == []
+    assert (upload(folder, store).there, len(list_runs(store.address))) == (2, 1)
+
+
+def test_a_note_is_sent_after_it_and_another_run_is_never_written_over(
+    bucket: Any, make_run: MakeRun
+) -> None:
+    store, folder = Store(f"s3://{bucket.name}/runs"), make_run()
+    upload(folder, store)
+    annotate(folder, "new seals")
+    assert upload(folder, store).sent == 2  # annotations.jsonl, and run.json
+    assert list_runs(store.address)[0].notes == 1
+    other = make_run(runs="other", started=datetime(2026, 11, 21, 9, 30, 0, 5, tzinfo=UTC))
+    with pytest.raises(RigctlError, match="another run of this name"):
+        upload(other, store)
+    assert list_runs(store.address)[0].notes == 1
+    (folder / "samples.parquet").write_bytes(b"changed")
+    with pytest.raises(RigctlError, match="has changed since"):
+        upload(folder, store)
+
+
+def test_an_object_that_arrives_short_is_sent_again(
+    bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    store, folder, sending = Store(f"s3://{bucket.name}/runs"), make_run(), StoredFile.send
+    short = tmp_path / "short"
+    faults = iter([True, True])
+
+    def cut(self: StoredFile, path: str) -> None:
+        if self.name == "samples.parquet" and next(faults, False):
+            short.write_bytes(Path(path).read_bytes()[:-100])
+            path = str(short)
+        sending(self, path)
+
+    monkeypatch.setattr(StoredFile, "send", cut)
+    upload(folder, store)
+    assert verify_stored(store.find(NAME)).good
+    faults = iter([True] * 9)
+    worse = make_run("20261122-000000-x")
+    with pytest.raises(RigctlError, match=r"something else than it was sent as samples\.parquet") as caught:
+        upload(worse, store)
+    assert "bytes" in str(caught.value.expected)
+    assert [run.id for run in list_runs(store.address)] == [NAME]
+    assert verify(worse).good
+
+
+def test_a_short_and_a_missing_object_are_told(bucket: Any, make_run: MakeRun) -> None:
+    store = Store(f"s3://{bucket.name}/runs")
+    upload(make_run(), store)
+    whole = bucket.Object(f"runs/{NAME}/samples.parquet").get()["Body"].read()
+    bucket.Object(f"runs/{NAME}/samples.parquet").put(Body=whole[:-7])
+    with pytest.raises(RigctlError, match="object in storage is not whole") as caught:
+        open_run(f"{store.address}/{NAME}").samples()
+    assert (caught.value.value, caught.value.expected) == (f"{len(whole) - 7} bytes", f"{len(whole)} bytes")
+    bucket.Object(f"runs/{NAME}/records.parquet").delete()
+    with pytest.raises(RigctlError, match="object is missing"):
+        _ = open_run(f"{store.address}/{NAME}").records
+    found = verify_stored(store.find(NAME))
+    assert (found.condition, len(found.problems)) == (Condition.BROKEN, 2)
+    bucket.Object(f"runs/{NAME}/run.json").put(Body=b"{")
+    assert list_runs(store.address)[0].status == "damaged"
+
+
+def refusing() -> socket.socket:
+    """A port on which nobody listens, kept so."""
+    closed = socket.socket()
+    closed.bind(("127.0.0.1", 0))
+    return closed
+
+
+def stalling() -> socket.socket:
+    """A server that takes every connection and never answers."""
+    silent = refusing()
+    silent.listen(64)
+    return silent
+
+
+@pytest.mark.parametrize("broken", [refusing, stalling])
+def test_storage_that_refuses_or_stalls_loses_nothing(
+    broken: Callable[[], socket.socket],
+    make_run: MakeRun,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(store_module, "CONNECTS_WITHIN", 0.3)
+    monkeypatch.setattr(store_module, "ANSWERS_WITHIN", 0.3)
+    monkeypatch.setattr(store_module, "_ATTEMPTS", 1)
+    (tmp_path / "rigctl.toml").write_text('runs = "s3://lab/runs"\n', encoding="utf-8")
+    folder = make_run()
+    with broken() as port:
+        access(monkeypatch, f"http://127.0.0.1:{port.getsockname()[1]}")
+        with pytest.raises(RigctlError, match="cannot read the runs") as caught:
+            upload(folder, Store("s3://lab/runs"))
+        assert "Nothing that was recorded here is lost" in str(caught.value.hint)
+        with caplog.at_level(logging.WARNING):
+            upload_if_wanted(folder)
+        assert "not uploaded" in caplog.text
+        assert "'rigctl runs upload' tries again" in caplog.text
+    assert verify(folder).condition is Condition.WHOLE
+
+
+def test_a_project_keeps_its_runs_in_storage(
+    bucket: Any, make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    address = f"s3://{bucket.name}/runs"
+    (tmp_path / "rigctl.toml").write_text(f'runs = "{address}"\n', encoding="utf-8")
+    (tmp_path / "oil.csv").write_text("oil_temperature [degC],viscosity [cSt]\n20,60\n40,30\n", "utf-8")
+
+    def asked(*arguments: str, code: int = 0) -> dict[str, Any]:
+        done = CliRunner().invoke(app, [*arguments, "--json"], catch_exceptions=False)
+        assert done.exit_code == code, done.output
+        document: dict[str, Any] = json.loads(done.stdout)
+        return document
+
+    imported = asked("import", "oil.csv")["run"]
+    assert [run.id for run in list_runs(address)] == [imported]  # sent when it was closed
+    upload(make_run(runs="another computer's"), Store(address))
+    make_run("20261121-100000-here")
+    told = asked("runs", "upload")["runs"]
+    assert [(one["run"], one["problem"]) for one in told] == [
+        ("20261121-100000-here", None),
+        (imported, None),
+    ]
+    names = [run["id"] for run in asked("runs", "list")["runs"]]
+    assert names == [NAME, "20261121-100000-here", imported]
+    shown = asked("runs", "show", NAME)
+    assert (shown["folder"], len(shown["records"])) == (f"{address}/{NAME}", 2)
+    assert asked("runs", "verify", NAME, f"{address}/{NAME}")["broken"] == 0
+    assert asked("runs", "sql", "SELECT count(DISTINCT run) FROM records")["rows"] == [[3]]
+    assert open_run("latest").id == imported
