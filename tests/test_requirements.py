@@ -14,7 +14,7 @@ from rigctl.cli.doctor import _EXTRAS
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 #: import name where it is another than the package's
-IMPORTED = {"pyserial": "serial", "ruamel.yaml": "ruamel", "npTDMS": "nptdms"}
+IMPORTED = {"pyserial": "serial", "ruamel.yaml": "ruamel", "npTDMS": "nptdms", "FMPy": "fmpy"}
 #: extra -> what is installed along and found by another package
 ALONG = {"visa": {"pyvisa-py"}, "storage": {"s3fs"}}
 #: for whom works on rigctl, not for whom works with it

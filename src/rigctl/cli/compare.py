@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +13,7 @@ from rigctl.cli.reuse import NoCache, Verbose
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.fmu_rival import FmuRival
     from rigctl.cli.next_command import DataOptions
     from rigctl.dataset import Run
     from rigctl.model import Model
@@ -91,6 +92,14 @@ def compare(
         bool, typer.Option("--fit/--no-fit", help="Fit the model's free parameters first; its file stays.")
     ] = True,
     assume: Assume = None,
+    rival: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FMU",
+            help="An FMU (FMI 2.0) beside the last model; repeatable. It is a program, and is run.",
+            show_default=False,
+        ),
+    ] = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Verbose = False,
@@ -111,7 +120,7 @@ def compare(
       rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
     """
     from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
-    from rigctl.cli.compare_views import show_comparison
+    from rigctl.cli.compare_views import show_comparison, show_fmu_rivals
     from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
@@ -129,16 +138,32 @@ def compare(
             refit=fit,
             on_progress=on_progress,
         )
+        rivals = _rivals(rival or (), found, on_progress)
     if output is not None:
         from rigctl.report.analysis import comparison_sections, history_sections
 
         last = history_sections(model[-1], versions) if models[-1].path is not None else []
         write_page(opened, output, [*comparison_sections(found), *last], force=force)
     if as_json:
-        print_json(found.document())
+        told = {"rivals": [one.document() for one in rivals]} if rivals else {}
+        print_json({**found.document(), **told})
     else:
         show_comparison(found)
+        show_fmu_rivals(rivals)
         _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
+
+
+def _rivals(written: Sequence[Path], found: Comparison, on_progress: Callable[[str], None]) -> list[FmuRival]:
+    """Every FMU beside the last model."""
+    from rigctl.analysis.fmu_rival import judge_fmu
+    from rigctl.cli.plans import find_file
+
+    rivals = []
+    for path in written:
+        on_progress(f"Running {path.name}")
+        last = found.models[-1]
+        rivals.append(judge_fmu(find_file(path), last.fit, last.name))
+    return rivals
 
 
 def _lead_on(found: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from rigctl.analysis.adequacy import chance
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.fmu_rival import FmuRival
 from rigctl.analysis.localisation import Place
 from rigctl.cli.table_views import show_rows
 from rigctl.cli.tables import console, table
@@ -31,6 +32,22 @@ _KINDS = {
 }
 _MOST = {"condition": 5, "state": 3, "stretch": 3, "cell": 5}
 _BAR = 16
+
+
+def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
+    """Each FMU beside the model, channel by channel, and which is nearer."""
+    out = console()
+    for rival in rivals:
+        out.print()
+        out.print(f"{escape(rival.statement)}.", soft_wrap=True)
+        for name in rival.missing:
+            out.print(f"  {escape(name)} is no output of {escape(rival.name)}: it does not count")
+        for name in rival.begins:
+            out.print(f"  {escape(rival.name)} has no start of {escape(name)}: it begins where it will")
+        shown = table("channel", "RMSE/noise of the FMU", "of the model")
+        for name, error in rival.channels.items():
+            shown.add_row(name, f"{error.nrmse:.3g}", f"{rival.beside[name].nrmse:.3g}")
+        out.print(shown)
 
 
 def show_comparison(found: Comparison) -> None:

@@ -28,6 +28,7 @@ _EXTRAS = (
     ("pyvisa", "visa", "speaks to instruments behind VISA: network, USB, GPIB"),
     ("asyncua", "opcua", "reads and writes the nodes of OPC UA servers"),
     ("fsspec", "storage", 'keeps runs in object storage: runs = "s3://bucket/runs"'),
+    ("fmpy", "fmu", "runs FMUs beside a model"),
     ("distributed", "cluster", "hands independent pieces of work to a Dask cluster: --cluster"),
     ("pymodbus", "modbus", "speaks to devices with Modbus registers"),
 )

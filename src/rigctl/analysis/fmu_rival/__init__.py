@@ -1,0 +1,5 @@
+"""An FMU of someone else's beside a model, on the same records."""
+
+from rigctl.analysis.fmu_rival.judge import FmuRival, judge_fmu
+
+__all__ = ["FmuRival", "judge_fmu"]

@@ -1,0 +1,167 @@
+"""Which of the two is nearer to the measurements, an FMU or a fitted model, and whether these records tell.
+
+No test of adequacy is made of an FMU: its unknowns (where it begins, when its valve switches) cannot be
+fitted as a model's can, and a right one that begins a noise's width beside the truth would be called wrong.
+
+For the same reason a record counts only where the two differ by more than a fit can take up. With k free
+values in a record, its own and its part of the shared ones, a fit lowers χ² by k ± √(2k) although nothing is
+better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.comparison_result import in_unit
+from rigctl.analysis.fmu_rival.run import FmuOutputs, run_fmu
+from rigctl.analysis.levels import ALPHA, QUANTILE
+from rigctl.errors import RigctlError
+from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
+from rigctl.model.fit.fit import FitResult
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FmuRival:
+    """An FMU beside a model, on the records that no fit saw where there are any.
+
+    Attributes
+    ----------
+    name: of the file; `model` that of the model.
+    channels: the FMU's errors, by channel; `beside` those of the model on the same readings.
+    units: of the channels, as they are shown.
+    records: how many records were compared. In `nearer` of them the FMU is nearer, in `further` the model; in
+        the others the difference is no more than a fit takes up.
+    p_value: of the sign test on these two, two-sided: how often chance divides records so unevenly.
+    held_out: the records are those that no fit saw.
+    missing: channels that the FMU does not have; `begins` those whose start could not be set.
+    """
+
+    name: str
+    model: str
+    channels: dict[str, ChannelError]
+    beside: dict[str, ChannelError]
+    units: dict[str, str]
+    records: int
+    nearer: int
+    further: int
+    p_value: float
+    held_out: bool
+    missing: tuple[str, ...]
+    begins: tuple[str, ...]
+
+    @property
+    def decided(self) -> bool:
+        """Whether these records tell which of the two is nearer."""
+        return self.p_value < ALPHA
+
+    @property
+    def statement(self) -> str:
+        """One plain sentence."""
+        seen = "no fit saw them" if self.held_out else "the model was fitted to them, the FMU was not"
+        sure = f"sign test, p = {self.p_value:.2g}"
+        if not self.decided:
+            return (
+                f"these {self.records} records do not tell which of the two is better ({seen}): "
+                f"{self.name} is nearer in {self.nearer} and {self.model} in {self.further} ({sure})"
+            )
+        one, other, count = self.name, self.model, self.nearer
+        if self.further > self.nearer:
+            one, other, count = self.model, self.name, self.further
+        return f"{one} is nearer than {other} in {count} of {self.records} records ({seen}; {sure})"
+
+    def document(self) -> dict[str, Any]:
+        """Its part of the machine-readable answer."""
+        return {
+            "fmu": self.name,
+            "model": self.model,
+            "channels": {
+                name: {**in_unit(error, self.units[name]), "nrmse": error.nrmse, "r2": _finite(error.r2)}
+                for name, error in self.channels.items()
+            },
+            "records": self.records,
+            "nearer": self.nearer,
+            "further": self.further,
+            "p_value": self.p_value,
+            "held_out": self.held_out,
+            "missing": list(self.missing),
+            "begins_elsewhere": list(self.begins),
+            "statement": self.statement,
+        }
+
+
+def judge_fmu(path: Path, fitted: FitResult, model: str) -> FmuRival:
+    """Run an FMU on the records of a fit, and say which of the two is nearer to what was measured.
+
+    Raises
+    ------
+    RigctlError
+        the data are a table without time, or as `run_fmu`.
+    """
+    problem = fitted.problem
+    if problem.measurements.table:
+        raise RigctlError("an FMU needs records with a course in time", value="a table")
+    said = run_fmu(path, fitted)
+    indices = fitted.held_out or fitted.fitted
+    theirs, ours = _alike(fitted, said)
+    names = [name for name in problem.measurements.outputs if name in said.outputs]
+    differences = [_difference(fitted, theirs, ours, index) for index in indices]
+    nearer, further = (sum(sign == wanted for sign in differences) for wanted in (-1, 1))
+    there, here = channel_errors(problem, theirs, indices), channel_errors(problem, ours, indices)
+    return FmuRival(
+        name=path.name,
+        model=model,
+        channels={name: error for name, error in there.items() if name in names},
+        beside={name: error for name, error in here.items() if name in names},
+        units=dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True)),
+        records=len(indices),
+        nearer=nearer,
+        further=further,
+        p_value=sign_test(nearer, nearer + further),
+        held_out=bool(fitted.held_out),
+        missing=tuple(name for name in problem.measurements.outputs if name not in said.outputs),
+        begins=tuple(name for name in names if name not in said.begun),
+    )
+
+
+def sign_test(nearer: int, count: int) -> float:
+    """How often a fair coin divides `count` throws at least as unevenly, two-sided; 1 for none."""
+    fewer = min(nearer, count - nearer)
+    tail = sum(math.comb(count, k) for k in range(fewer + 1))
+    return min(1.0, 2.0 * tail / 2**count) if count else 1.0
+
+
+def _alike(fitted: FitResult, said: FmuOutputs) -> tuple[Sequence[Floats], Sequence[Floats]]:
+    """Both on the channels that the FMU has; on the others without an error, so that they do not count."""
+    theirs, ours = [], []
+    for record, there, here in zip(fitted.problem.records, said.records, fitted.outputs, strict=True):
+        absent = np.isnan(there)
+        theirs.append(np.where(absent, record.values, there))
+        ours.append(np.where(absent, record.values, here))
+    return theirs, ours
+
+
+def _difference(fitted: FitResult, theirs: Sequence[Floats], ours: Sequence[Floats], index: int) -> int:
+    """-1 where the FMU is nearer in a record, 1 where the model is, 0 where a fit can make the difference."""
+    problem = fitted.problem
+    there, here = (
+        float(np.square(whitened_residual(problem, outputs[index], index)).sum())
+        for outputs in (theirs, ours)
+    )
+    free = float(len(problem.local_unknowns()[index]))
+    if fitted.solution is not None and index in fitted.fitted:
+        free += len(problem.shared) / len(fitted.fitted)
+    taken_up = free + QUANTILE * math.sqrt(2.0 * free)
+    return 0 if abs(there - here) <= taken_up else int(math.copysign(1.0, there - here))
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,166 @@
+"""Hands records to the process that runs an FMU, and takes what it says of them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.model.fit.errors import whitened_residual
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+#: sigmas by which a start is moved to see what it does
+_BESIDE: Final = 5.0
+#: s that an FMU may take for all records
+_PATIENCE: Final = 600.0
+
+
+@dataclass(frozen=True)
+class FmuOutputs:
+    """What an FMU says: of each record (samples, outputs) in SI, NaN in columns that it does not have.
+
+    `begun` names the channels whose start could be set.
+    """
+
+    outputs: tuple[str, ...]
+    records: tuple[Floats, ...]
+    begun: frozenset[str]
+
+
+def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
+    """Simulate every record of a fit with an FMU, each begun where the FMU itself fits the readings best.
+
+    A fitted model's own starts would be those of its mistakes, and a single reading has noise. Where the FMU
+    lets a channel's start be set, it is simulated from the first readings and from beside each of them, and
+    once more from where the whitened error is least by these derivatives.
+
+    Raises
+    ------
+    RigctlError
+        FMPy is not installed, the FMU does not fit the data, it fails, crashes, or takes over ten minutes.
+    """
+    if find_spec("fmpy") is None:
+        raise RigctlError("running an FMU needs FMPy", hint="pip install 'rigctl[fmu]'")
+    problem = fitted.problem
+    names = problem.measurements.outputs
+    starts = [_first_readings(problem, index) for index in range(len(problem.records))]
+    steps = [_BESIDE * problem.sigma[index][0] for index in range(len(problem.records))]
+    tried = [
+        [begin, *(begin + step * unit for unit in np.eye(len(names)))]
+        for begin, step in zip(starts, steps, strict=True)
+    ]
+    said = _asked(path, fitted, tried)
+    begun = frozenset(said["begun"])
+    columns = [place for place, name in enumerate(names) if name in begun]
+    outputs = _outputs(said, fitted, len(names) + 1)
+    if columns:
+        best = [
+            [begin + _shift(problem, index, outputs[index], step, columns)]
+            for index, (begin, step) in enumerate(zip(starts, steps, strict=True))
+        ]
+        outputs = _outputs(_asked(path, fitted, best), fitted, 1)
+    return FmuOutputs(tuple(said["outputs"]), tuple(record[0] for record in outputs), begun)
+
+
+def _first_readings(problem: Problem, index: int) -> Floats:
+    """The first reading of each channel that counts; NaN where none does."""
+    values, good = problem.records[index].values, problem.ok[index]
+    return np.array(
+        [values[np.argmax(good[:, k]), k] if good[:, k].any() else np.nan for k in range(good.shape[1])]
+    )
+
+
+def _shift(
+    problem: Problem, index: int, runs: Sequence[Floats], step: Floats, columns: Sequence[int]
+) -> Floats:
+    """By how much a record's starts have to move, from the runs from the start and from beside it."""
+    values = problem.records[index].values
+    base, *beside = (np.where(np.isnan(outputs), values, outputs) for outputs in runs)
+    residual = whitened_residual(problem, base, index)
+    moved = [whitened_residual(problem, beside[k], index) - residual for k in columns]
+    jacobian = np.stack([change / step[k] for change, k in zip(moved, columns, strict=True)], axis=1)
+    found = np.zeros(len(step))
+    found[list(columns)] = -np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+    return found
+
+
+def _asked(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) -> dict[str, Any]:
+    """What the process says of every record from each of its starts."""
+    with TemporaryDirectory(prefix="rigctl-fmu-") as folder:
+        job, answer = Path(folder) / "job.json", Path(folder) / "answer.json"
+        job.write_text(json.dumps(_job(path, fitted, starts)), "utf-8")
+        command = [sys.executable, "-m", "rigctl.analysis.fmu_rival.worker", str(job), str(answer)]
+        try:
+            done = subprocess.run(  # noqa: S603 - the user has named this FMU to be run
+                command, capture_output=True, timeout=_PATIENCE, check=False
+            )
+        except subprocess.TimeoutExpired as problem:
+            raise RigctlError(
+                "the FMU did not come to an end", value=path.name, exit_code=ExitCode.FAILED
+            ) from problem
+        if not answer.exists():
+            raise RigctlError(
+                f"the FMU has crashed (exit code {done.returncode})",
+                value=path.name,
+                exit_code=ExitCode.FAILED,
+            )
+        said: dict[str, Any] = json.loads(answer.read_text("utf-8"))
+    if "what" in said:
+        raise RigctlError(
+            f"{path.name}: {said['what']}", value=said["value"], expected=said["expected"], hint=said["hint"]
+        )
+    return said
+
+
+def _outputs(said: dict[str, Any], fitted: FitResult, runs: int) -> list[list[Floats]]:
+    """By record and start (samples, outputs); NaN in columns that the FMU does not have."""
+    names = fitted.problem.measurements.outputs
+    places = [names.index(name) for name in said["outputs"]]
+    answers = iter(said["records"])
+    found = []
+    for record in fitted.problem.records:
+        of_record = []
+        for _ in range(runs):
+            outputs = np.full((len(record.times), len(names)), np.nan)
+            rows = np.asarray(next(answers), dtype=np.float64)
+            outputs[:, places] = rows.reshape(len(record.times), len(places))
+            of_record.append(outputs)
+        found.append(of_record)
+    return found
+
+
+def _job(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) -> dict[str, Any]:
+    measurements = fitted.problem.measurements
+    records = []
+    for record, tried in zip(fitted.problem.records, starts, strict=True):
+        facts = {
+            "label": record.label,
+            "times": record.times.tolist(),
+            "switch_times": record.switch_times.tolist(),
+            "inputs": record.inputs.tolist(),
+            "along": list(record.along),
+            "knots": record.knots.tolist(),
+            "lines": record.lines.tolist(),
+        }
+        for begin in tried:
+            first = zip(measurements.outputs, begin.tolist(), strict=True)
+            records.append({**facts, "start": {name: value for name, value in first if np.isfinite(value)}})
+    return {
+        "fmu": str(path.resolve()),
+        "inputs": list(measurements.inputs),
+        "outputs": list(measurements.outputs),
+        "records": records,
+    }

@@ -1,0 +1,129 @@
+"""FMUs beside a model, run by FMPy on records of the simulated heater board."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from scipy.stats import binomtest
+
+from commands import answer, told
+from rigctl.analysis.fitting import fit_to_data, read_runs
+from rigctl.analysis.fmu_rival import judge_fmu
+from rigctl.analysis.fmu_rival.judge import sign_test
+from rigctl.cli.init import create_project
+from rigctl.dataset import open_run
+from rigctl.errors import RigctlError
+from rigctl.model import load_model
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fmu import export_fmu
+from rigctl.model.fmu.export import _compiled
+
+STEPS = """\
+procedure: eight
+rig: rigs/heater-board.yaml
+steps:
+  - for: {level: {from: 20 %, to: 90 %, step: 10 %}}
+    do:
+      - record: {name: warm, rate: 1 Hz}
+        do:
+          - set: {heater_1: $level}
+          - wait: 30 s
+          - set: {heater_1: 0 %}
+          - wait: 10 s
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of eight records, the model that it obeys and one that it does not, and an FMU of each."""
+    folder = tmp_path_factory.mktemp("rivals")
+    create_project(folder)
+    (folder / "procedures" / "eight.yaml").write_text(STEPS, encoding="utf-8")
+    text = (folder / "models" / "heater-board.yaml").read_text(encoding="utf-8").replace(", fit: true", "")
+    for name, loss in (("right", "16 mW/K"), ("wrong", "40 mW/K")):
+        path = folder / "models" / f"{name}.yaml"
+        path.write_text(text.replace("12 mW/K", loss), encoding="utf-8")
+        export_fmu(load_model(path), folder / f"{name}.fmu")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        told("simulate", "procedures/eight.yaml", "--seed", "3")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fits(project: Path) -> dict[str, FitResult]:
+    """Both models on the run, taken as they are but for what each record has of its own."""
+    run = open_run("latest", project / "runs")
+    found = {}
+    for name in ("right", "wrong"):
+        model = load_model(project / "models" / f"{name}.yaml")
+        found[name] = fit_to_data(model, read_runs(model, [run]))
+    return found
+
+
+def test_the_one_that_the_bench_obeys_is_nearer(project: Path, fits: dict[str, FitResult]) -> None:
+    found = judge_fmu(project / "right.fmu", fits["wrong"], "wrong")
+    assert (found.nearer, found.further, found.records) == (8, 0, 8)
+    assert "right.fmu is nearer than wrong in 8 of 8 records" in found.statement
+    wrong = judge_fmu(project / "wrong.fmu", fits["right"], "right")
+    assert (wrong.nearer, wrong.further, wrong.decided) == (0, 8, True)
+
+
+def test_the_command_tells_no_model_from_itself(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a fit of each record's own unknowns takes up makes a model no better than its own FMU."""
+    monkeypatch.chdir(project)
+    (found,) = answer("compare", "latest", "-m", "models/right.yaml", "--rival", "right.fmu")["rivals"]
+    assert "do not tell which of the two is better" in found["statement"]
+    assert found["channels"]["temperature_1"]["nrmse"] == pytest.approx(1.0, abs=0.1)
+
+
+def with_text(source: Path, target: Path, name: str, change: Callable[[bytes], bytes]) -> None:
+    """A copy of an archive with one of its files changed."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in old.infolist():
+            content = old.read(entry)
+            new.writestr(entry, change(content) if entry.filename == name else content)
+
+
+def test_units_of_an_fmu_are_heeded(project: Path, fits: dict[str, FitResult]) -> None:
+    def celsius(text: bytes) -> bytes:
+        head, output = text.rsplit(b'name="temperature_1"', 1)
+        defined = head.replace(b"<UnitDefinitions>", b'<UnitDefinitions><Unit name="degC"/>')
+        return defined + b'name="temperature_1"' + output.replace(b'unit="K"', b'unit="degC"', 1)
+
+    with_text(project / "right.fmu", project / "celsius.fmu", "modelDescription.xml", celsius)
+    found = judge_fmu(project / "celsius.fmu", fits["right"], "right")
+    assert found.channels["temperature_1"].nrmse > 5.0
+
+
+def test_an_fmu_that_crashes_or_does_not_fit_says_so(project: Path, fits: dict[str, FitResult]) -> None:
+    source = project / "right.fmu"
+    with zipfile.ZipFile(source) as archive:
+        (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
+        files = {name: archive.read(name) for name in archive.namelist()}
+    files["sources/slave.c"] = files["sources/slave.c"].replace(b"s->time = at;", b"abort();", 1)
+    broken = _compiled(files, Path(library).name)
+    with_text(source, project / "crashing.fmu", library, lambda _: broken)
+    (project / "text.fmu").write_text("no archive", encoding="utf-8")
+    with_text(
+        source,
+        project / "other.fmu",
+        "modelDescription.xml",
+        lambda text: text.replace(b'name="heater_1"', b'name="heater_7"'),
+    )
+    for name, said in (
+        ("crashing", "the FMU has crashed"),
+        ("text", "this is no FMU"),
+        ("other", "wants an input that the data do not have, got 'heater_7'"),
+    ):
+        with pytest.raises(RigctlError, match=said):
+            judge_fmu(project / f"{name}.fmu", fits["right"], "right")
+
+
+@pytest.mark.parametrize(("nearer", "count"), [(0, 0), (4, 8), (1, 9), (8, 8), (0, 11), (20, 27)])
+def test_the_sign_test_is_the_binomial_one(nearer: int, count: int) -> None:
+    expected = binomtest(nearer, count, 0.5).pvalue if count else 1.0
+    assert sign_test(nearer, count) == pytest.approx(expected, rel=1e-12)
