@@ -115,6 +115,20 @@ def shared_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder / "kept-results"
 
 
+@pytest.fixture(scope="module")
+def small_search() -> Iterator[None]:
+    """Fewer rivals, candidates, values of each free number and draws: the same design, in seconds."""
+    from rigctl.design import design, rivals, search
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "CANDIDATES", 12)
+        patch.setattr(search, "SWEEPS", 1)
+        patch.setattr(search, "VALUES", 2)
+        patch.setattr(rivals, "MOST_RIVALS", 3)
+        patch.setattr(design, "DRAWS", 20)
+        yield
+
+
 def end_guards(folder: Path) -> None:
     """Take away the notices of guards that still try to reach a board that a test has closed."""
     guards = folder / "rigctl" / "guards"

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-from rigctl.design import design, rivals, search
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -16,15 +13,8 @@ def as_on_one_computer(shared_results: Path) -> None:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_search() -> Iterator[None]:
-    """Fewer rivals, candidates, values of each free number and draws: the same design, in seconds."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search, "CANDIDATES", 12)
-        patch.setattr(search, "SWEEPS", 1)
-        patch.setattr(search, "VALUES", 2)
-        patch.setattr(rivals, "MOST_RIVALS", 3)
-        patch.setattr(design, "DRAWS", 20)
-        yield
+def quick(small_search: None) -> None:
+    """Every design of these tests is a small one."""
 
 
 @pytest.fixture

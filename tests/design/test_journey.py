@@ -54,7 +54,9 @@ def designed(bench: Path, run: str) -> dict[str, Any]:
 
 def test_a_class_is_told_apart_by_records_that_the_bench_can_make(designed: dict[str, Any]) -> None:
     names = {one["name"] for one in designed["rivals"]}
-    assert {"coulomb_friction", "laminar_throttle", "position_thermal_drift"} == names
+    assert {"coulomb_friction", "laminar_throttle"} < names
+    (third,) = names - {"coulomb_friction", "laminar_throttle"}
+    assert third.endswith("_thermal_drift")  # at one temperature they are alike
     assert designed["aim"] == "discrimination"
     assert sum(one["weight"] for one in designed["rivals"]) == pytest.approx(1.0)
     assert designed["probability_before"] < 0.01 < 0.5 < designed["probability"]

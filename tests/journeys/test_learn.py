@@ -10,7 +10,7 @@ import pytest
 from commands import answer, call, refusal, textbook_copy, told
 from rigctl.cli.init import create_project
 
-pytestmark = pytest.mark.usefixtures("inside")
+pytestmark = pytest.mark.usefixtures("small_search", "inside")
 
 CAMPAIGN = (
     *("procedures/campaign.yaml", "-a", "temperatures=20 degC, 40 degC, 60 degC, 80 degC"),

@@ -35,6 +35,7 @@ def own_copy(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.usefixtures("small_search")
 def test_an_ambiguous_campaign_of_the_separate_bench_is_told_apart(tmp_path: Path) -> None:
     """A leak in the spool that could be a drift of the sensor: the loop asks the bench, and names it."""
     runs = tmp_path / "runs"
