@@ -13,7 +13,9 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 from commands import refusal, told
-from rigctl.dataset import RunWriter, calibrations_of
+from rigctl.dataset import RunWriter, calibrations_of, open_run
+from rigctl.dataset.exporting import export_junit, export_ro_crate
+from rigctl.dataset.storage import Store, upload
 from rigctl.testing import VirtualBench
 
 STEPS = """\
@@ -96,6 +98,17 @@ def test_every_reference_leads_somewhere_in_a_zip_too(runs: list[Path]) -> None:
     }
     assert entities["./"]["license"] == {"@id": "#no-licence"}
     assert ROCrate("out.zip").root_dataset["license"].id == "#no-licence"
+
+
+def test_a_run_in_storage_is_handed_out_as_one_here(runs: list[Path]) -> None:
+    store = Store(f"memory://crates-{id(runs)}/runs")
+    upload(runs[0], store)
+    for name, run in (("here", open_run(runs[0])), ("there", open_run(f"{store.address}/{runs[0].name}"))):
+        assert export_ro_crate([run], Path(name)) == 7
+        assert export_junit(run, Path(f"{name}.xml")) == 1
+    for file in sorted(path for path in Path("here").rglob("*") if path.is_file()):
+        assert (Path("there") / file.relative_to("here")).read_bytes() == file.read_bytes()
+    assert Path("there.xml").read_bytes() == Path("here.xml").read_bytes()
 
 
 def test_what_cannot_be_handed_out_leaves_nothing_behind(runs: list[Path]) -> None:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.history import History, TakenMeasure
+from rigctl.plan.measured import MeasuredValue
 from rigctl.units import show
+
+if TYPE_CHECKING:
+    from rigctl.dataset.run import Run
 
 PASS: Final = "pass"  # noqa: S105 - no word of entry
 FAIL: Final = "fail"
@@ -35,7 +41,7 @@ class Judged:
     def sentence(self) -> str:
         """The value and its limits: ``travel is 80 mm, expected at least 90 mm``."""
         value = self.taken.value
-        found = "has no value" if value.value != value.value else f"is {self._shown(value.value)}"
+        found = "has no value" if math.isnan(value.value) else f"is {self._shown(value.value)}"
         return f"{value.name} {found}, expected {self._limits()}"
 
     def _limits(self) -> str:
@@ -72,24 +78,46 @@ def judge(history: History) -> Judgement:
     Of a step that was carried out again, after a loss of samples or in a later session, the last value
     counts; each round of a loop counts by itself.
     """
+    names = [record.name for record in history.records]
+    whole = history.status == "finished" and not history.damaged_lines
+    return _judgement(history.taken, names, whole=whole)
+
+
+def judge_run(run: Run) -> Judgement:
+    """Judge a run that is closed by its events, wherever it lies."""
+    whole = run.info["status"] == "finished" and not run.info.get("damaged_lines")
+    return _judgement(taken_in(run), run.records["name"].tolist(), whole=whole)
+
+
+def taken_in(run: Run) -> list[TakenMeasure]:
+    """Every value that was taken in a run, in the order of time, from its events."""
+    events = run.table("events")
+    columns = (events[name].to_pylist() for name in ("kind", "time", "path", "data"))
+    found = []
+    for kind, time, path, data in zip(*columns, strict=True):
+        if kind == "measure":
+            said = json.loads(data)
+            facts = {key: said[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
+            value = math.nan if said["value"] is None else float(said["value"])
+            measured = MeasuredValue(value=value, **facts, typed=said.get("typed", False), path=path or "")
+            found.append(TakenMeasure(float(time), int(said["record"]), measured))
+    return found
+
+
+def _judgement(taken: Iterable[TakenMeasure], names: Sequence[str], *, whole: bool) -> Judgement:
+    """The newest value of each step; `whole`: the run came to its end, and all that it said is known."""
     latest: dict[tuple[str, str], TakenMeasure] = {}
-    for taken in history.taken:
-        if taken.value.judged:
+    for one in taken:
+        if one.value.judged:
             # logs of earlier versions do not say which step took a value: each is one of its own
-            key = taken.value.path or f"{taken.record} {taken.time}"
-            latest[key, taken.value.name] = taken
+            key = one.value.path or f"{one.record} {one.time}"
+            latest[key, one.value.name] = one
     measures = [
-        Judged(taken, None if taken.record < 0 else history.records[taken.record].name)
-        for taken in sorted(latest.values(), key=lambda one: one.time)
+        Judged(one, None if one.record < 0 else names[one.record])
+        for one in sorted(latest.values(), key=lambda one: one.time)
     ]
-    return Judgement(_result(history, measures), measures)
-
-
-def _result(history: History, measures: Sequence[Judged]) -> str:
     if any(not measure.passed for measure in measures):
-        return FAIL
-    if history.damaged_lines:
-        return INCOMPLETE  # what they said may have been a miss
-    if history.status != "finished":
-        return INCOMPLETE
-    return PASS if measures else NONE
+        return Judgement(FAIL, measures)
+    if not whole:
+        return Judgement(INCOMPLETE, measures)
+    return Judgement(PASS if measures else NONE, measures)

@@ -97,7 +97,7 @@ def export_junit(run: Run, path: Path, *, overwrite: bool = False) -> int:
     Raises
     ------
     RigctlError
-        the file is there already or cannot be written, or the run's log is damaged.
+        the file is there already or cannot be written, or a file of the run is missing or damaged.
     """
     from rigctl.dataset.exporting import junit
 

@@ -8,15 +8,15 @@ too, so that a run which was aborted can never look as if all had passed.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree as ET
 
-from rigctl.dataset.history import History, read_history
-from rigctl.dataset.judgement import Judged, judge
+from rigctl.dataset.history import TakenMeasure
+from rigctl.dataset.judgement import Judged, judge_run, taken_in
 from rigctl.dataset.run_id import slug
-from rigctl.errors import RigctlError
 from rigctl.files.write import write_error
 from rigctl.units import show
 
@@ -33,25 +33,18 @@ def write(run: Run, path: Path) -> int:
     Raises
     ------
     RigctlError
-        the run's log is damaged, or the file cannot be written.
+        a file of the run is missing or damaged, or this one cannot be written.
     """
-    if not isinstance(run.folder, Path):
-        raise RigctlError(
-            "measures are judged by the run's log, which is read where the run was recorded",
-            value=str(run.folder),
-            expected="a run in a folder of this computer",
-        )
     suites = ET.Element("testsuites")
-    history = read_history(run.folder)
-    cases = _suite(suites, run, history)
+    cases = _suite(suites, run)
     ET.indent(suites)
     with write_error(path):
         ET.ElementTree(suites).write(path, encoding="utf-8", xml_declaration=True)
     return cases
 
 
-def _suite(suites: ET.Element, run: Run, history: History) -> int:
-    judged = judge(history).measures
+def _suite(suites: ET.Element, run: Run) -> int:
+    judged = judge_run(run).measures
     ended = run.info["status"] == "finished"
     name = str(run.info["procedure"]["name"])
     counts = {
@@ -79,7 +72,7 @@ def _suite(suites: ET.Element, run: Run, history: History) -> int:
         _element(case, "error", type=run.info["status"], message=run.info.get("reason") or run.info["status"])
     for measure in judged:
         _case(suite, slug(name), measure)
-    _element(suite, "system-out").text = _plain(_all_values(history))
+    _element(suite, "system-out").text = _plain(_all_values(taken_in(run)))
     _element(suite, "system-err").text = ""
     return len(judged) + 1
 
@@ -111,10 +104,10 @@ def _facts(info: Any) -> dict[str, str]:
     return {name: str(value) for name, value in facts.items() if value}
 
 
-def _all_values(history: History) -> str:
+def _all_values(measures: Sequence[TakenMeasure]) -> str:
     """Every value that was taken, one a line, those without limits too."""
     lines = []
-    for taken in history.taken:
+    for taken in measures:
         value = taken.value
         at = "run" if taken.record < 0 else f"record {taken.record}"
         lines.append(f"{at}: {value.name} = {show(value.value, value.unit, difference=value.difference)}")

@@ -207,23 +207,32 @@ def _run_entities(folder: Path, run: Run) -> Iterable[Entity]:
 def _copied(folder: Path, run: Run) -> Iterable[Entity]:
     """The files of a run, copied and compared with the checksums that the run has of them."""
     for name in ("run.json", *run.info["files"]):
-        source, target = run.folder / name, folder / run.id / name
-        try:
-            shutil.copyfile(source, target)
-        except FileNotFoundError as problem:
-            raise RigctlError(
-                "a file of the run is missing", where=Location(source), exit_code=ExitCode.FAILED
-            ) from problem
+        target = folder / run.id / name
+        _fetch(run, name, target)
         facts = run_json.file_facts(target)
         kept = run.info["files"].get(name)
         if kept is not None and facts["sha256"] != kept["sha256"]:
             raise RigctlError(
                 "the file was changed since the run was closed",
-                where=Location(source),
+                value=f"{run.folder}/{name}",
                 hint=f"'rigctl runs verify {run.id}' says what can be saved",
                 exit_code=ExitCode.FAILED,
             )
         yield _file(f"{run.id}/{name}", _FILES.get(name, name), facts)
+
+
+def _fetch(run: Run, name: str, target: Path) -> None:
+    """One file of a run, from its folder or from storage."""
+    if not isinstance(run.folder, Path):
+        with (run.folder / name).open() as source, target.open("wb") as copy:
+            shutil.copyfileobj(source, copy)
+        return
+    try:
+        shutil.copyfile(run.folder / name, target)
+    except FileNotFoundError as problem:
+        raise RigctlError(
+            "a file of the run is missing", where=Location(run.folder / name), exit_code=ExitCode.FAILED
+        ) from problem
 
 
 def _sources(folder: Path, run: Run) -> Iterable[Entity]:
