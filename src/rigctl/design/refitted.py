@@ -64,7 +64,7 @@ def _with_records(
         local=(*so_far.local, *added.local),
         starts=(*so_far.starts, *added.starts),
         whiteners=(*so_far.whiteners, *(scene.whitener for scene in scenes)),
-        sizes=None if so_far.sizes is None else (*so_far.sizes, *(one.values for one in new)),
+        signal=None if so_far.signal is None else (*so_far.signal, *(one.values for one in new)),
         scatter=None
         if so_far.scatter is None
         else (*so_far.scatter, *(np.empty((*one.values.shape, 0)) for one in new)),

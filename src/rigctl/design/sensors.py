@@ -186,7 +186,7 @@ def _equipped(rival: Rival, rig: Rig, names: Sequence[str]) -> Rival:
         ),
     )
     ok = [np.hstack([good, np.zeros((len(good), len(names)), dtype=bool)]) for good in known.ok]
-    wider = replace(known, measurements=equipped, sizes=None, scatter=None, extra=None, grown=None)
+    wider = replace(known, measurements=equipped, signal=None, scatter=None, extra=None, grown=None)
     made = wider.for_model(replace(model, rig=equipped.rig), noise, ok)
     made = made.with_shared(known.shared, _values_of(made, known))
     return replace(rival, trial=replace(rival.trial, fit=replace(rival.fit, problem=made)))

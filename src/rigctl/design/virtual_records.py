@@ -190,7 +190,7 @@ class Outlines:
             local=tuple(local),
             starts=tuple(np.array([found[name] for name in names]) for found in starts),
             whiteners=(),
-            sizes=None,
+            signal=None,
             scatter=None,
             extra=None,
             grown=None,

@@ -38,13 +38,13 @@ class Campaign:
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """The rows of file after file."""
         for source, name in zip(self.sources, self.names, strict=True):
-            there = {self._ours(heading): place for place, heading in enumerate(source.headings)}
-            places = {place: there.get(self._ours(self.headings[place])) for place in wanted}
+            there = {self._ours(heading): index for index, heading in enumerate(source.headings)}
+            indices = {index: there.get(self._ours(self.headings[index])) for index in wanted}
             own = None if record is None else there.get(self._ours(self.headings[record]))
-            here = [place for place in places.values() if place is not None]
+            here = [index for index in indices.values() if index is not None]
             shift = self._shift(source)
             for part in source.parts(here, own):
-                yield self._part(part, source, places, name, shift)
+                yield self._part(part, source, indices, name, shift)
 
     @property
     def merged(self) -> frozenset[str]:
@@ -63,18 +63,18 @@ class Campaign:
         return (source.origin - self.origin) / 1e9
 
     def _part(
-        self, part: Part, source: Source, places: dict[int, int | None], name: str, shift: float
+        self, part: Part, source: Source, indices: dict[int, int | None], name: str, shift: float
     ) -> Part:
         import numpy as np
 
         columns = {}
-        for place, own in places.items():
+        for index, own in indices.items():
             if own is None:
-                columns[place] = np.full(len(part.lines), np.nan)
-            elif self.headings[place].seconds and shift:
-                columns[place] = part.columns[own] + shift
+                columns[index] = np.full(len(part.lines), np.nan)
+            elif self.headings[index].seconds and shift:
+                columns[index] = part.columns[own] + shift
             else:
-                columns[place] = part.columns[own]
+                columns[index] = part.columns[own]
         faults = tuple(replace(fault, path=source.path) for fault in part.faults)
         return replace(part, columns=columns, labels=_labels(part, name), faults=faults, path=source.path)
 

@@ -90,7 +90,7 @@ class Checker:
 
     def _values(self, column: Assigned, part: Part) -> NDArray[np.float64]:
         """A column in SI, without the numbers by which a program says that it has none."""
-        written = part.columns[column.place]
+        written = part.columns[column.index]
         if column.kind != "time" and len(written):
             extreme = np.nanmax(np.abs(written), initial=0.0)
             if extreme >= np.abs(self._missing).min():

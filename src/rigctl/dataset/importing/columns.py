@@ -48,7 +48,7 @@ class Assigned:
 
     Parameters
     ----------
-    place: of the column in the file, from 0.
+    index: of the column in the file, from 0.
     unit: the unit it is written in; None for the number of a record.
     shown: the unit it is kept in.
     positions: the only values that it may have, for a switch or a valve.
@@ -57,7 +57,7 @@ class Assigned:
 
     name: str
     kind: Kind
-    place: int
+    index: int
     heading: Heading
     unit: Unit | None = None
     shown: str = "1"
@@ -121,11 +121,11 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
     samples = any(heading.name == "time" for heading in renamed)
     found: dict[str, Assigned] = {}
     unknown: list[UnknownColumn] = []
-    for place, heading in enumerate(renamed):
+    for index, heading in enumerate(renamed):
         if heading.spent or heading.name in ("", LEAVE_OUT):
             continue
         try:
-            column = _assign(place, heading, rig, samples=samples)
+            column = _assign(index, heading, rig, samples=samples)
         except UnknownColumn as error:
             unknown.append(error)
             continue
@@ -233,33 +233,33 @@ def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
 
 
 def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
-    """The places of the columns that hold numbers, and of the one that holds the records."""
-    record = next((column.place for column in assigned if column.kind == "record"), None)
-    return [column.place for column in assigned if column.kind != "record"], record
+    """The indices of the columns that hold numbers, and of the one that holds the records."""
+    record = next((column.index for column in assigned if column.kind == "record"), None)
+    return [column.index for column in assigned if column.kind != "record"], record
 
 
-def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> Assigned:
+def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> Assigned:
     name = heading.name
     if name == "record":
-        return Assigned(name, "record", place, heading)
+        return Assigned(name, "record", index, heading)
     if name == "time" or name.startswith(_CLOCK):
-        return _clock(place, heading, rig)
+        return _clock(index, heading, rig)
     name = on_rig(name, rig) if rig is not None else name
     if rig is not None and name in rig.channels:
         channel = rig.channels[name]
         unit = _unit(heading, channel.unit)
-        return Assigned(name, "channel", place, heading, unit, channel.unit, difference=channel.difference)
+        return Assigned(name, "channel", index, heading, unit, channel.unit, difference=channel.difference)
     if rig is not None and name in rig.actuators:
         actuator = rig.actuators[name]
         unit = _unit(heading, actuator.display_unit)
         words = POSITIONS.get(actuator.kind)
         positions = frozenset(words.values()) if words else None
-        return Assigned(name, "command", place, heading, unit, actuator.display_unit, positions)
+        return Assigned(name, "command", index, heading, unit, actuator.display_unit, positions)
     if name in _COMMON:
         kind, dimension = _COMMON[name]
         unit = _unit(heading, dimension)
         positions = frozenset((-1.0, 0.0, 1.0)) if name == "valve" else None
-        return Assigned(name, kind, place, heading, unit, unit.text or "1", positions)
+        return Assigned(name, kind, index, heading, unit, unit.text or "1", positions)
     if samples:
         raise _unknown(heading)
     if heading.unit is None:
@@ -270,19 +270,19 @@ def _assign(place: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
             hint=f"Say what it is: --columns '{name}=time [s]', or '{name}={LEAVE_OUT}' to leave it out",
             where=heading.where,
         )
-    return Assigned(name, "other", place, heading, parse_unit(heading.unit), heading.unit or "1")
+    return Assigned(name, "other", index, heading, parse_unit(heading.unit), heading.unit or "1")
 
 
-def _clock(place: int, heading: Heading, rig: Rig | None) -> Assigned:
+def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
     """The times of all, or of one channel that has a clock of its own; called like that channel."""
     if heading.name == "time":
-        return Assigned("time", "time", place, heading, _unit(heading, "s"), "s")
+        return Assigned("time", "time", index, heading, _unit(heading, "s"), "s")
     name = heading.name.removeprefix(_CLOCK).strip()
     if rig is not None:
         name = on_rig(name, rig)
         if name not in (*rig.channels, *rig.actuators, *_COMMON):
             raise unknown_name("channel with a clock of its own", name, [*rig.channels, *rig.actuators])
-    return Assigned(name, "clock", place, heading, _unit(heading, "s"), "s")
+    return Assigned(name, "clock", index, heading, _unit(heading, "s"), "s")
 
 
 def on_rig(name: str, rig: Rig) -> str:

@@ -60,9 +60,9 @@ class CsvFile:
                     self._decoded(piece, line), line, self.headings, self.cells, wanted, record, clock
                 )
 
-    def texts(self, place: int) -> Iterator[tuple[Sequence[str], NDArray[np.int64]]]:
+    def texts(self, index: int) -> Iterator[tuple[Sequence[str], NDArray[np.int64]]]:
         """The cells of a column as they are written, part after part, with their lines."""
-        for part in self.parts((), place):
+        for part in self.parts((), index):
             labels = part.labels
             if labels is not None:
                 yield [labels.texts[code] for code in labels.codes.tolist()], part.lines
@@ -87,12 +87,12 @@ class CsvFile:
         if self.cells.delimiter == " ":
             body = re.sub(rb"(?m)^ +| +(?=\r?$)", b"", re.sub(rb"[ \t]+", b" ", body))
         times = self.cells.time if clock is not None else ()
-        numbers = [place for place in wanted if place not in times]
+        numbers = [index for index in wanted if index not in times]
         try:
             table = self._parse(body, numbers, record, times if wanted else ())
         except (pa.ArrowInvalid, pa.ArrowKeyError):
             return None
-        columns = {place: table[str(place)].to_numpy() for place in numbers}
+        columns = {index: table[str(index)].to_numpy() for index in numbers}
         if len(table) != body.count(b"\n") + 1 or any(np.isinf(column).any() for column in columns.values()):
             return None
         labels = None if record is None else labels_of_dictionary(table[f"record {record}"])
@@ -105,7 +105,7 @@ class CsvFile:
         """With the times of the rows; None where one needs a closer look."""
         import pyarrow.compute as pc
 
-        columns = [table[f"time {place}"] for place in self.cells.time]
+        columns = [table[f"time {index}"] for index in self.cells.time]
         written = columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " ")
         before = clock.state
         seconds, wrong = clock.read(pc.fill_null(written, "").combine_chunks())
@@ -120,9 +120,9 @@ class CsvFile:
         import pyarrow as pa
         from pyarrow import csv as arrow_csv
 
-        names = [f"time {place}" if place in times else str(place) for place in range(len(self.headings))]
-        types = {names[place]: pa.float64() for place in numbers}
-        types |= {names[place]: pa.string() for place in times}
+        names = [f"time {index}" if index in times else str(index) for index in range(len(self.headings))]
+        types = {names[index]: pa.float64() for index in numbers}
+        types |= {names[index]: pa.string() for index in times}
         if record is not None:
             names[record] = f"record {record}"
             types[names[record]] = pa.dictionary(pa.int32(), pa.string())
@@ -168,16 +168,16 @@ def open_csv(path: Path, options: Options) -> CsvFile:
     remarks = list(dialect.remarks)
     if form.guessed:
         remarks.append("the file is not UTF-8; it is read as Windows-1252 (--encoding says otherwise)")
-    headings, places, time = _find_time(path, dialect, options)
+    headings, indices, time = _find_time(path, dialect, options)
     origin = None
     if time is not None and time.absolute:
         clock = TimeReader(time)
-        clock.read(_joined(dialect, places))
+        clock.read(_joined(dialect, indices))
         origin = clock.origin
         if time.kind == "date" and time.naive and time.zone is None:
             remarks.append("its times name no time zone; they are taken as UTC (--zone says otherwise)")
     missing = frozenset((*NO_VALUE, *options.missing))
-    cells = Cells(dialect.delimiter, dialect.decimal, missing, places, stated=options.decimal is not None)
+    cells = Cells(dialect.delimiter, dialect.decimal, missing, indices, stated=options.decimal is not None)
     return CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
 
 
@@ -198,35 +198,35 @@ def _head(path: Path, form: TextForm) -> tuple[str, bool]:
 def _find_time(
     path: Path, dialect: Dialect, options: Options
 ) -> tuple[tuple[Heading, ...], tuple[int, ...], TimeFormat | None]:
-    """The headings, the places of the cells that make the time, and how it is written; None for numbers."""
+    """The headings, the indices of the cells that make the time, and how it is written; None for numbers."""
     headings = dialect.headings
     ours = [options.ours(heading.name) for heading in headings]
     if "time" not in ours:
         return headings, (), None
-    place = ours.index("time")
-    heading = headings[place]
+    index = ours.index("time")
+    heading = headings[index]
     unit = options.unit_of(heading.name) or heading.unit
-    where = dialect.place_of(path, place)
-    times = dialect.column(place)
+    where = dialect.location_of(path, index)
+    times = dialect.column(index)
     missing = {*NO_VALUE, *options.missing}
     known = [cell for cell in times if cell not in missing]
-    places: tuple[int, ...] = (place,)
+    indices: tuple[int, ...] = (index,)
     if "date" in ours and any(":" in cell for cell in known):
-        places = (ours.index("date"), place)
-        known = [f"{day} {hour}" for day, hour in zip(dialect.column(places[0]), times, strict=True)]
+        indices = (ours.index("date"), index)
+        known = [f"{day} {hour}" for day, hour in zip(dialect.column(indices[0]), times, strict=True)]
     form = find_format(known, unit, options, path, where)
     if form.kind == "number":
         return headings, (), None
     changed = list(headings)
-    changed[place] = replace(heading, unit="s", seconds=True)
-    if len(places) > 1:
-        changed[places[0]] = replace(headings[places[0]], spent=True)
-    return tuple(changed), places, form
+    changed[index] = replace(heading, unit="s", seconds=True)
+    if len(indices) > 1:
+        changed[indices[0]] = replace(headings[indices[0]], spent=True)
+    return tuple(changed), indices, form
 
 
-def _joined(dialect: Dialect, places: Sequence[int]) -> pa.Array:
+def _joined(dialect: Dialect, indices: Sequence[int]) -> pa.Array:
     """The times of the first rows."""
     import pyarrow as pa
 
-    columns = [dialect.column(place) for place in places]
+    columns = [dialect.column(index) for index in indices]
     return pa.array([" ".join(cells) for cells in zip(*columns, strict=True)], pa.string())

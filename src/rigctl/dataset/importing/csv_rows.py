@@ -28,8 +28,8 @@ class Cells:
     Parameters
     ----------
     missing: marks of missing values.
-    time: places of the cells that make the time, joined with a space, where it is no plain number; the last
-        of them is the place of the column of time.
+    time: indices of the cells that make the time, joined with a space, where it is no plain number; the last
+        of them is the index of the column of time.
     stated: the user says what the decimal sign is.
     """
 
@@ -52,7 +52,7 @@ def read_rows(
     """Read the rows of a text whose first one stands on `line`; what cannot be read becomes a fault."""
     import numpy as np
 
-    numbers = [place for place in wanted if clock is None or place not in cells.time]
+    numbers = [index for index in wanted if clock is None or index not in cells.time]
     rows: list[list[float]] = []
     lines: list[int] = []
     texts: list[str] = []
@@ -69,9 +69,9 @@ def read_rows(
         rows.append(row)
         lines.append(at)
         texts.append("" if record is None else found[record].strip())
-        times.append(" ".join(found[place].strip() for place in cells.time))
+        times.append(" ".join(found[index].strip() for index in cells.time))
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(numbers))
-    columns = {place: np.ascontiguousarray(table[:, index]) for index, place in enumerate(numbers)}
+    columns = {index: np.ascontiguousarray(table[:, k]) for k, index in enumerate(numbers)}
     labels = None if record is None else labels_of_texts(texts)
     part = Part(
         columns, np.array(lines, dtype=np.int64), labels, tuple(faults), more_faults=bad - len(faults)
@@ -91,19 +91,19 @@ def with_times(
     columns = {**part.columns, cells.time[-1]: seconds}
     if not wrong.any():
         return Part(columns, part.lines, part.labels, part.faults, more_faults=part.more_faults)
-    good, places = ~wrong, np.flatnonzero(wrong).tolist()
+    good, indices = ~wrong, np.flatnonzero(wrong).tolist()
     name = headings[cells.time[-1]].name
     faults = [
-        Fault(int(part.lines[place]), f"{name}: not a time", times[place], clock.form.expected)
-        for place in places[:KEPT_FAULTS]
+        Fault(int(part.lines[index]), f"{name}: not a time", times[index], clock.form.expected)
+        for index in indices[:KEPT_FAULTS]
     ]
     labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
     return Part(
-        {place: values[good] for place, values in columns.items()},
+        {index: values[good] for index, values in columns.items()},
         part.lines[good],
         labels,
         tuple(sorted((*part.faults, *faults), key=lambda fault: fault.line)),
-        more_faults=part.more_faults + len(places) - len(faults),
+        more_faults=part.more_faults + len(indices) - len(faults),
     )
 
 
@@ -144,14 +144,14 @@ def _read_row(
             expected=f"{len(headings)} as in the heading",
         )
     row = []
-    for place in wanted:
-        cell = found[place].strip(" \t")
+    for index in wanted:
+        cell = found[index].strip(" \t")
         if "\n" in cell:
-            return Fault(line, f"{headings[place].name}: a quote is not closed", cell, "one on each side")
+            return Fault(line, f"{headings[index].name}: a quote is not closed", cell, "one on each side")
         value = read_number(cell, cells.decimal, cells.missing, stated=cells.stated)
         if value is None:
-            column = cell_place(cells.delimiter.join(found), cells.delimiter, place + 1)
-            return Fault(line, f"{headings[place].name}: not a number", cell, _expected(cell, cells), column)
+            column = cell_place(cells.delimiter.join(found), cells.delimiter, index + 1)
+            return Fault(line, f"{headings[index].name}: not a number", cell, _expected(cell, cells), column)
         row.append(value)
     return row
 

@@ -57,17 +57,17 @@ class Dialect:
     sample: tuple[Row, ...]
     remarks: tuple[str, ...]
 
-    def place_of(self, path: Path, place: int) -> Location:
+    def location_of(self, path: Path, index: int) -> Location:
         """Where the first cell of a column stands, or its heading in a file without rows."""
         if not self.sample:
-            return self.headings[place].where
+            return self.headings[index].where
         first = self.sample[0]
         written = self.delimiter.join(first.cells)
-        return Location(path, first.line, cell_place(written, self.delimiter, place + 1))
+        return Location(path, first.line, cell_place(written, self.delimiter, index + 1))
 
-    def column(self, place: int) -> list[str]:
+    def column(self, index: int) -> list[str]:
         """The cells of a column in the first rows."""
-        return [row.cells[place].strip() for row in self.sample if len(row.cells) == len(self.headings)]
+        return [row.cells[index].strip() for row in self.sample if len(row.cells) == len(self.headings)]
 
 
 def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dialect:
@@ -90,12 +90,12 @@ def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dia
             expected="a first line such as 'time [s],position [mm]'",
             where=Location(path),
         )
-    delimiter, rows, place = best
+    delimiter, rows, index = best
     remarks: list[str] = []
-    cells, first, line = _heading(text, delimiter, rows, place)
+    cells, first, line = _heading(text, delimiter, rows, index)
     if line == 0:
         remarks.append(f"the file has no heading; its columns are called 1 to {len(cells)}")
-    elif place and rows[0].line < line and first:
+    elif index and rows[0].line < line and first:
         remarks.append(f"{len(_before(rows, line))} lines before the heading, on line {line}, are left out")
     sample = rows[first:]
     units, sample = _unit_row(cells, sample)
@@ -194,21 +194,21 @@ def _is_data(row: Row) -> bool:
     )
 
 
-def _heading(text: str, delimiter: str, rows: list[Row], place: int) -> tuple[list[str], int, int]:
-    """The cells of the heading, the place of the first row behind it, and its line; 0 for no heading."""
-    row = rows[place]
+def _heading(text: str, delimiter: str, rows: list[Row], index: int) -> tuple[list[str], int, int]:
+    """The cells of the heading, the index of the first row behind it, and its line; 0 for no heading."""
+    row = rows[index]
     if not _is_data(row):
-        return list(row.cells), place + 1, row.line
-    if place and not _is_data(rows[place - 1]) and abs(len(rows[place - 1].cells) - len(row.cells)) <= 1:
-        return list(rows[place - 1].cells), place, rows[place - 1].line
+        return list(row.cells), index + 1, row.line
+    if index and not _is_data(rows[index - 1]) and abs(len(rows[index - 1].cells) - len(row.cells)) <= 1:
+        return list(rows[index - 1].cells), index, rows[index - 1].line
     before = text.splitlines()[: row.line - 1]
     for line in range(len(before), 0, -1):
         written = before[line - 1]
         if written.startswith("#"):
             cells = split_row(written.lstrip("# \t"), delimiter)
             if len(cells) == len(row.cells) and not _is_data(Row(line, line, tuple(cells))):
-                return cells, place, line
-    return [str(number) for number in range(1, len(row.cells) + 1)], place, 0
+                return cells, index, line
+    return [str(number) for number in range(1, len(row.cells) + 1)], index, 0
 
 
 def _before(rows: Sequence[Row], line: int) -> list[Row]:

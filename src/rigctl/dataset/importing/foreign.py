@@ -167,8 +167,8 @@ def read(task: Mapping[str, Any]) -> NoReturn:
 
 def _as_data(problem: RigctlError) -> dict[str, Any]:
     names = ("what", "value", "expected", "nearest", "hint")
-    place = {"line": problem.where.line, "column": problem.where.column}
-    return {**{name: getattr(problem, name) for name in names}, **place}
+    where = {"line": problem.where.line, "column": problem.where.column}
+    return {**{name: getattr(problem, name) for name in names}, **where}
 
 
 def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
@@ -201,7 +201,7 @@ def _write_group(path: Path, group: Group, rows: int) -> None:
         for start in range(0, group.rows, rows):
             stop = min(start + rows, group.rows)
             arrays = [_as_arrow(column.read(start, stop), stop - start) for column in group.columns]
-            batch = pa.record_batch(arrays, names=[str(place) for place in range(len(arrays))])
+            batch = pa.record_batch(arrays, names=[str(index) for index in range(len(arrays))])
             writer = writer or pa.ipc.new_file(str(path), batch.schema)
             writer.write_batch(batch)
     finally:
@@ -264,10 +264,10 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
 
 
 def _group(facts: Mapping[str, Any], pieces: _Pieces) -> Group:
-    def reader(place: int) -> Callable[[int, int], NDArray[Any]]:
-        return lambda start, stop: pieces.read(place, start, stop)
+    def reader(index: int) -> Callable[[int, int], NDArray[Any]]:
+        return lambda start, stop: pieces.read(index, start, stop)
 
-    columns = tuple(Column(name, unit, reader(place)) for place, (name, unit) in enumerate(facts["columns"]))
+    columns = tuple(Column(name, unit, reader(index)) for index, (name, unit) in enumerate(facts["columns"]))
     return Group(facts["name"], facts["rows"], columns, facts["first"])
 
 
@@ -281,7 +281,7 @@ class _Pieces:
         self._stream: Any = None
         self._held: tuple[int, pa.RecordBatch] | None = None
 
-    def read(self, place: int, start: int, stop: int) -> NDArray[Any]:
+    def read(self, index: int, start: int, stop: int) -> NDArray[Any]:
         """The values of a column from one row to another."""
         import numpy as np
 
@@ -289,7 +289,7 @@ class _Pieces:
         for number in range(start // self._rows, -(-stop // self._rows)):
             begin = number * self._rows
             here = slice(max(start - begin, 0), min(stop - begin, self._rows))
-            column = self._piece(number).column(place)[here]
+            column = self._piece(number).column(index)[here]
             parts.append(np.asarray(column.to_numpy(zero_copy_only=False)))
         return np.concatenate(parts) if parts else np.zeros(0)
 

@@ -113,15 +113,15 @@ class GroupedFile:
         import numpy as np
 
         faults = tuple(Fault(0, f"the file is damaged: {text}") for text in self.damage)
-        return Part({place: np.zeros(0) for place in wanted}, np.zeros(0, dtype=np.int64), None, faults)
+        return Part({index: np.zeros(0) for index in wanted}, np.zeros(0, dtype=np.int64), None, faults)
 
     def _part(self, group: Group, start: int, stop: int, wanted: Collection[int], record: int | None) -> Part:
         import numpy as np
 
-        columns = {place: self._numbers(group, self.headings[place], start, stop) for place in wanted}
+        columns = {index: self._numbers(group, self.headings[index], start, stop) for index in wanted}
         lines = np.arange(start, stop, dtype=np.int64) + group.first
-        place = f"{self.noun} '{group.name}'" if group.name else ""
-        return Part(columns, lines, self._labels(group, start, stop, record), group=place)
+        shown = f"{self.noun} '{group.name}'" if group.name else ""
+        return Part(columns, lines, self._labels(group, start, stop, record), group=shown)
 
     def _numbers(self, group: Group, heading: Heading, start: int, stop: int) -> NDArray[np.float64]:
         import numpy as np
@@ -190,17 +190,17 @@ def _find_clock(
     groups: Sequence[Group], headings: tuple[Heading, ...], options: Options
 ) -> tuple[tuple[Heading, ...], ArrayClock | None]:
     """How the times are read, where they say when it was; the heading of time is in seconds then."""
-    place = next((at for at, heading in enumerate(headings) if options.ours(heading.name) == "time"), None)
-    if place is None:
+    index = next((at for at, heading in enumerate(headings) if options.ours(heading.name) == "time"), None)
+    if index is None:
         return headings, None
-    heading = headings[place]
+    heading = headings[index]
     columns = [(group.rows, column) for group in groups if (column := group.column(heading.name))]
     ends = [column.read(at, at + 1) for rows, column in columns for at in (0, rows - 1)]
     clock = array_clock(ends, options.unit_of(heading.name) or heading.unit)
     if clock is None:
         return headings, None
     changed = list(headings)
-    changed[place] = replace(heading, unit="s", seconds=True)
+    changed[index] = replace(heading, unit="s", seconds=True)
     return tuple(changed), clock
 
 

@@ -39,7 +39,7 @@ class LongFile:
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """All rows at once."""
-        columns = {place: self.times if place == 0 else self.values[place - 1] for place in wanted}
+        columns = {index: self.times if index == 0 else self.values[index - 1] for index in wanted}
         yield Part(columns, self.lines, None, self.faults, more_faults=self.more_faults)
 
 

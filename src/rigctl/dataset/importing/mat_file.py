@@ -143,7 +143,7 @@ def _signals(value: Any) -> dict[str, Any]:
         name = label if isinstance(label, str) and label else f"signal_{number}"
         values: Any = fields.get("values")
         if getattr(values, "ndim", 0) == 2:
-            found |= {f"{name}_{place}": column for place, column in enumerate(values.T, start=1)}
+            found |= {f"{name}_{index}": column for index, column in enumerate(values.T, start=1)}
         else:
             found[name] = values
     return found

@@ -68,7 +68,9 @@ def _groups(file: Any) -> list[Group]:
         if not rows:
             continue
         master = file.masters_db.get(index)
-        columns = [_column(file, index, place) for place in range(len(group.channels)) if place != master]
+        columns = [
+            _column(file, index, channel) for channel in range(len(group.channels)) if channel != master
+        ]
         if master is not None:
             columns.insert(0, Column("time", "s", _master(file, index)))
         found.append(Group(_name(group, index, {other.name for other in found}), rows, tuple(columns)))
@@ -83,19 +85,19 @@ def _name(group: Any, index: int, taken: set[str]) -> str:
     return f"{name} ({index + 1})" if name in taken else name
 
 
-def _column(file: Any, group: int, place: int) -> Column:
-    first = file.get(group=group, index=place, record_count=1, ignore_invalidation_bits=True)
+def _column(file: Any, group: int, channel: int) -> Column:
+    first = file.get(group=group, index=channel, record_count=1, ignore_invalidation_bits=True)
     name, unit = split_heading(str(first.name))
-    return Column(name or str(first.name), unit_of(first.unit) or unit, _reader(file, group, place))
+    return Column(name or str(first.name), unit_of(first.unit) or unit, _reader(file, group, channel))
 
 
-def _reader(file: Any, group: int, place: int) -> Callable[[int, int], NDArray[Any]]:
+def _reader(file: Any, group: int, channel: int) -> Callable[[int, int], NDArray[Any]]:
     import numpy as np
 
     def read(start: int, stop: int) -> NDArray[Any]:
         values, invalid = file.get(
             group=group,
-            index=place,
+            index=channel,
             samples_only=True,
             ignore_invalidation_bits=True,  # else the library drops those rows, and columns differ in length
             record_offset=start,

@@ -57,7 +57,7 @@ class Observations:
         sweep: dict[str, tuple[float, str]] = {}
         measures: list[tuple[Assigned, float]] = []
         for column in self.assigned:
-            written = float(part.columns[column.place][row]) if column.unit is not None else float("nan")
+            written = float(part.columns[column.index][row]) if column.unit is not None else float("nan")
             if column.unit is None or np.isnan(written):
                 continue
             value = column.unit.to_si(written, difference=column.difference)
@@ -67,8 +67,8 @@ class Observations:
                 measures.append((column, value))
         label = read_label(part.labels.texts[int(part.labels.codes[row])]) if part.labels else None
         called = name or (label if isinstance(label, str) else stem)
-        place = f"line {part.lines[row]}" + (f" of {part.group}" if part.group else "")
-        writer.open_record(0.0, called, sweep, place, 0.0)
+        where = f"line {part.lines[row]}" + (f" of {part.group}" if part.group else "")
+        writer.open_record(0.0, called, sweep, where, 0.0)
         for column, value in measures:
             writer.measure(MeasuredValue(column.name, value, column.shown, difference=column.difference))
         writer.close_record(0.0, "complete")
@@ -84,7 +84,7 @@ def take_observations(source: Source, assigned: Sequence[Assigned]) -> Observati
         faults = [Fault(int(part.lines[row]), "not a finite number", group=part.group) for row in sorted(bad)]
         good = np.array([row not in bad for row in range(len(part.lines))], dtype=bool)
         labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
-        columns = {place: column[good] for place, column in part.columns.items()}
+        columns = {index: column[good] for index, column in part.columns.items()}
         parts.append(Part(columns, part.lines[good], labels, group=part.group))
         found.rows += int(good.sum())
         found.faults += [*part.faults, *faults]

@@ -42,34 +42,34 @@ class ParquetFile:
         """The rows in order."""
         import numpy as np
 
-        places = [*wanted] if record is None else [*wanted, record]
+        indices = [*wanted] if record is None else [*wanted, record]
         with _reading(self.path) as file:
             line = 1
-            for batch in file.iter_batches(PART_ROWS, columns=[self.names[place] for place in places]):
-                columns = {place: self._numbers(batch[self.names[place]], place) for place in wanted}
+            for batch in file.iter_batches(PART_ROWS, columns=[self.names[index] for index in indices]):
+                columns = {index: self._numbers(batch[self.names[index]], index) for index in wanted}
                 labels = None if record is None else self._labels(batch[self.names[record]], record)
                 yield Part(columns, np.arange(line, line + len(batch), dtype=np.int64), labels)
                 line += len(batch)
 
-    def _numbers(self, column: pa.Array, place: int) -> NDArray[np.float64]:
+    def _numbers(self, column: pa.Array, index: int) -> NDArray[np.float64]:
         import pyarrow as pa
 
-        if self.clock is not None and self.headings[place].seconds:
+        if self.clock is not None and self.headings[index].seconds:
             return self.clock.seconds(_times(column, self.zone))
         try:
             numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
         except pa.ArrowException as problem:
-            raise no_numbers(self.path, self.headings[place].name, str(column.type)) from problem
+            raise no_numbers(self.path, self.headings[index].name, str(column.type)) from problem
         return numbers
 
-    def _labels(self, column: pa.Array, place: int) -> Labels:
+    def _labels(self, column: pa.Array, index: int) -> Labels:
         import pyarrow as pa
 
         if pa.types.is_dictionary(column.type):
             column = column.dictionary_decode()
         if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
             return labels_of_dictionary(pa.chunked_array([column.dictionary_encode()]))
-        return labels_of_numbers(self._numbers(column, place))
+        return labels_of_numbers(self._numbers(column, index))
 
 
 def open_parquet_file(path: Path, options: Options) -> ParquetFile:
@@ -92,10 +92,10 @@ def open_parquet_file(path: Path, options: Options) -> ParquetFile:
         headings.append(Heading(name or field.name, unit, Location(path)))
     ours = [options.ours(heading.name) for heading in headings]
     if "time" in ours:
-        place = ours.index("time")
-        clock = _find_clock(path, schema.names[place], headings[place], options)
+        index = ours.index("time")
+        clock = _find_clock(path, schema.names[index], headings[index], options)
         if clock is not None:
-            headings[place] = replace(headings[place], unit="s", seconds=True)
+            headings[index] = replace(headings[index], unit="s", seconds=True)
     return ParquetFile(path, tuple(headings), tuple(schema.names), clock, options.zone)
 
 

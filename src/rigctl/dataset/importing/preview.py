@@ -133,7 +133,7 @@ def _observed(taken: Observations) -> tuple[ColumnPreview, ...]:
     for column in taken.assigned:
         if column.unit is None:
             continue
-        written = [part.columns[column.place] for part in taken.parts]
+        written = [part.columns[column.index] for part in taken.parts]
         values = np.concatenate(written) if written else np.zeros(0)
         si = values * column.unit.factor + (0.0 if column.difference else column.unit.offset)
         shown = _shown(si, column.shown, difference=column.difference)
@@ -156,10 +156,10 @@ def _sampled(
     headings = taken.source.headings
     for part in taken.kept or checked(taken.source, taken.stages, taken.checker()):
         bins = (row + np.arange(len(part.block))) // width
-        for place in np.unique(bins).tolist():
-            here = part.block[bins == place]
-            lows[place] = np.fmin(lows[place], np.fmin.reduce(here, axis=0))
-            highs[place] = np.fmax(highs[place], np.fmax.reduce(here, axis=0))
+        for index in np.unique(bins).tolist():
+            here = part.block[bins == index]
+            lows[index] = np.fmin(lows[index], np.fmin.reduce(here, axis=0))
+            highs[index] = np.fmax(highs[index], np.fmax.reduce(here, axis=0))
         counts += (~np.isnan(part.block)).sum(axis=0)
         row += len(part.block)
         for stretch in part.stretches:
@@ -171,12 +171,12 @@ def _sampled(
     for column in taken.assigned:
         if column.kind in ("record", "clock"):
             continue
-        place = order.index(column.name)
-        course = np.vstack([lows[:, place], highs[:, place]])
+        index = order.index(column.name)
+        course = np.vstack([lows[:, index], highs[:, index]])
         shown = _shown(course, column.shown, difference=column.difference)
-        heading = headings[column.place]
+        heading = headings[column.index]
         entry = _column(heading.name, heading.unit, column.name, column.kind, column.shown, shown)
-        count = int(counts[place])
+        count = int(counts[index])
         made.append(ColumnPreview(**{**vars(entry), "values": count, "missing": taken.rows - count}))
     middle = 0.5 * (lows[:, 0] + highs[:, 0])
     stem = stem_of(taken.source.path)

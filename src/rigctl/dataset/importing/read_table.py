@@ -39,7 +39,7 @@ class Table:
     Parameters
     ----------
     columns: in the order of the file.
-    time: place among `columns` of the time; None where there is none.
+    time: index among `columns` of the time; None where there is none.
     origin: nanoseconds from 1970-01-01 UTC to time zero; None where the times do not say when it was.
     texts: names of the columns that hold no numbers.
     records: by the row, what a column ``record`` says; None without one.
@@ -90,12 +90,12 @@ def table_of(
 
     ours = [options.ours(heading.name) for heading in source.headings]
     record = ours.index("record") if "record" in ours else None
-    places = [
-        place
-        for place, heading in enumerate(source.headings)
-        if place != record and heading.name and not heading.spent and ours[place] != "-"
+    indices = [
+        index
+        for index, heading in enumerate(source.headings)
+        if index != record and heading.name and not heading.spent and ours[index] != "-"
     ]
-    wanted = [place for place in places if _holds_numbers(source, place)]
+    wanted = [index for index in indices if _holds_numbers(source, index)]
     parts: list[Part] = []
     for part in source.parts(wanted, record) if wanted else ():
         parts.append(part)
@@ -108,33 +108,33 @@ def table_of(
         raise RigctlError("there is nothing in it", expected="rows of values", where=Location(path))
     columns = tuple(
         TableColumn(
-            source.headings[place].name,
-            source.headings[place].unit,
-            np.concatenate([part.columns[place] for part in parts]),
+            source.headings[index].name,
+            source.headings[index].unit,
+            np.concatenate([part.columns[index] for part in parts]),
         )
-        for place in wanted
+        for index in wanted
     )
     labels = [part.labels for part in parts if part.labels is not None]
     return Table(
         path,
         columns,
-        next((at for at, place in enumerate(wanted) if ours[place] == "time"), None),
+        next((at for at, index in enumerate(wanted) if ours[index] == "time"), None),
         source.origin,
-        tuple(source.headings[place].name for place in places if place not in wanted),
+        tuple(source.headings[index].name for index in indices if index not in wanted),
         tuple(label.texts[code] for label in labels for code in label.codes.tolist()) or None,
         source.remarks,
     )
 
 
-def _holds_numbers(source: Source, place: int) -> bool:
+def _holds_numbers(source: Source, index: int) -> bool:
     """Whether a column is one of numbers, by its first rows."""
     import numpy as np
 
     try:
-        first = next(iter(source.parts([place], None)), None)
+        first = next(iter(source.parts([index], None)), None)
     except RigctlError:
         return False
     if first is None:
         return False
     bad = len(first.faults) + first.more_faults
-    return not bad or int(np.isfinite(first.columns[place]).sum()) > bad
+    return not bad or int(np.isfinite(first.columns[index]).sum()) > bad

@@ -76,16 +76,16 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
         series = {c.name: _series(part, slice(start, stop), c, time, clocks) for c in known}
         usual |= {name: one.step for name, one in series.items() if len(one.times) > 1}
         grid = series[leading.name].times if leading is not None else _grid(series, step or 0.0)
-        piece = {c.place: _at(grid, series[c.name], hold=c.kind == "command") for c in known}
-        piece[time.place] = grid
-        piece |= {clock.place: np.full(len(grid), np.nan) for clock in clocks.values()}
+        piece = {c.index: _at(grid, series[c.name], hold=c.kind == "command") for c in known}
+        piece[time.index] = grid
+        piece |= {clock.index: np.full(len(grid), np.nan) for clock in clocks.values()}
         pieces.append(piece)
         lines.append(_lines_at(grid, series))
         codes.append(np.full(len(grid), len(texts), dtype=np.int64))
         texts.append(text or "0")
     if not pieces:  # no rows, only what is wrong with the file
         return part, []
-    columns = {place: np.concatenate([piece[place] for piece in pieces]) for place in part.columns}
+    columns = {index: np.concatenate([piece[index] for piece in pieces]) for index in part.columns}
     named = part.labels is not None and part.labels.named
     made = replace(
         part,
@@ -116,10 +116,10 @@ def _series(
     import numpy as np
 
     clock = clocks.get(column.name)
-    times = part.columns[(clock or time).place][rows]
+    times = part.columns[(clock or time).index][rows]
     if clock is not None and clock.unit is not None and time.unit is not None:
         times = times * (clock.unit.factor / time.unit.factor)
-    values, lines = part.columns[column.place][rows], part.lines[rows]
+    values, lines = part.columns[column.index][rows], part.lines[rows]
     good = ~(np.isnan(times) | np.isnan(values))
     order = np.argsort(times[good], kind="stable")
     times, values, lines = times[good][order], values[good][order], lines[good][order]

@@ -167,11 +167,11 @@ class _Recorder:
     def _log_switches(self, rows: NDArray[np.float64]) -> None:
         """A command that differs from one sample to the next was switched somewhere between the two."""
         switches = []
-        for place, actuator in enumerate(self._layout.commands, start=2 + len(self._layout.channels)):
-            known = np.flatnonzero(~np.isnan(rows[:, place]))
+        for index, actuator in enumerate(self._layout.commands, start=2 + len(self._layout.channels)):
+            known = np.flatnonzero(~np.isnan(rows[:, index]))
             if not len(known):
                 continue
-            values, times = rows[known, place], rows[known, 0]
+            values, times = rows[known, index], rows[known, 0]
             if actuator in self._told:
                 time, value = self._told[actuator]
                 times, values = np.concatenate([[time], times]), np.concatenate([[value], values])

@@ -58,7 +58,7 @@ def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings:
 
     Parameters
     ----------
-    headings: places of the columns by their names in the file.
+    headings: indices of the columns by their names in the file.
 
     Raises
     ------
@@ -69,19 +69,19 @@ def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings:
         return _by_column(part, split.what or "", assigned, headings)
     ours = {column.name: column for column in assigned}
     time = ours["time"]
-    times = part.columns[time.place]
+    times = part.columns[time.index]
     if split.way == "gap":
         longest = None
         if split.what is not None:
             longest = read_si(split.what, "s") / (time.unit.factor if time.unit is not None else 1.0)
         return begin_records(part, lambda rows: _after_gaps(times[rows], longest))
-    commands = {name: column.place for name, column in ours.items() if column.kind == "command"}
+    commands = {name: column.index for name, column in ours.items() if column.kind == "command"}
     if split.what is not None and split.what not in commands:
         raise unknown_name("command to split by", split.what, commands)
     if not commands:
         raise RigctlError("--split command: the file has no command", expected="a column of an actuator")
-    places = [commands[split.what]] if split.what is not None else list(commands.values())
-    values = [part.columns[place] for place in places]
+    indices = [commands[split.what]] if split.what is not None else list(commands.values())
+    values = [part.columns[index] for index in indices]
     return begin_records(part, lambda rows: _at_commands([column[rows] for column in values]))
 
 
@@ -175,8 +175,8 @@ def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
     import numpy as np
 
     known = ~np.isnan(values)
-    places = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    return np.where(places >= 0, values[np.maximum(places, 0)], np.nan)
+    indices = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(indices >= 0, values[np.maximum(indices, 0)], np.nan)
 
 
 def _by_column(part: Part, name: str, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
@@ -185,13 +185,13 @@ def _by_column(part: Part, name: str, assigned: Sequence[Assigned], headings: Ma
 
     known = (item for item in assigned if item.unit is not None and name in (item.name, item.heading.name))
     column = next(known, None)
-    place = column.place if column is not None else None
-    if place is None:
+    index = column.index if column is not None else None
+    if index is None:
         if part.labels is None:
             raise unknown_name("column to split by", name, headings)
         values: NDArray[np.float64] = part.labels.codes.astype(np.float64)
     else:
-        values = _held(part.columns[place])
+        values = _held(part.columns[index])
     file = f"{part.labels.texts[0]} " if part.labels is not None and part.labels.named else ""
     changes = np.zeros(len(values), dtype=bool)
     changes[1:] = ~((values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1])))
@@ -200,7 +200,7 @@ def _by_column(part: Part, name: str, assigned: Sequence[Assigned], headings: Ma
     texts: list[str] = []
     used: dict[str, int] = {}
     for start, stop in pairwise(edges):
-        if place is None and part.labels is not None:
+        if index is None and part.labels is not None:
             text = part.labels.texts[int(part.labels.codes[start])].strip()
         else:
             text = "" if np.isnan(values[start]) else f"{file}{name}={values[start]:.6g}"

@@ -44,7 +44,7 @@ class Stages:
         """The rows of a file, as they are to be checked."""
         split = read_split(self.options.split)
         wanted, record = places_of(self.assigned)
-        headings = {heading.name: place for place, heading in enumerate(source.headings)}
+        headings = {heading.name: index for index, heading in enumerate(source.headings)}
         if split is not None and split.way == "column":
             numeric = {name for c in self.assigned if c.unit is not None for name in (c.name, c.heading.name)}
             if split.what not in numeric:
@@ -58,7 +58,7 @@ class Stages:
         self.remarks = []
         if self.options.resample is None:
             self._check_clocks(source)
-        times = [column.place for column in self.assigned if column.kind == "time"]
+        times = [column.index for column in self.assigned if column.kind == "time"]
         if not times:
             raise RigctlError("the rows cannot be put in order without times", expected="a column 'time [s]'")
         time = times[0]
@@ -144,7 +144,7 @@ def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
 def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:
     """Some of the rows of a part."""
     labels = part.labels and Labels(part.labels.codes[rows], part.labels.texts, part.labels.named)
-    columns = {place: values[rows] for place, values in part.columns.items()}
+    columns = {index: values[rows] for index, values in part.columns.items()}
     return replace(part, columns=columns, lines=part.lines[rows], labels=labels)
 
 
@@ -192,19 +192,19 @@ def joined(parts: Sequence[Part], wanted: Sequence[int]) -> Part:
     """Consecutive parts as one."""
     import numpy as np
 
-    columns = {place: np.concatenate([part.columns[place] for part in parts]) for place in wanted}
+    columns = {index: np.concatenate([part.columns[index] for part in parts]) for index in wanted}
     lines = np.concatenate([part.lines for part in parts])
     codes = []
-    places: dict[str, int] = {}
+    indices: dict[str, int] = {}
     for part in parts:
         if part.labels is None:
             continue
-        known = [places.setdefault(text, len(places)) for text in part.labels.texts]
+        known = [indices.setdefault(text, len(indices)) for text in part.labels.texts]
         codes.append(np.array(known, dtype=np.int64)[part.labels.codes])
     labelled = [part.labels for part in parts if part.labels is not None]
     labels = None
     if labelled:
-        labels = Labels(np.concatenate(codes), tuple(places), all(label.named for label in labelled))
+        labels = Labels(np.concatenate(codes), tuple(indices), all(label.named for label in labelled))
     faults = tuple(fault for part in parts for fault in part.faults)
     more = sum(part.more_faults for part in parts)
     first = parts[0]

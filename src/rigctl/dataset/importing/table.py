@@ -119,7 +119,7 @@ class Labels:
 
     Parameters
     ----------
-    codes: place in `texts` of each row's label, shape (n,).
+    codes: index in `texts` of each row's label, shape (n,).
     named: the texts are names of groups, and a number among them is a name too.
     """
 
@@ -134,7 +134,7 @@ class Part:
 
     Parameters
     ----------
-    columns: values by the place of their heading, shape (n,); NaN where one is missing.
+    columns: values by the index of their heading, shape (n,); NaN where one is missing.
     lines: in the file, of each of the n rows.
     labels: of the rows' records; None where the file does not tell records apart.
     faults: rows that could not be read; they are not in `columns`.
@@ -176,8 +176,8 @@ class Source(Protocol):
 
         Parameters
         ----------
-        wanted: places of the columns that hold numbers and are needed.
-        record: place of the column that holds the rows' records, as numbers or names.
+        wanted: indices of the columns that hold numbers and are needed.
+        record: index of the column that holds the rows' records, as numbers or names.
 
         Raises
         ------
@@ -199,9 +199,9 @@ def labels_of_texts(texts: Sequence[str]) -> Labels:
     """Records given as texts, one for each row."""
     import numpy as np
 
-    places: dict[str, int] = {}
-    codes = np.array([places.setdefault(text, len(places)) for text in texts], dtype=np.int64)
-    return Labels(codes, tuple(places))
+    indices: dict[str, int] = {}
+    codes = np.array([indices.setdefault(text, len(indices)) for text in texts], dtype=np.int64)
+    return Labels(codes, tuple(indices))
 
 
 def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:

@@ -456,10 +456,10 @@ def _epoch(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
     exponents = np.asarray(part["e"].to_numpy(zero_copy_only=False), dtype=object) != ""
     if exponents.any():
         written = texts.to_pylist()
-        for place in np.flatnonzero(exponents).tolist():
-            count = float(str(written[place]).replace(form.decimal, ".")) + offset
-            whole[place] = round(count * scale)
-            behind[place] = 0.0
+        for index in np.flatnonzero(exponents).tolist():
+            count = float(str(written[index]).replace(form.decimal, ".")) + offset
+            whole[index] = round(count * scale)
+            behind[index] = 0.0
     return whole + np.round(behind * scale).astype(np.int64), good
 
 
@@ -521,9 +521,9 @@ def _months(texts: pa.Array) -> NDArray[np.int64]:
     if not pc.any(named).as_py():
         return _whole(texts)
     short = pc.utf8_slice_codeunits(pc.utf8_lower(texts), 0, 3)
-    places = pc.fill_null(pc.index_in(short, value_set=pa.array(_MONTHS)), -1)
+    indices = pc.fill_null(pc.index_in(short, value_set=pa.array(_MONTHS)), -1)
     digits = pc.if_else(named, "0", texts)
-    numbers = np.asarray(places.to_numpy(zero_copy_only=False), dtype=np.int64) + 1
+    numbers = np.asarray(indices.to_numpy(zero_copy_only=False), dtype=np.int64) + 1
     return np.where(np.asarray(named.to_numpy(zero_copy_only=False), dtype=bool), numbers, _whole(digits))
 
 

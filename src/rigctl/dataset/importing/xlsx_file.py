@@ -97,12 +97,12 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 def _names(heading: Sequence[Any], units: Sequence[Any]) -> dict[int, tuple[str, str | None]]:
     found = {}
-    for place, cell in enumerate(heading):
+    for index, cell in enumerate(heading):
         if _blank(cell):
             continue
         name, unit = split_heading(str(cell))
-        below = units[place] if place < len(units) and not _blank(units[place]) else None
-        found[place] = (
+        below = units[index] if index < len(units) and not _blank(units[index]) else None
+        found[index] = (
             name or str(cell).strip(),
             unit or unit_of(str(below).strip("[]() ") if below else None),
         )
@@ -120,12 +120,12 @@ def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group
     import numpy as np
 
     columns = []
-    for place, (name, unit) in sheet.names.items():
-        cells = [row[place] if place < len(row) else None for row in sheet.rows]
+    for index, (name, unit) in sheet.names.items():
+        cells = [row[index] if index < len(row) else None for row in sheet.rows]
         if options.ours(name) == "-":  # whatever stands in it
             columns.append(Column(name, unit, _reader(np.full(len(cells), "", dtype=object))))
             continue
-        values, found = _values(path, sheet, place, name, cells, options)
+        values, found = _values(path, sheet, index, name, cells, options)
         columns.append(Column(name, found or unit, _reader(values)))
     return Group("" if alone else sheet.name, len(sheet.rows), tuple(columns), sheet.first)
 
@@ -135,7 +135,7 @@ def _reader(values: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
 
 
 def _values(
-    path: Path, sheet: _Sheet, place: int, name: str, cells: Sequence[Any], options: Options
+    path: Path, sheet: _Sheet, index: int, name: str, cells: Sequence[Any], options: Options
 ) -> tuple[NDArray[Any], str | None]:
     """A column as numbers, as time stamps, or as texts; with its unit, where the cells say it.
 
@@ -157,7 +157,7 @@ def _values(
     if 2 * texts > len(present):
         return np.array(["" if cell is None else str(cell) for cell in cells], dtype=object), None
     spans = any(isinstance(cell, time | timedelta) for cell in present)
-    numbers = list(_numbers(path, sheet, place, name, cells, marks))
+    numbers = list(_numbers(path, sheet, index, name, cells, marks))
     return np.array(numbers, dtype=np.float64), "s" if spans else None
 
 
@@ -169,7 +169,7 @@ def _stamp(cell: Any) -> Any:
 
 
 def _numbers(
-    path: Path, sheet: _Sheet, place: int, name: str, cells: Sequence[Any], marks: set[str]
+    path: Path, sheet: _Sheet, index: int, name: str, cells: Sequence[Any], marks: set[str]
 ) -> Iterator[float]:
     for number, cell in enumerate(cells):
         value: float | None = float("nan")
@@ -189,6 +189,6 @@ def _numbers(
                 value=str(cell),
                 expected="a number",
                 hint=f"--missing '{cell}' takes it as missing; --columns '{name}=-' leaves the column out",
-                where=Location(path, sheet.first + number, place + 1),
+                where=Location(path, sheet.first + number, index + 1),
             )
         yield value

@@ -200,8 +200,8 @@ def fit(
     options = Options(cost=cost, largest_step=largest_step, rival=rival)
     plan = _Plan(refit, starts, seed, options, progress)
     result = _fit(problem, hold_out, plan, local)
-    sized = _sized(problem, result)
-    return result if sized is None else _fit(sized, hold_out, plan, result.local)
+    better = _with_noise_of(problem, result)
+    return result if better is None else _fit(better, hold_out, plan, result.local)
 
 
 @dataclass(frozen=True)
@@ -301,22 +301,22 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
     )
 
 
-def _sized(problem: Problem, fitted: FitResult) -> Problem | None:
+def _with_noise_of(problem: Problem, fitted: FitResult) -> Problem | None:
     """The problem with its noise as a fit says, begun there; None where nothing changes.
 
     Noise may be a share of the value, and what varies beside it acts as the model says.
     """
     at = {u.name: float(value) for u, value in zip(fitted.problem.shared, fitted.values, strict=True)}
-    sized = problem
+    better = problem
     if problem.scatter is None and problem.extra is None:
         # what acts on nothing is no unknown of the fit
         values = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
-        sized = with_input_noise(problem.scattered(values, fitted.local), values, fitted.local)
-    if problem.sizes is None:
-        sized = sized.sized(fitted.outputs)
-    if sized is problem:
+        better = with_input_noise(problem.scattered(values, fitted.local), values, fitted.local)
+    if problem.signal is None:
+        better = better.with_signal(fitted.outputs)
+    if better is problem:
         return None
-    return sized.with_shared([replace(u, start=at.get(u.name, u.start)) for u in sized.shared])
+    return better.with_shared([replace(u, start=at.get(u.name, u.start)) for u in better.shared])
 
 
 def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, tuple[str, ...]]:

@@ -88,8 +88,8 @@ class Problem:
     whiteners: of each record.
     base: (parameters) what the system's parameters are where no unknown says otherwise.
     starts: of each record, the state at its beginning where no unknown says otherwise.
-    sizes: (n, outputs) of each record, what noise that is a share of the value is a share of: what a fit has
-        found; None for what was measured.
+    signal: (n, outputs) of each record, the values without noise, which noise proportional to the value
+        follows: as a fit has found them; None for what was measured.
     scatter: (n, outputs, k) of each record, what varies beside its noise and is no unknown, of one standard
         deviation each: see `rigctl.noise.whitening.Whitener.with_scatter`; None where that is not known yet.
     grown: (n, outputs) of each record, the standard deviation of the noise of each reading, SI, where that
@@ -109,7 +109,7 @@ class Problem:
     whiteners: tuple[Whitener, ...] = field(repr=False)
     base: Floats = field(repr=False)
     starts: tuple[Floats, ...] = field(repr=False)
-    sizes: tuple[Floats, ...] | None = field(default=None, repr=False)
+    signal: tuple[Floats, ...] | None = field(default=None, repr=False)
     scatter: tuple[Floats, ...] | None = field(default=None, repr=False)
     extra: tuple[Floats, ...] | None = field(default=None, repr=False)
     grown: tuple[Floats, ...] | None = field(default=None, repr=False)
@@ -139,7 +139,7 @@ class Problem:
             self.noise,
             self.ok,
             (self.shared, self.local, self.base, self.starts),
-            (self.whiteners, self.sizes, self.scatter, self.extra, self.grown),
+            (self.whiteners, self.signal, self.scatter, self.extra, self.grown),
         )
 
     @cached_property
@@ -165,7 +165,7 @@ class Problem:
             an effect's term does not fit.
         """
         made = self.for_model(model, library=library, whiteners=self.whiteners, progress=progress)
-        return replace(made, sizes=self.sizes, scatter=self.scatter, extra=self.extra)
+        return replace(made, signal=self.signal, scatter=self.scatter, extra=self.extra)
 
     def for_model(
         self,
@@ -199,7 +199,7 @@ class Problem:
             progress=progress,
         )
 
-    def sized(self, outputs: Sequence[Floats]) -> Problem:
+    def with_signal(self, outputs: Sequence[Floats]) -> Problem:
         """The same, with noise that is a share of the value taken as that share of the model's `outputs`.
 
         A share of what was measured would bring the noise into the weights, and by them into every
@@ -207,7 +207,7 @@ class Problem:
         """
         if not any(channel.share for channel in self.noise.channels):
             return self
-        return replace(self, sizes=tuple(outputs)).whitened()
+        return replace(self, signal=tuple(outputs)).whitened()
 
     def scattered(self, shared: Floats, local: Sequence[Floats]) -> Problem:
         """The same, with what varies beside the noise and is no unknown, as it acts on the outputs here.
@@ -227,13 +227,13 @@ class Problem:
         return replace(self, scatter=tuple(columns)).whitened()
 
     def whitened(self) -> Problem:
-        """With whiteners of its noise, at its sizes, and of its scatter."""
-        sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
-        extra = [None] * len(sizes) if self.extra is None else self.extra
+        """With whiteners of its noise, for the signal, and of its scatter."""
+        signal = [record.values for record in self.records] if self.signal is None else self.signal
+        extra = [None] * len(signal) if self.extra is None else self.extra
         whiteners = [
-            whiten(self.noise, record.times, good, size, more, sigma)
-            for record, good, size, more, sigma in zip(
-                self.records, self.ok, sizes, extra, self.grown or [None] * len(sizes), strict=True
+            whiten(self.noise, record.times, good, values, more, sigma)
+            for record, good, values, more, sigma in zip(
+                self.records, self.ok, signal, extra, self.grown or [None] * len(signal), strict=True
             )
         ]
         if self.scatter is not None:
@@ -261,7 +261,7 @@ class Problem:
             local=pick(self.local),
             whiteners=pick(self.whiteners),
             starts=pick(self.starts),
-            sizes=None if self.sizes is None else pick(self.sizes),
+            signal=None if self.signal is None else pick(self.signal),
             scatter=None if self.scatter is None else pick(self.scatter),
             extra=None if self.extra is None else pick(self.extra),
             grown=None if self.grown is None else pick(self.grown),
@@ -281,7 +281,7 @@ class Problem:
             self,
             measurements=replace(self.measurements, records=records),
             ok=tuple(good[at] for good, at in zip(self.ok, chosen, strict=True)),
-            sizes=pick(self.sizes),
+            signal=pick(self.signal),
             scatter=pick(self.scatter),
             grown=pick(self.grown),
         ).whitened()
@@ -359,8 +359,8 @@ class Problem:
     @cached_property
     def sigma(self) -> tuple[Floats, ...]:
         """(n, outputs) of each record, the standard deviation of each reading, SI."""
-        sizes = [record.values for record in self.records] if self.sizes is None else self.sizes
-        sigmas = list(self.grown or [self.noise.sigma_at(size) for size in sizes])
+        signal = [record.values for record in self.records] if self.signal is None else self.signal
+        sigmas = list(self.grown or [self.noise.sigma_at(values) for values in signal])
         if self.extra is not None:
             sigmas = [np.hypot(sigma, more) for sigma, more in zip(sigmas, self.extra, strict=True)]
         return tuple(sigmas)
