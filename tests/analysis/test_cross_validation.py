@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -75,6 +76,26 @@ def test_an_effect_whose_size_differs_between_conditions_is_not_passed(seed: int
     check = held_out_gain(linearised(acts, noise(seed) + (sizes - 1.0) * acts), ["leak.size"], [1.0])
     assert check.least < -3.0
     assert not check.passed
+
+
+def test_a_fold_that_is_lost_by_slopes_is_asked_by_refits() -> None:
+    """Only the lost ones are, and what the refits say counts; without one the linear answer stands."""
+    acts = noise(100)
+    residual = noise(0) + (np.array([3.0, -1.0] * 4)[:, None] - 1.0) * acts
+    asked: list[tuple[int, ...]] = []
+
+    def refitted(fold: Sequence[int]) -> tuple[float, float]:
+        asked.append(tuple(fold))
+        return 10_000.0, 40.0
+
+    plain = held_out_gain(linearised(acts, residual), ["leak.size"], [1.0])
+    again = held_out_gain(linearised(acts, residual), ["leak.size"], [1.0], refitted=refitted)
+    assert not plain.passed
+    assert again.passed
+    assert asked
+    assert len(asked) < 8
+    none = held_out_gain(linearised(acts, residual), ["leak.size"], [1.0], refitted=lambda _: None)
+    assert none == plain
 
 
 def test_records_that_do_not_show_the_effect_predict_nothing() -> None:

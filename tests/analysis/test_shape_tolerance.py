@@ -102,6 +102,9 @@ def test_what_an_answer_leaves_takes_levels_away() -> None:
     assert levels("spring_load", constant={"spring_load": ["position"]}) == (True, False, True)
     assert levels("spring_load", constant={"spring_load": []}) == (True, True, True)
     assert levels("constant_load", whole=False) == (True, False, False)  # what is left may be no constant
+    steady = levels("constant_load", whole=False, steady=["constant_load"])
+    assert steady == (True, True, False)  # it is how its size scatters
+    assert levels("constant_load", varying=["constant_load"]) == (True, False, True)
     drifts = [effects["spring_load"], effects["constant_load"]]
     assert wanted_elsewhere(drifts, "flow_p_to_tank")
     assert not wanted_elsewhere(drifts, "load")

@@ -110,6 +110,21 @@ def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
     assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
 
 
+def test_a_small_effect_leaves_nothing_by_its_shape() -> None:
+    """A tenth of 30 sigmas is not seen, so that 6 sigmas are something else; a tenth of 300 sigmas is."""
+    leak = SimpleNamespace(effect=library(find_family("hydraulic_cylinder"))["rod_leakage"])
+    best: Any = SimpleNamespace(candidates=[leak], unusual={})
+    left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
+    assert against_identity(best, {}, left, 30.0**2) == [
+        "it leaves 6 sigma, where another shape of so small an effect would not be seen"
+    ]
+    assert not against_identity(best, {}, left, 300.0**2)
+    assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
+    assert not against_identity(best, {}, None, 30.0**2)
+    pair: Any = SimpleNamespace(candidates=[leak, leak], unusual={})
+    assert not against_identity(pair, {}, left, 30.0**2)
+
+
 def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_weak() -> None:
     seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
     before = cast("ModelComparison", None)

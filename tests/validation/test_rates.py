@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rigctl.validation.figures import wilson
-from rigctl.validation.outcome import Interval, Outcome, TrialOutcome
+from rigctl.validation.outcome import Claim, Interval, Outcome, TrialOutcome
 from rigctl.validation.rates import confusion, figures, rates
 from rigctl.validation.scenario import Scenario, Wanted
 from rigctl.validation.shape_rates import shape_rates
@@ -157,3 +158,40 @@ def test_claimed_exponents_are_counted_where_a_law_was_corrected() -> None:
     (rate,) = [rate for rate in shape_rates(outcomes) if rate.name == "law corrected"]
     assert (rate.count, rate.trials) == (1, 2)
     assert not [rate for rate in shape_rates([one()]) if rate.name == "law corrected"]
+
+
+def counted(outcomes: list[Outcome], name: str, of: str = "all sizes") -> tuple[int, int]:
+    (rate,) = [rate for rate in shape_rates(outcomes) if (rate.name, rate.of) == (name, of)]
+    return rate.count, rate.trials
+
+
+def test_a_class_counts_where_another_effect_does_nearly_the_same() -> None:
+    """d below 2.33, or below what either law may be bent by: no data of these sensors name one of the two."""
+    name = "place and driver, or the class where none can tell"
+    classes = (("spring_load", "coulomb_friction"),)
+    undecided = [
+        replace(
+            one("ambiguous", ("spring_load",), classes=classes, separation=apart),
+            scenario=Scenario("one", (Wanted("coulomb_friction", size),)),
+        )
+        for size, apart in ((30.0, 2.0), (30.0, 3.5), (300.0, 20.0), (300.0, 40.0))
+    ]
+    sure = one(claims=(Claim("coulomb_friction", place=True, driver=True, law=False),))
+    assert counted([*undecided, sure], name) == (3, 5)
+    assert counted([*undecided, sure], "place and driver named") == (1, 5)
+    apart = one("ambiguous", ("spring_load",), separation=1.0)
+    assert counted([apart], name) == (0, 1)  # the truth is not in its class
+
+
+def test_what_is_larger_than_usual_is_counted_with_its_like() -> None:
+    usual, larger = (one(amplitudes=(force,)) for force in (500.0, 5000.0))
+    assert counted([usual, larger], "law or its class named") == (1, 1)
+    assert counted([usual, larger], "beyond its usual range", "named or in the class") == (1, 1)
+
+
+def test_of_two_effects_those_count_that_show_beside_each_other() -> None:
+    both = {"effects": ("coulomb_friction", "piston_leakage"), "verdict": "missing_effect"}
+    seen, hidden = (Outcome(TWO, beside=beside, **both) for beside in ((30.0, 12.0), (30.0, 2.0)))
+    name = "a strong and a weak effect: both named"
+    assert counted([seen, hidden], name, "all") == (2, 2)
+    assert counted([seen, hidden], name, "λ >= 10 each, also beside the other") == (1, 1)

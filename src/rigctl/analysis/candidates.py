@@ -6,7 +6,7 @@ Effects that begin at a threshold are looked for over the range that the data co
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +152,24 @@ def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Cand
         if parameter.shape:
             for value in _grid(parameter, known):
                 yield Candidate(effect, columns, signs, {qualified(effect.name, parameter.name): value})
+
+
+def at_sizes(candidate: Candidate, count: int) -> Iterator[Candidate]:
+    """A candidate of one parameter at `count` sizes, in equal ratios between its typical one and its bound.
+
+    None of a candidate with several parameters.
+    """
+    if len(candidate.columns) != 1:
+        return
+    (column,) = candidate.columns
+    declared = candidate.parameter(column)
+    typical = declared.start - declared.at_null
+    limit = (declared.high if typical > 0.0 else declared.low) - declared.at_null
+    if not typical or not limit / typical > 1.0:
+        return
+    for k in range(1, count + 1):
+        size = typical * (limit / typical) ** (k / (count + 1))
+        yield replace(candidate, secants={column: declared.at_null + size})
 
 
 def _grid(parameter: EffectParameter, ranges: Ranges) -> tuple[float, ...]:

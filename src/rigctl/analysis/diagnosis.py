@@ -20,7 +20,7 @@ from rigctl.analysis.law_answer import LawAnswer, law_answers, laws_instead
 from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
-from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.refit import RefittedSet, left_by_refit
 from rigctl.analysis.remainder import Remainder, remainder, share_text
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
@@ -29,6 +29,7 @@ from rigctl.analysis.second_look import from_another_start, in_noise_of_the_lead
 from rigctl.analysis.separability import softened
 from rigctl.analysis.simpler_law import simpler_does
 from rigctl.analysis.single_values.remarks import table_remarks
+from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.analysis.text import against_identity, drift_text, evidence_for, verdict_text, whether_at_all
 from rigctl.dataset.run import Run
 from rigctl.effects.declaration import qualified
@@ -96,14 +97,15 @@ def diagnose_comparison(
     before = search.before
     best, rivals = _sure_members(search, best)
     close = [rival for rival in rivals if not rival.separable]
-    ranking = _ranking(search, best)
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
-    ranking = [_with_check(one, checks.get(one.effect)) for one in ranking]
     left = remainder(search, best)
+    ranking = [_with_check(one, checks.get(one.effect)) for one in _ranking(search, best)]
     verdict = _verdict(search, best, close, checks, left)
     laws = _laws(search, best, verdict)
-    against = against_identity(best, checks, left)
+    against = _against(search, best, checks, left)
+    scatters = _scatters(search, best)
     undriven = [law.statement for law in laws if law.constant and law.effect in best.effects]
+    undriven += [one.statement for one in scatters if one.follows]
     if undriven and verdict is Verdict.MISSING_EFFECT:
         verdict = Verdict.AMBIGUOUS
     by_name = {one.effect: one for one in ranking}
@@ -120,8 +122,9 @@ def diagnose_comparison(
     after = search.at(best) if best.candidates else None
     named = verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
     classes = classes_of(best, rivals) if named else ()
-    levels = _levels(search, best, classes, checks, left, laws) if named else ()
+    levels = _levels(search, best, classes, checks, left, laws, scatters) if named else ()
     evidence += [one.statement for one in levels if one.statement]
+    evidence += [one.statement for one in scatters if named and one.statement and not one.follows]
     return Diagnosis(
         runs=tuple(runs),
         model=before.name,
@@ -191,10 +194,11 @@ def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[
     """The best set and its rivals, without a slight member that is not told from others.
 
     What little it explains beside the rest is left then, and said to be: it is not sure what it is. Laws of
-    one cause are not others.
+    one cause are not others. It stays where both leave nothing that the tests see: something is missing
+    beside the other then, and its class says what.
     """
     rivals = find_rivals(search, best)
-    if len(best.candidates) < 2:
+    if len(best.candidates) < 2 or not search.excess(best):
         return best, rivals
     reached = search.none.chi2 - best.chi2
     for member in best.candidates:
@@ -226,9 +230,19 @@ def _verdict(
         # several effects that neither explain all of it nor predict what they were not fitted on make up
         # together for one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
-    if close or against_identity(best, checks, left):
+    if close or _against(search, best, checks, left):
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
+
+
+def _against(
+    search: Search,
+    best: RefittedSet,
+    checks: Mapping[str, CrossValidation | None],
+    left: Remainder | None,
+) -> list[str]:
+    """Why the best set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
+    return against_identity(best, checks, left, search.none.chi2 - best.chi2)
 
 
 def _failed(checks: Mapping[str, CrossValidation | None]) -> bool:
@@ -243,6 +257,7 @@ def _levels(
     checks: Mapping[str, CrossValidation | None],
     left: Remainder | None,
     laws: Sequence[LawAnswer],
+    scatters: Sequence[SizeScatter],
 ) -> tuple[Levels, ...]:
     """How far the answer goes, of each member of the best set."""
     bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
@@ -250,7 +265,10 @@ def _levels(
     constant = {
         name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
     }
-    sure = not against_identity(best, checks, left)
+    varying = [one.effect for one in scatters if one.follows]
+    sure = not _against(search, best, checks, left)
+    one = len(best.candidates) == 1 and left is not None
+    steady = best.effects if one and search.scatter_is_all(best) else ()
     alone = {names[0] for names in classes if len(names) == 1} if sure and not bent and left is None else ()
     return levels_of(
         classes,
@@ -260,7 +278,15 @@ def _levels(
         spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
         whole=left is None,
         constant=constant,
+        steady=steady,
+        varying=varying,
     )
+
+
+def _scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
+    """How the sizes of the members that nothing drives differ between records."""
+    found = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
+    return [one for one in found if one is not None]
 
 
 def _shape_alone(search: Search) -> str:
@@ -467,7 +493,19 @@ def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossVali
     lin = here.linearisation
     if len(lin.records) < 2:
         return None
-    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), here.held(candidate))
+    without = search.known([one for one in best.candidates if one is not candidate])
+    if len(best.candidates) == 1:
+        without = search.none
+
+    def refitted(fold: Sequence[int]) -> tuple[float, float] | None:
+        outside = [best.fit.fitted[k] for k in fold]
+        if without is None:
+            return None
+        squares = left_by_refit(without.fit, outside), left_by_refit(best.fit, outside)
+        return None if squares[0] is None or squares[1] is None else (squares[0], squares[1])
+
+    again = refitted if search.sure(best) and not lin.fit.problem.measurements.table else None
+    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), here.held(candidate), again)
 
 
 def _with_check(ranked: Ranked, check: CrossValidation | None) -> Ranked:

@@ -82,6 +82,8 @@ def levels_of(
     spare: Collection[str] = (),
     whole: bool = True,
     constant: Mapping[str, Collection[str]] = MappingProxyType({}),
+    steady: Collection[str] = (),
+    varying: Collection[str] = (),
 ) -> tuple[Levels, ...]:
     """The levels of each member of an answer.
 
@@ -94,6 +96,8 @@ def levels_of(
     spare: members in whose place a simpler law, which they hold as a limit, does as well.
     whole: nothing is left that these data show.
     constant: of members, the drivers with which the data want their terms not to change.
+    steady: members without a driver that leave no more than their sizes scatter from record to record.
+    varying: members without a driver whose sizes follow the operating point.
     """
     levels = []
     for names in classes:
@@ -107,7 +111,11 @@ def levels_of(
                 place=first.slots,
                 driver=tuple(sorted(variables)),
                 place_sure=sure and place,
-                driver_sure=sure and driver and not constant.get(first.name) and (whole or bool(variables)),
+                driver_sure=sure
+                and driver
+                and not constant.get(first.name)
+                and (whole or bool(variables) or first.name in steady)
+                and first.name not in varying,
                 law_sure=sure
                 and whole
                 and not others

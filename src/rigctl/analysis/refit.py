@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.effects.declaration import EffectParameter, qualified
-from rigctl.engine.least_squares import Options, Refused, Unknown
+from rigctl.engine.least_squares import Options, Refused, Unknown, started
 from rigctl.errors import RigctlError
+from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.unknowns import effect_unknown
@@ -234,6 +235,21 @@ def refit(
     assert again.solution is not None  # noqa: S101 - there is something to fit
     columns = more + sum(len(candidate.columns) for candidate in chosen)
     return RefittedSet(tuple(chosen), again, 2.0 * again.solution.cost, columns)
+
+
+def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST) -> float | None:
+    """The whitened squares on the records at `outside` of the same model fitted to the others.
+
+    They keep what each has of its own. None where the model has no value on the way.
+    """
+    problem = fitted.problem.with_shared(started(fitted.problem.shared, fitted.values))
+    hold_out = [*fitted.held_out, *outside]
+    try:
+        again = fit(problem, hold_out, local=fitted.local, cost=cost, largest_step=_STEP)
+    except RigctlError:
+        return None
+    rows = [whitened_residual(again.problem, again.outputs[k], k) for k in outside]
+    return sum(float(one @ one) for one in rows)
 
 
 def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:

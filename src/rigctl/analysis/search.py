@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import Adequacy, adequacy
-from rigctl.analysis.candidates import Candidate, candidates, data_ranges
+from rigctl.analysis.candidates import Candidate, at_sizes, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.levels import (
     ALIKE,
@@ -48,7 +48,9 @@ from rigctl.analysis.refit import Alone, RefittedSet, alone, near_best, plain, r
 from rigctl.analysis.score_test import Score, Screening, cone, screen
 from rigctl.analysis.separability import cosine, separation, softened
 from rigctl.analysis.shape_tolerance import ShapeColumns, shape_columns
-from rigctl.effects.declaration import Effect
+from rigctl.analysis.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 
@@ -128,10 +130,11 @@ class Point:
 
     def bend_evidence(self, tolerance: float) -> float:
         """``−gᵀ(I + A)⁻¹g + ln|I + A|`` of the bends of the laws; 0 where none can be."""
-        count = len(self.shapes.names)
+        shaped = self.shaped()
+        count = len(shaped.shapes)
         if not count:
             return 0.0
-        fixed = project(self.shaped())
+        fixed = project(shaped)
         columns = fixed.signatures * tolerance
         matrix = columns.T @ columns + np.eye(count)
         slope = columns.T @ fixed.residual
@@ -199,8 +202,49 @@ class Point:
             values=trial.fit.values[keep],
         )
         members = [_from_here_to_null(one) for one in trial.candidates]
-        shapes = self.shapes.names, self.shapes.readings
-        return replace(linearise(fixed, self.whole, [*members, *others], shapes), fit=trial.fit)
+        names, readings = self._shapes_and_switches
+        tried = [*members, *others]
+        lin = replace(linearise(fixed, self.whole, tried, (names, readings)), fit=trial.fit)
+        if problem.measurements.table:
+            return lin
+        return with_scatter(lin, self._undriven(lin), len(names) - len(self.shapes.names))
+
+    @cached_property
+    def _shapes_and_switches(self) -> tuple[tuple[str, ...], tuple[Floats, ...]]:
+        """Names and readings of the bends of laws, and behind them what each switch does where that may be
+        what an effect without a driver does."""
+        names, readings = self.shapes.names, self.shapes.readings
+        bent = {bend.effect for bend in self.shapes.bends}
+        problem = self.trial.fit.problem
+        if problem.measurements.table or set(problem.model.with_laws) <= bent:
+            return names, readings
+        switches, moved = switch_columns(self.trial.fit, self.whole)
+        if not switches:
+            return names, readings
+        joined = [np.concatenate(both, axis=2) for both in zip(readings, moved, strict=True)]
+        return (*names, *switches), tuple(joined)
+
+    def scatter(self, effect: str) -> SizeScatter | None:
+        """How the size of an effect in the model differs between records; None of one that has drivers."""
+        return size_scatter(self.shaped(), effect)
+
+    def _undriven(self, lin: Linearisation) -> list[tuple[str, Floats]]:
+        """The effects in the model that nothing drives, with the amplitudes of their parameters."""
+        model, values = self.trial.fit.problem.model, self.trial.fit.values
+        known = {one.name: float(v) for one, v in zip(self.trial.fit.problem.shared, values, strict=True)}
+        columns = [*lin.nuisances, *(name for one in lin.candidates for name in one.columns)]
+        bent = {bend.effect for bend in self.shapes.bends}
+        found = []
+        for effect in (model.effect(name) for name in model.effects):
+            if effect.name in bent or not effect.terms:
+                continue
+            null = {
+                qualified(effect.name, one.name): one.at_null for one in effect.parameters if not one.shape
+            }
+            moved = [known.get(name, null[name]) - null[name] if name in null else 0.0 for name in columns]
+            amplitudes = np.array([*moved, *np.zeros(len(lin.shapes))])
+            found += [(effect.name, amplitudes)] if amplitudes.any() else []
+        return found
 
     @cached_property
     def shapes(self) -> ShapeColumns:
@@ -305,6 +349,9 @@ _BEST = 3
 _MOST_RIVALS = 7
 _PAIRS = 2
 _SWAPS = 3
+#: sizes at which an effect is looked at whose slope says nothing, and the share of the best score that it has
+#: to show there
+_SIZES, _MUCH = 2, 0.2
 #: never more effects in a set than these: three that are not missing explain almost anything together, and
 #: where three are, the loop finds them one after the other
 _TOGETHER = 2
@@ -382,7 +429,7 @@ class Search:
 
     def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
-        best = self._swapped(self.best_single())
+        best = self._swapped(self._at_sizes(self.best_single()))
         best_set = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
         return self._beyond_laws(self._usual_first(self._pair_instead(best_set)))
 
@@ -408,15 +455,33 @@ class Search:
         """
         if self.at(trial).adequacy.agrees:
             return 0.0
-        here = self.bent(trial)
-        if here.adequacy.agrees:
+        return self._excess_in(self.bent(trial))
+
+    def _excess_in(self, view: View) -> float:
+        """What a view of a set leaves, in χ²; 0 where the tests find nothing any more."""
+        if view.adequacy.agrees:
             return 0.0
-        there = here.linearisation.candidates
+        there = view.linearisation.candidates
         promised = max(
-            (score.gain - self.price(there[score.candidate]) for score in here.screening.scores),
+            (score.gain - self.price(there[score.candidate]) for score in view.screening.scores),
             default=0.0,
         )
-        return max(promised, *(test.excess for test in here.adequacy.tests.values()))
+        return max(promised, *(test.excess for test in view.adequacy.tests.values()))
+
+    def scatter_is_all(self, trial: RefittedSet) -> bool:
+        """Whether the one effect of a set is a constant of each record, whatever else its size depends on.
+
+        Where that scatters as much as the data say and follows nothing, what is left is then less than a
+        tenth of the effect does.
+        """
+        (member,) = trial.candidates
+        point = self.at(trial)
+        found = point.scatter(member.name)
+        alone = all(name.startswith(f"size of {member.name} ") for name in point.shaped().shapes)
+        if found is None or not alone or found.follows or self.none.fit.problem.model.with_laws:
+            return False
+        reached = max(self.none.chi2 - trial.chi2, 0.0)
+        return self._excess_in(point.view(found.width)) < TOLERANCE**2 * reached
 
     def _below_noise(self, trial: RefittedSet) -> bool:
         """Whether to look for no more beside a set: what it leaves is smaller than the noise.
@@ -579,6 +644,36 @@ class Search:
     def _near(cos: float, size: float) -> bool:
         """Whether two signatures are so alike that a refit must tell which is right."""
         return cos > ALIKE and separation(size, cos) < max(FAR, FAR_SHARE * size)
+
+    def _at_sizes(self, best: RefittedSet) -> RefittedSet:
+        """With effects that the slope at their null says nothing of, where no other explains the misfit.
+
+        What the fitted parameters made up for of a large effect may have the slope of the other sign: they
+        are looked at by what they do at some sizes, as those that begin at a threshold are.
+        """
+        if self._few or not self.left(best) > self.allowed or self._below_noise(best):
+            return best
+        tried = {name for trial in self.trials.values() for name in trial.effects}
+        shown = {score.effect: score.gain for score in self.before.screening.scores}
+        silent = [
+            one
+            for one in self.before.linearisation.candidates
+            if one.name not in tried and shown.get(one.name, math.inf) < WORTH and not one.secants
+        ]
+        sized = [secant for one in silent for secant in at_sizes(one, _SIZES)]
+        if not sized:
+            return best
+        self.on_progress("Asking what effects of some size would do")
+        try:
+            scores = screen(project(linearise(self.before.fit, self.whole, sized))).scores
+        except RigctlError:  # the model has no value with one of them
+            return best
+        least = max(_MUCH * max(shown.values(), default=0.0), WORTH)
+        seen = [score for score in scores if score.gain > least]
+        for score in sorted(seen, key=lambda one: -one.gain)[:_PAIRS]:
+            self.on_progress(f"Refitting with {score.effect}")
+            self._try((sized[score.candidate],), self.none)
+        return self._least([best, *self.trials.values()])
 
     def _pairs(self, best: RefittedSet) -> RefittedSet:
         """The best pairs of the linear problem, with what the best single effect asks for and without it.

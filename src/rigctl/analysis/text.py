@@ -18,7 +18,9 @@ from rigctl.analysis.levels import (
     LEAST_DIFFERENCE,
     LEAST_SEPARATION,
     ODDS,
+    SEEN_IN_LIBRARY,
     SHAPE,
+    SHAPE_TOLERANCE,
     TOLERANCE,
 )
 from rigctl.analysis.refit import RefittedSet
@@ -159,12 +161,20 @@ def _ambiguous_text(described: str, close: Sequence[Rival], against: Sequence[st
 
 
 def against_identity(
-    best: RefittedSet, checks: Mapping[str, CrossValidation | None], left: Remainder | None
+    best: RefittedSet,
+    checks: Mapping[str, CrossValidation | None],
+    left: Remainder | None,
+    explained: float = math.inf,
 ) -> list[str]:
     """Why the best set may not be what is missing, whatever else is like it: nothing where all speaks for it.
 
-    A size that nobody has seen, a prediction that failed, a noise that is not what the tests take it for, or
-    something that several effects leave where none of them acts.
+    A size that nobody has seen, a prediction that failed, a noise that is not what the tests take it for,
+    something that several effects leave where none of them acts, or that a single one leaves though it is so
+    small that another shape of it would not be seen.
+
+    Parameters
+    ----------
+    explained: the fall of χ² by the set.
     """
     reasons = [f"{name} has its {text}" for name, text in best.unusual.items()]
     failed = _failed_text(checks)
@@ -176,6 +186,11 @@ def against_identity(
         )
     if left is not None and wanted_elsewhere([one.effect for one in best.candidates], left.slot):
         reasons.append(f"what they leave is wanted at {left.slot}, where none of them acts")
+    shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
+    if left is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < left.size:
+        reasons.append(
+            f"it leaves {left.size:.0f} sigma, where another shape of so small an effect would not be seen"
+        )
     return reasons
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 from rigctl.analysis.identity import same_cause
+from rigctl.analysis.levels import LEAST_SEPARATION, SHAPE_TOLERANCE
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
+from rigctl.validation.amplitude import CLOSE
 from rigctl.validation.figures import Figures, Rate, rate_of
+from rigctl.validation.hidden_effects import find_hidden
 from rigctl.validation.outcome import Claim, Outcome
-from rigctl.validation.rates import confusion
+from rigctl.validation.rates import TOGETHER, confusion
 
 _FAMILY = "hydraulic_cylinder"
 
@@ -23,13 +27,16 @@ def shape_figures(outcomes: Sequence[Outcome]) -> Figures:
 def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
     """All rates of the tier, with their targets."""
     made = [outcome for outcome in outcomes if outcome.counts]
-    one = [o for o in made if o.scenario.kind == "one" and o.scenario.hidden[0].amplitude is None]
-    beyond = [o for o in made if o.scenario.kind == "one" and o.scenario.hidden[0].amplitude is not None]
+    one = [o for o in made if o.scenario.kind == "one" and not _beyond_usual(o)]
+    beyond = [o for o in made if o.scenario.kind == "one" and _beyond_usual(o)]
     two = [o for o in made if o.scenario.kind == "two"]
+    beside = [o for o in two if min(o.beside, default=math.inf) >= (1.0 - CLOSE) * TOGETHER]
+    each = "λ >= 10 each, also beside the other"
     removed = [o for o in made if o.scenario.kind == "removed"]
     found = [
         rate_of("false alarm, nothing hidden", "noise estimated", _of(made, "nothing"), _alarm, at_most=0.05),
         *_by_size("place and driver named", one, _cause_named, at_least=0.95),
+        *_by_size("place and driver, or the class where none can tell", one, _as_far_as_told, at_least=0.95),
         *_by_size("law or its class named", one, lambda o: o.right, at_least=0.90),
         *_by_size("wrong at a level that is claimed", one, wrongly_claimed, at_most=0.01),
         rate_of(
@@ -39,9 +46,11 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
             lambda o: all(interval.covers for interval in o.exponents),
         ),
         rate_of("beyond its usual range", "named or in the class", beyond, lambda o: o.right, at_least=1.0),
-        rate_of("a strong and a weak effect", "both named", two, lambda o: o.exact, at_least=0.90),
-        rate_of("a strong and a weak effect", "wrong at a level", two, wrongly_claimed, at_most=0.01),
-        rate_of("a strong and a weak effect", "one, and that is all", two, _one_is_all, at_most=0.05),
+        rate_of("a strong and a weak effect: both named", each, beside, lambda o: o.exact, at_least=0.90),
+        rate_of("a strong and a weak effect: both named", "all", two, lambda o: o.exact),
+        rate_of("a strong and a weak effect: wrong at a level", "all", two, wrongly_claimed, at_most=0.01),
+        rate_of("a strong and a weak effect: one, and that is all", each, beside, _one_is_all, at_most=0.05),
+        rate_of("a strong and a weak effect: one, and that is all", "all", two, _one_is_all),
         *_by_size("truth removed, outside or a true level", removed, _honest, at_least=0.95),
         *_by_size("truth removed, wrong place or driver", removed, _wrong_cause, at_most=0.01),
     ]
@@ -80,6 +89,29 @@ def _cause_named(outcome: Outcome) -> bool:
     """Whether place and driver of the hidden effect are among what it says for sure."""
     truth = outcome.scenario.truth[0]
     return any(claim.driver and same_cause(_effect(claim.effect), _effect(truth)) for claim in outcome.claims)
+
+
+def _as_far_as_told(outcome: Outcome) -> bool:
+    """Whether place and driver are named; or a class with the truth, where another does nearly the same.
+
+    That is one that no data of these sensors tell from it in 99 cases of 100, or that differs by less than
+    either law may be bent: such two are not to be told apart however large they are.
+    """
+    if _cause_named(outcome):
+        return True
+    apart = math.inf if outcome.separation is None else outcome.separation
+    alike = apart < max(LEAST_SEPARATION, SHAPE_TOLERANCE * outcome.scenario.hidden[0].size)
+    return alike and outcome.right
+
+
+def _beyond_usual(outcome: Outcome) -> bool:
+    """Whether what is hidden is larger than the library's effect usually is."""
+    (wanted,) = outcome.scenario.hidden
+    if wanted.amplitude is not None or not outcome.amplitudes:
+        return wanted.amplitude is not None
+    hidden = find_hidden(wanted.effect)
+    declared = _effect(wanted.effect).parameter(hidden.parameter)
+    return declared.unusual(declared.at_null + outcome.amplitudes[0])
 
 
 def _one_is_all(outcome: Outcome) -> bool:

@@ -1,0 +1,231 @@
+"""The tolerance of an effect that nothing drives: its size differs from record to record.
+
+The law of an effect is bent over what drives it (`rigctl.analysis.shape_tolerance`). A delay, a constant load
+or an offset has no driver, and on no bench the same size twice. In record k, and of a delay at each switch of
+it, it is
+
+    φ·(1 + b_k),   b_k ~ N(0, τ²)
+
+whose column is what the effect does to the readings of that record, and nothing elsewhere; of a delay what
+that switch does. What scatters so follows no operating point: a size that does depends on something, whatever
+the effect's law says.
+
+Source: N. M. Laird, J. H. Ware, Biometrics 38 (1982) 963, random effects beside fixed ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
+from rigctl.analysis.linearisation import Linearisation, base_at
+from rigctl.analysis.nuisance_projection import project
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.switching import MOST_SWITCHES, switch_name
+from rigctl.model.measured.record import MeasuredRecord
+
+Floats = NDArray[np.float64]
+
+#: of more records no column each is made: their scatter averages out, and it would be most of the matrix
+_MOST_RECORDS = 100
+#: standard deviations of a size that are looked at
+_WIDTHS = tuple(SHAPE_TOLERANCE * 2.0**k for k in range(4))
+_RANK = 1e-9
+#: of what an effect does in a record, the share that its switches may leave and do the same
+_SAME = 0.02
+#: half-width from which on the time of a switch counts as unknown, s
+_LEAST_HALF = 3e-4
+
+
+def switch_columns(fit: FitResult, problem: Problem) -> tuple[list[str], list[Floats]]:
+    """Names and (n, channels, switches) of each fitted record: what each of its commands would do later.
+
+    A delay is another one at each switch. None where records have many switches, or a command has no delay.
+    `problem` is the same data with the whole library.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated there.
+    """
+    inner = problem.only(fit.fitted)
+    count = max((record.switch_times.size for record in inner.records), default=0)
+    delayed = any(one.delay is not None for one in inner.model.family.inputs)
+    if not delayed or not 1 < count <= MOST_SWITCHES:
+        return [], []
+    at = inner.with_shared((), base_at(inner, fit))
+    records = tuple(replace(one, switch_half=_rough(one)) for one in at.records)
+    at = replace(at, measurements=replace(at.measurements, records=records))
+    names = [switch_name(k) for k in range(1, count)]
+    seen = at.simulate(np.empty(0), [fit.local[k] for k in fit.fitted], names).require()
+    indices = [seen.columns.index(name) for name in names]
+    return names, [np.take(one, at.channels, axis=1)[:, :, indices] for one in seen.sensitivities]
+
+
+def _rough(record: MeasuredRecord) -> Floats:
+    """Half-widths of switches whose times count as unknown, next to nothing of those that are exact."""
+    return np.asarray(np.maximum(record.switch_half, _LEAST_HALF))
+
+
+def with_scatter(
+    lin: Linearisation, effects: Sequence[tuple[str, Floats]], switches: int = 0
+) -> Linearisation:
+    """A linearisation with columns for the size of each effect in each record, after its other shapes.
+
+    What its switches would do to a record as well, each by itself, is one column for each of them.
+
+    Parameters
+    ----------
+    effects: the name of each, and (nuisances + columns of S) the amplitudes of its parameters.
+    switches: so many of the last columns of S are those of `switch_columns`: they are taken out.
+    """
+    count = len(lin.records)
+    plain = _without_last(lin, switches)
+    if not effects or count > _MOST_RECORDS:
+        return plain
+    blocks: list[list[Floats]] = []
+    names: list[str] = []
+    for k, one in enumerate(lin.records):
+        every = np.hstack([one.nuisance, one.signatures])
+        moved = one.signatures[:, one.signatures.shape[1] - switches :]
+        blocks.append([])
+        for name, amplitudes in effects:
+            parts = _parts(every @ amplitudes, moved)
+            names += [column_name(name, k, part) for part in range(parts.shape[1])]
+            blocks[k].append(parts)
+    widths = [sum(part.shape[1] for part in parts) for parts in blocks]
+    starts = np.cumsum([0, *widths])
+    records, lengths = [], np.empty(starts[-1])
+    for k, one in enumerate(plain.records):
+        acts = np.hstack(blocks[k])
+        more = np.zeros((len(acts), starts[-1]))
+        more[:, starts[k] : starts[k + 1]] = acts
+        lengths[starts[k] : starts[k + 1]] = np.linalg.norm(acts, axis=0)
+        records.append(replace(one, signatures=np.hstack([one.signatures, more])))
+    return replace(
+        plain,
+        records=tuple(records),
+        full_lengths=np.concatenate([plain.full_lengths, lengths]),
+        shapes=(*plain.shapes, *names),
+    )
+
+
+def _without_last(lin: Linearisation, columns: int) -> Linearisation:
+    if not columns:
+        return lin
+    records = tuple(replace(one, signatures=one.signatures[:, :-columns]) for one in lin.records)
+    return replace(
+        lin, records=records, full_lengths=lin.full_lengths[:-columns], shapes=lin.shapes[:-columns]
+    )
+
+
+def _parts(acts: Floats, moved: Floats) -> Floats:
+    """(rows, parts) what an effect does in a record: at each of its switches where that is all of it."""
+    lengths = np.linalg.norm(moved, axis=0)
+    length = float(np.linalg.norm(acts))
+    shown = np.flatnonzero(lengths > 0.0)
+    if not shown.size or not length > 0.0:
+        return acts[:, None]
+    unit = moved[:, shown] / lengths[shown]
+    sizes = np.linalg.lstsq(unit, acts, rcond=_RANK)[0]
+    if float(np.linalg.norm(acts - unit @ sizes)) > _SAME * length:
+        return acts[:, None]
+    kept = np.abs(sizes) > _SAME * float(np.abs(sizes).max())
+    return np.asarray(unit[:, kept] * sizes[kept])
+
+
+def column_name(effect: str, record: int, part: int = 0) -> str:
+    """What a column of one effect in one record is called."""
+    return f"size of {effect} in record {record}, {part}"
+
+
+def _records_of(lin: Linearisation, effect: str) -> dict[str, int]:
+    """The columns of one effect among the shapes, and the record of each."""
+    known = set(lin.shapes)
+    parts = range(MOST_SWITCHES)
+    every = {column_name(effect, k, part): k for k in range(len(lin.records)) for part in parts}
+    return {name: k for name, k in every.items() if name in known}
+
+
+@dataclass(frozen=True)
+class SizeScatter:
+    """How much the size of an effect that nothing drives differs from record to record.
+
+    Attributes
+    ----------
+    effect: its name.
+    width: standard deviation of b that is the most likely of a few, the tolerance the least.
+    asked: the data ask for it: its evidence is a hundred to one.
+    follows: the sizes follow the operating point, so that the effect depends on something.
+    """
+
+    effect: str
+    width: float
+    asked: bool
+    follows: bool
+
+    @property
+    def statement(self) -> str:
+        """In words; "" where nothing of it is seen."""
+        if self.follows:
+            return (
+                f"the size of {self.effect} changes with the operating point: its law has nothing that does"
+            )
+        share = f"{100.0 * self.width:.0f} %"
+        return f"the size of {self.effect} scatters from record to record, by about {share}" * self.asked
+
+
+def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
+    """The scatter of one effect's size; None where it has no such columns.
+
+    Parameters
+    ----------
+    lin: with the shapes, unscaled, as its last columns.
+    """
+    names = _records_of(lin, effect)
+    if not names:
+        return None
+    projected = project(lin)
+    first = projected.signatures.shape[1] - len(lin.shapes)
+    columns = projected.signatures[:, [first + lin.shapes.index(name) for name in names]]
+    square, slope = columns.T @ columns, columns.T @ projected.residual
+    costs = {width: _evidence(width**2 * square, width * slope) for width in _WIDTHS}
+    width = min(costs, key=lambda one: costs[one])
+    asked = costs[width] + 2.0 * math.log(len(_WIDTHS)) < -LEAST_DIFFERENCE
+    sizes: Floats = np.asarray(np.linalg.solve(square + np.eye(len(names)) / width**2, slope))
+    conditions = lin.regions.conditions[list(names.values())]
+    trend = _trend_chance(sizes, np.sqrt(np.diag(square)), conditions)
+    return SizeScatter(effect, width, asked, asked and trend < ALPHA)
+
+
+def _evidence(matrix: Floats, slope: Floats) -> float:
+    """``−gᵀ(I + A)⁻¹g + ln|I + A|``."""
+    whole = matrix + np.eye(slope.size)
+    return float(np.linalg.slogdet(whole)[1]) - float(slope @ np.linalg.solve(whole, slope))
+
+
+def _trend_chance(sizes: Floats, weights: Floats, conditions: Floats) -> float:
+    """The chance that sizes follow the operating variables as they do, by an F test against what is left.
+
+    Each counts as much as the readings tell of it.
+    """
+    from scipy.special import fdtrc
+
+    plane = np.column_stack([np.ones(sizes.size), conditions]) * weights[:, None]
+    left, values, _ = np.linalg.svd(plane, full_matrices=False)
+    span = left[:, values > _RANK * max(float(values[0]), 1e-300)]
+    mean = weights / max(float(np.linalg.norm(weights)), 1e-300)
+    seen = weights * sizes
+    seen = seen - mean * float(mean @ seen)
+    explained = float(np.square(span.T @ seen).sum())
+    rest, free = float(seen @ seen) - explained, sizes.size - span.shape[1]
+    if span.shape[1] < 2 or free < 1 or not explained > 0.0:
+        return 1.0
+    ratio = (explained / (span.shape[1] - 1)) / max(rest / free, 1e-300)
+    return float(fdtrc(span.shape[1] - 1, free, ratio))
