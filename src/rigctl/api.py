@@ -62,6 +62,7 @@ def run(
     operator: Operator | None = None,
     answers: Mapping[str, str] | None = None,
     person: str = "",
+    device: Mapping[str, str] | None = None,
     seed: int | None = None,
     speed: str = "1x",
     dry: bool = False,
@@ -80,6 +81,7 @@ def run(
     operator: who answers when the procedure asks.
     answers: instead of `operator`: values by name; confirmations are given at once.
     person: who is in charge; kept with the run.
+    device: of the device under test: ``serial_number``, ``part``, ``notes``; kept with the run.
     seed: of what is random on a simulated bench.
     speed: ``1x``; on a bench that is no real one also ``10x`` or ``max``.
     dry: arm and read, but move nothing.
@@ -105,6 +107,7 @@ def run(
             options=bench_options(kind, plan.rig, port=port, seed=seed, runs=folder),
             clock=clock_for(speed, kind),
             person=person,
+            device=dict(device or {}),
             arguments=dict(arguments or {}),
             seed=seed,
             observer=observer,

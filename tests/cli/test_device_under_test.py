@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from junitparser import Error, Failure, JUnitXml
 
+import rigctl
 from commands import call, refusal, told
 from rigctl.cli.identity import identified
 from rigctl.cli.init import create_project
@@ -145,6 +146,16 @@ def test_a_wrong_identity_is_refused_at_its_place(line: str, said: str) -> None:
     with pytest.raises(RigctlError, match=said) as caught:
         parse_procedure(written)
     assert caught.value.where.line == 4
+
+
+def test_no_way_to_a_bench_goes_round_a_demand(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project)
+    known = {"person": "Ada", "device": {"serial_number": "HB-0042"}}
+    for said in ({}, {**known, "person": ""}, {**known, "device": {}}):
+        with pytest.raises(RigctlError, match="the procedure demands"):
+            rigctl.run("procedures/acceptance.yaml", backend="emulated", **said)  # type: ignore[arg-type]
+    with pytest.raises(RigctlError, match="does not match"):
+        rigctl.run("procedures/acceptance.yaml", backend="emulated", device={"serial_number": "x"})
 
 
 def test_no_pattern_takes_time_without_end() -> None:

@@ -11,6 +11,7 @@ import typer
 
 from rigctl.cli.compare import HoldOut
 from rigctl.cli.family import FamilyOption
+from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -65,6 +66,9 @@ def learn(
         typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
     ] = None,
     operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with each run.")] = None,
+    serial_number: SerialNumberOption = None,
+    part: PartOption = None,
+    notes: NotesOption = None,
     seed: Annotated[
         int | None,
         typer.Option(min=0, help="Of what is random on a simulated bench; each round has the next."),
@@ -113,7 +117,15 @@ def learn(
     if resume:
         kept = _resumed(procedure, model, time, rounds)
     else:
-        bench = {"backend": backend, "port": port, "seed": seed, "speed": speed, "effects": effect}
+        said = {"serial_number": serial_number, "part": part, "notes": notes}
+        bench = {
+            "backend": backend,
+            "port": port,
+            "seed": seed,
+            "speed": speed,
+            "effects": effect,
+            "device": {name: text for name, text in said.items() if text},
+        }
         given = {name: value for name, value in bench.items() if value}
         kept = _begun(procedure, model, rig, arg or [], run or [], given, time, rounds, hold_out or "")
     person = _person(operator)
@@ -240,6 +252,7 @@ def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> L
             speed=bench.get("speed") or "max",
             arguments=plan.arguments,
             person=person,
+            device=bench.get("device"),
         )
     if bench.get("effects"):
         raise RigctlError("--with: only a simulated bench hides effects", value=kind)
@@ -251,6 +264,7 @@ def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> L
         options=bench_options(kind, plan.rig, port=bench.get("port"), seed=seed, runs=runs),
         clock=clock_for(bench.get("speed") or "1x", kind),
         person=person,
+        device=bench.get("device") or {},
         arguments=plan.arguments,
         seed=seed,
     )

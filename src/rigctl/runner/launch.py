@@ -20,7 +20,9 @@ from rigctl.dataset import (
 )
 from rigctl.dataset.background import BackgroundWriter
 from rigctl.dataset.storage.sending import upload_if_wanted
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.plan import Plan
+from rigctl.plan.identity import NAMES, settled
 from rigctl.planning.rates import refuse_rates
 from rigctl.runner.access import Access, held, opened
 from rigctl.runner.aside import beside
@@ -74,9 +76,10 @@ def launch(plan: Plan, how: Launch) -> RunResult:
     Raises
     ------
     RigctlError
-        the bench cannot be reached or is in use, cannot be read as often as a record asks for, or the run's
-        folder cannot be made; nothing has moved.
+        the procedure demands what nobody has said, the bench cannot be reached or is in use, cannot be read
+        as often as a record asks for, or the run's folder cannot be made; nothing has moved.
     """
+    _require_identity(plan, how)
     if (how.backend or plan.rig.backend.kind) in ("serial", "modbus", "visa", "opcua", "emulated"):
         refuse_rates(plan)
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
@@ -119,10 +122,27 @@ def carry_out(
     )
 
 
+def _require_identity(plan: Plan, how: Launch) -> None:
+    """Refuse to begin on a bench without what the procedure demands to know of the device and the person."""
+    _, missing = settled(plan.procedure.identity, _said(how))
+    if missing and (how.backend or plan.rig.backend.kind) not in ("simulated", "replay"):
+        named = " and the ".join(name.replace("_", " ") for name in missing)
+        raise RigctlError(f"the procedure demands the {named}", where=plan.root.where)
+
+
+def _said(how: Launch) -> dict[str, str | None]:
+    """What is known of device and person; nothing for what nobody said."""
+    for name in how.device:
+        if name not in NAMES:
+            raise unknown_name("fact of the device under test", name, NAMES)
+    return {**how.device, "operator": how.person or None}
+
+
 def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
     """What is known of the run when it begins."""
     procedure = plan.procedure
     started = datetime.now(UTC)
+    known, _ = settled(procedure.identity, _said(how))
     return RunHeader(
         id=new_run_id(plan.name, started, how.runs),
         procedure=Source(plan.name, procedure.text, procedure.sha256, _absolute(procedure.path)),
@@ -130,8 +150,8 @@ def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
         layout=plan.rig.layout,
         started=started,
         backend=backend.identity,
-        operator=how.person,
-        device=how.device,
+        operator=how.person or known.operator,
+        device=known.device,
         clock=backend.clock.name,
         seed=how.seed,
         versions=current_versions(),
