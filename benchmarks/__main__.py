@@ -20,6 +20,7 @@ NAMES = (
     "endings",
     "catalogue",
     "tasks",
+    "storage",
 )
 
 for name in NAMES:

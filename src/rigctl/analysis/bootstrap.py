@@ -26,6 +26,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.sending import lean
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError
@@ -139,7 +140,7 @@ def bootstrap(
     count = len(set(clusters))
     if count < 2:
         raise RigctlError("one record cannot be drawn from", expected="two records at least, better ten")
-    work = partial(_repeated, _lean(fitted), tuple(clusters), seed)
+    work = partial(_repeated, lean(fitted), tuple(clusters), seed)
 
     def told(done: int, total: int) -> None:
         if on_progress is not None:
@@ -154,11 +155,6 @@ def bootstrap(
             exit_code=ExitCode.FAILED,
         )
     return Bootstrap(len(ended), repetitions - len(ended), by, count, _intervals(fitted, np.array(ended)))
-
-
-def _lean(fitted: FitResult) -> FitResult:
-    """The fit as it is sent to other processes: without what was computed from it."""
-    return replace(fitted, problem=replace(fitted.problem))
 
 
 @one_thread()

@@ -10,6 +10,7 @@ import typer
 from rigctl.cli.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.workers import Cluster
 
 if TYPE_CHECKING:
     from rigctl.cli.next_command import DataOptions
@@ -46,6 +47,7 @@ def discover(
     force: Annotated[
         bool, typer.Option("--force", help="Let --page replace a file that is no page of ours.")
     ] = False,
+    cluster: Cluster = None,
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
@@ -73,6 +75,7 @@ def discover(
     from rigctl.discovery.discover import discover as discovered
     from rigctl.discovery.discover import require_slot
     from rigctl.discovery.hand_over import require_folder, write_files
+    from rigctl.tasks import Workers
 
     require_folder(output)
     require_page(page, force=force)
@@ -87,6 +90,7 @@ def discover(
             hold_out=hold_out,
             only=only,
             slot=slot,
+            workers=Workers(cluster=cluster) if cluster is not None else None,
             on_progress=on_progress,
         )
     if output is not None:

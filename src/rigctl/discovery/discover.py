@@ -34,6 +34,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
+from rigctl.tasks import Workers
 
 #: places over one variable whose formulas are looked at, and of the first places pairs of variables
 _SINGLES, _PAIRS = 4, (4, 2, 1)
@@ -52,6 +53,7 @@ def discover(
     hold_out: str | None = None,
     only: str | None = None,
     slot: str | None = None,
+    workers: Workers | None = None,
     on_progress: OnProgress | None = None,
 ) -> Discovery:
     """Look for a formula of what a model lacks on the usable records of `runs`; see `Discovery`.
@@ -61,6 +63,7 @@ def discover(
     hold_out: a condition that chooses records which nothing here sees.
     only: a condition that chooses the records to look at.
     slot: the one place to look at.
+    workers: who refits the formulas; this process when left out.
 
     Raises
     ------
@@ -74,7 +77,7 @@ def discover(
     diagnosis = diagnose_comparison(
         before, compared.runs, compared.held_out, compared.notes, on_progress=on_progress
     )
-    return discover_beside(diagnosis, slot=slot, on_progress=on_progress)
+    return discover_beside(diagnosis, slot=slot, workers=workers, on_progress=on_progress)
 
 
 def require_slot(family: ModelFamily, slot: str | None) -> None:
@@ -94,7 +97,11 @@ def require_slot(family: ModelFamily, slot: str | None) -> None:
 
 @one_thread()
 def discover_beside(
-    diagnosis: Diagnosis, *, slot: str | None = None, on_progress: OnProgress | None = None
+    diagnosis: Diagnosis,
+    *,
+    slot: str | None = None,
+    workers: Workers | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Discovery:
     """Look for a formula where a diagnosis found nothing that is sure.
 
@@ -118,7 +125,7 @@ def discover_beside(
         return replace(result, statement=_too_weak(searched))
     said("Scoring formulas")
     scored = score_formulas(opened, _most_wanted(searched), samples)
-    fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said)
+    fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said, workers)
     none = Search(before, before.whole).none
     paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)

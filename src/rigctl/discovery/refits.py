@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import monotonic
 
 from rigctl.analysis.adequacy import Adequacy, adequacy, variance_factor
@@ -18,6 +19,7 @@ from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.score_test import screen
+from rigctl.analysis.sending import lean
 from rigctl.discovery.effect_file import effect_of, scale_parameters
 from rigctl.discovery.formulas import Formula
 from rigctl.discovery.grammar import DISTANCES
@@ -25,6 +27,7 @@ from rigctl.discovery.open_slots import OnProgress
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult
+from rigctl.tasks import Workers, map_tasks
 
 #: formulas that are refitted, and of these those that are begun at several scales
 FIRST, SEVERAL = 12, 4
@@ -59,7 +62,12 @@ class Fitted:
 
 @one_thread()
 def refit_formulas(
-    fit: FitResult, formulas: Sequence[Formula], samples: float, tried: int, on_progress: OnProgress
+    fit: FitResult,
+    formulas: Sequence[Formula],
+    samples: float,
+    tried: int,
+    on_progress: OnProgress,
+    workers: Workers | None = None,
 ) -> tuple[Fitted, ...]:
     """The best formulas in the model, the cheapest first.
 
@@ -67,25 +75,42 @@ def refit_formulas(
     ----------
     formulas: the cheapest first, as the linear problem sees them.
     samples: N_eff; `tried` how many formulas were looked at.
+    workers: who refits them; this process, one after the other, when left out.
     """
-    chosen = _chosen(formulas)
-    fitted: list[Fitted] = []
-    began = monotonic()
-    for index, formula in enumerate(chosen):
-        left = (monotonic() - began) / index * (len(chosen) - index) if index else 0.0
-        on_progress(f"Refitting with formula {index + 1} of {len(chosen)}{_left_text(left)}: {formula.name}")
-        one = _refitted(fit, formula, formula, samples, tried)
-        fitted += [] if one is None else [one]
-    fitted.sort(key=lambda one: one.cost)
-    again: list[Fitted] = []
-    for one in fitted[:SEVERAL]:
-        near = one.cost - fitted[0].cost < _APART + _BEHIND * formulas[0].gain
-        better = [one]
-        for start in _other_scales(one.formula) if near else ():
-            on_progress(f"Refitting {one.formula.name} from other scales")
-            other = _refitted(fit, one.formula, start, samples, tried)
-            better += [] if other is None else [other]
-        again.append(min(better, key=lambda each: each.cost))
+    work = partial(_refitted, lean(fit), samples, tried)
+
+    def refitted(pieces: Sequence[tuple[Formula, Formula]], what: str) -> list[Fitted | None]:
+        began = monotonic()
+
+        def told(done: int, total: int) -> None:
+            left = _left_text((monotonic() - began) / done * (total - done))
+            on_progress(f"{what}: {done} of {total}{left}")
+
+        on_progress(what)
+        found = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=told))
+        return [found[index] for index in range(len(pieces))]
+
+    first = refitted([(one, one) for one in _chosen(formulas)], "Refitting with formulas")
+    fitted = sorted((one for one in first if one is not None), key=lambda one: one.cost)
+    near = [
+        one for one in fitted[:SEVERAL] if one.cost - fitted[0].cost < _APART + _BEHIND * formulas[0].gain
+    ]
+    pieces = [(one.formula, start) for one in near for start in _other_scales(one.formula)]
+    others = refitted(pieces, "Refitting from other scales") if pieces else []
+    again = [
+        min(
+            [
+                one,
+                *(
+                    other
+                    for (formula, _), other in zip(pieces, others, strict=True)
+                    if formula is one.formula and other is not None
+                ),
+            ],
+            key=lambda each: each.cost,
+        )
+        for one in fitted[:SEVERAL]
+    ]
     return tuple(sorted([*again, *fitted[SEVERAL:]], key=lambda one: one.cost))
 
 
@@ -105,7 +130,10 @@ def _left_text(seconds: float) -> str:
     return f", about {seconds:.0f} s left" if seconds >= 1.0 else ""
 
 
-def _refitted(fit: FitResult, formula: Formula, start: Formula, samples: float, tried: int) -> Fitted | None:
+@one_thread()
+def _refitted(fit: FitResult, samples: float, tried: int, piece: tuple[Formula, Formula]) -> Fitted | None:
+    """A formula in the model, begun at the scales of another of its kind; None where it cannot be fitted."""
+    formula, start = piece
     family = fit.problem.model.family
     effect = effect_of(formula, family)
     scales = scale_parameters(start, family)

@@ -91,7 +91,9 @@ def _in_new_processes(
             initargs=(cloudpickle.dumps(work),),
         )
         try:
-            yield from _finished(pool, _given_work, pieces, queue, count, handed_out)
+            sent = _Sent(pieces)
+            for index, result in _finished(pool, _given_work, sent, queue, count, handed_out):
+                yield index, pickle.loads(result)  # noqa: S301 - from a process that this one started
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -132,8 +134,27 @@ def _work() -> Callable[[Any], Any]:
     return work
 
 
-def _given_work(piece: Any) -> Any:
-    return _work()(piece)
+def _given_work(piece: bytes) -> bytes:
+    """A piece in, what came of it out, both as bytes: they may hold functions without a name too."""
+    import cloudpickle
+
+    result: bytes = cloudpickle.dumps(_work()(pickle.loads(piece)))  # noqa: S301 - likewise
+    return result
+
+
+class _Sent(Sequence[bytes]):
+    """The pieces as they are sent, each made when it is handed out."""
+
+    def __init__(self, pieces: Sequence[Any]) -> None:
+        self._pieces = pieces
+
+    def __len__(self) -> int:
+        return len(self._pieces)
+
+    def __getitem__(self, index: Any) -> Any:
+        import cloudpickle
+
+        return cloudpickle.dumps(self._pieces[index])
 
 
 def begin_worker(work: bytes = b"") -> None:
