@@ -14,6 +14,7 @@ import random
 import sqlite3
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +34,9 @@ _UNSETTLED: Final = 3_000_000_000
 _SAMPLE: Final = 1000
 #: so many are read before they are kept: what an interrupt costs
 _BATCH: Final = 2000
+#: threads that read: while one waits for the disk another computes; fewer runs are read one by one
+_READERS: Final = 4
+_FEW: Final = 100
 _COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
 _INSERT: Final = f"INSERT INTO run (key, {quoted(_COLUMNS)}) VALUES (?{', ?' * len(_COLUMNS)})"  # noqa: S608
 #: so many that reading them is worth a word
@@ -147,11 +151,18 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
         unfinished = [(name, -1) for name in changes.times]
         index.executemany("INSERT OR REPLACE INTO shard VALUES (?, ?)", unfinished)
     wanted = list(changes.read.items())
+
+    def read(one: tuple[tuple[str, str], FileState]) -> Row:
+        (shard, run_id), state = one
+        return read_row(_folder(runs, shard, run_id), shard, state, channels=channels)
+
     for start in range(0, len(wanted), _BATCH):
-        rows = [
-            read_row(_folder(runs, shard, run_id), shard, state, channels=channels)
-            for (shard, run_id), state in wanted[start : start + _BATCH]
-        ]
+        batch = wanted[start : start + _BATCH]
+        if len(batch) < _FEW:
+            rows = list(map(read, batch))
+        else:
+            with ThreadPoolExecutor(_READERS, thread_name_prefix="rigctl-index") as pool:
+                rows = list(pool.map(read, batch))
         with _transaction(index):
             _remove(index, [(row.values["shard"], row.values["id"]) for row in rows])
             _insert(index, rows)
