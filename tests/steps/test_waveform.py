@@ -15,7 +15,9 @@ from rigctl.files.shipped import shipped
 from rigctl.plan import Plan
 from rigctl.planning import preview
 from rigctl.rig import Rig, parse_rig
-from rigctl.testing import VirtualBench
+from rigctl.runner.requests import Order, Request
+from rigctl.runner.resume import record_paths, remaining
+from rigctl.testing import ScriptedControl, VirtualBench
 from run_workshop import Workshop
 
 HEATERS = shipped("rigs", "heater-board.yaml")
@@ -173,6 +175,36 @@ def test_an_interlock_ends_it_with_outputs_safe(tmp_path: Path) -> None:
     commands = done.commands("heater_1")
     assert commands[-1][1] == 0.0
     assert commands[-2][0] < 30.0
+
+
+class Person(ScriptedControl):
+    """Pauses once, and lets the run go on as soon as it stands still."""
+
+    def poll(self) -> list[Order]:
+        if self.views and self.views[-1].state == "paused":
+            self.orders.append((0.0, Request.CONTINUE))
+        return super().poll()
+
+
+def test_after_a_pause_it_begins_again(tmp_path: Path) -> None:
+    text = waveform("ramp: {from: 10 %, to: 60 %, over: 20 s}")
+    done = VirtualBench(tmp_path, HEATERS).run(text, control=Person([(10.0, Request.PAUSE)]))
+    assert done.result.status == "finished"
+    values = [value for _, value in done.commands("heater_1")]
+    paused = values.index(0.0)
+    assert 0.2 < values[paused - 1] < 0.4
+    assert values[paused + 1] == pytest.approx(0.1)
+    assert max(values) == pytest.approx(0.6)
+
+
+def test_a_resumed_run_repeats_what_lasts(tmp_path: Path) -> None:
+    record = "  - record: {name: r}\n    do:\n      - wait: 1 s\n"
+    lasting = waveform("ramp: {to: 60 %, over: 20 s}")
+    passing = waveform("ramp: {to: 60 %, over: 20 s}, then: safe")
+    for text, left in ((lasting, 2), (passing, 1)):
+        plan = VirtualBench(tmp_path, HEATERS).plan(text + record + record)
+        first = record_paths(plan.root)[0]
+        assert len(remaining(plan.root.children, lambda path, first=first: path == first)) == left
 
 
 def test_valves_follow_steps_of_positions(tmp_path: Path) -> None:

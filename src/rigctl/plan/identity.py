@@ -24,7 +24,9 @@ class IdentityField(Part):
     """One fact about the device under test, or who is in charge: a text, and what it has to look like."""
 
     default: str | None = Field(default=None, max_length=LONGEST, description="where nothing else is given")
-    required: bool = Field(default=False, description="`rigctl run` asks for it and begins without it never")
+    required: bool = Field(
+        default=False, description="no run on a bench begins without it; `rigctl run` asks for it"
+    )
     pattern: str | None = Field(
         default=None,
         max_length=LONGEST,

@@ -32,7 +32,8 @@ class ProcedureFile(Cleanup):
     )
     identity: IdentityFields = Field(
         default=IdentityFields(),
-        description="the device under test and who is in charge: what is known, and what has to be given",
+        description="the device under test and who is in charge: what is known, and what has to be given; "
+        "that of a procedure that is called does not count",
     )
     arguments: dict[Name, Argument] = Field(
         default_factory=dict, description="what a call or --arg may give; used as $name"

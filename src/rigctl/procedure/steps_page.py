@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 from rigctl.files.schema import json_schema
 from rigctl.plan.arguments import ArgumentFields
 from rigctl.plan.fields import Short
+from rigctl.plan.identity import IdentityField, IdentityFields
 from rigctl.plan.step import Cleanup, Step
 from rigctl.plan.values import Value
 from rigctl.procedure.load import ProcedureFile
@@ -46,6 +47,10 @@ def steps_page() -> str:
     lines += _table(fields, schema["properties"])
     lines += ["", "An argument is written with its default, `supply: 30 bar`, or in full:", ""]
     lines += _fields(definitions, ArgumentFields)
+    lines += ["", "Under `identity`:", ""]
+    lines += _fields(definitions, IdentityFields)
+    lines += ["", "Each of them is written with its default, `part: HL32-50`, or in full:", ""]
+    lines += _fields(definitions, IdentityField)
     lines += ["", "## Cleanup", "", _CLEANUP, "## Steps", ""]
     for verb, step in BY_VERB.items():
         lines += [*_step(verb, step, definitions), ""]
@@ -113,6 +118,8 @@ def _default(info: FieldInfo) -> str:
     if info.is_required():
         return "required"
     default = info.get_default(call_default_factory=True, validated_data={})
+    if isinstance(default, BaseModel):
+        return ""
     if isinstance(default, Value):
         return f"`{default.text}`"
     return "" if default in (None, "", {}) else f"`{str(default).lower()}`"
