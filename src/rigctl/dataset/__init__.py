@@ -4,14 +4,71 @@
 `annotate`, `exclude` and `query`.
 """
 
-from rigctl.dataset.catalogue import RunSummary, find_run, list_runs
-from rigctl.dataset.curate import annotate, exclude, include
-from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
-from rigctl.dataset.run import Record, Run, Switch, open_run
-from rigctl.dataset.run_id import new_run_id
-from rigctl.dataset.sql import QueryResult, query
-from rigctl.dataset.verification import Condition, Verification, verify
-from rigctl.dataset.writer import RunWriter
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rigctl.dataset.catalogue import RunSummary as RunSummary
+    from rigctl.dataset.catalogue import find_run as find_run
+    from rigctl.dataset.catalogue import list_runs as list_runs
+    from rigctl.dataset.curate import annotate as annotate
+    from rigctl.dataset.curate import exclude as exclude
+    from rigctl.dataset.curate import include as include
+    from rigctl.dataset.header import RunHeader as RunHeader
+    from rigctl.dataset.header import Source as Source
+    from rigctl.dataset.header import calibrations_of as calibrations_of
+    from rigctl.dataset.header import current_versions as current_versions
+    from rigctl.dataset.header import source_of_rig as source_of_rig
+    from rigctl.dataset.run import Record as Record
+    from rigctl.dataset.run import Run as Run
+    from rigctl.dataset.run import Switch as Switch
+    from rigctl.dataset.run import open_run as open_run
+    from rigctl.dataset.run_id import new_run_id as new_run_id
+    from rigctl.dataset.sql import QueryResult as QueryResult
+    from rigctl.dataset.sql import query as query
+    from rigctl.dataset.verification import Condition as Condition
+    from rigctl.dataset.verification import Verification as Verification
+    from rigctl.dataset.verification import verify as verify
+    from rigctl.dataset.writer import RunWriter as RunWriter
+
+#: which module has what: each is loaded with its first use, since the half of them reads no rig file
+_WHERE = {
+    "catalogue": (
+        "RunSummary",
+        "find_run",
+        "list_runs",
+    ),
+    "curate": (
+        "annotate",
+        "exclude",
+        "include",
+    ),
+    "header": (
+        "RunHeader",
+        "Source",
+        "calibrations_of",
+        "current_versions",
+        "source_of_rig",
+    ),
+    "run": (
+        "Record",
+        "Run",
+        "Switch",
+        "open_run",
+    ),
+    "run_id": ("new_run_id",),
+    "sql": (
+        "QueryResult",
+        "query",
+    ),
+    "verification": (
+        "Condition",
+        "Verification",
+        "verify",
+    ),
+    "writer": ("RunWriter",),
+}
+_MODULES = {name: module for module, names in _WHERE.items() for name in names}
 
 __all__ = [
     "Condition",
@@ -37,3 +94,13 @@ __all__ = [
     "source_of_rig",
     "verify",
 ]
+
+
+if not TYPE_CHECKING:  # so that a type checker finds a name that is not there
+
+    def __getattr__(name: str) -> Any:
+        """The name, loaded with its first use."""
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+        return value

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset.history import INTERRUPTED
 from rigctl.dataset.index.file import ask, is_indexed, memory_index
 from rigctl.dataset.index.refresh import add_rows
 from rigctl.dataset.index.rows import DAMAGED, facts_of, stored_rows
@@ -244,8 +243,3 @@ def _by_start(text: str, runs: Path, folders: list[Path]) -> Path:
         expected=f"an id such as {newest}, the start of one, a path, or '{LATEST}'",
         nearest=nearest_name(text, by_id),
     )
-
-
-def unfinished(info: dict[str, Any]) -> bool:
-    """True for a run that `rigctl resume` can go on with."""
-    return info["status"] in (INTERRUPTED, "failed", "aborted")
