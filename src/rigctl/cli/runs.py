@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,7 +62,7 @@ def list_(
     found = list_runs(where=where, last=most + 1 if most and not last else most)
     shown = found[-most:] if most else found
     if as_json:
-        _print_json({"runs": [asdict(run) for run in shown]})
+        _print_json({"runs": [vars(run) for run in shown]})  # asdict copies deeply
     elif not shown:
         none = (
             "No run meets the condition."
