@@ -239,6 +239,13 @@ def test_storage_that_refuses_or_stalls_loses_nothing(
             upload_if_wanted(folder)
         assert "not uploaded" in caplog.text
         assert "'rigctl runs upload' tries again" in caplog.text
+        monkeypatch.chdir(tmp_path)
+        listed = CliRunner().invoke(app, ["runs", "list"])
+        assert (listed.exit_code, NAME in listed.stdout) == (0, True)
+        assert "Only the runs of this computer are listed" in listed.stderr
+        with pytest.raises(RigctlError, match="cannot list the runs"):
+            query("SELECT count(*) FROM records")  # half of the runs would be no answer
+        assert open_run(NAME).id == NAME
     assert verify(folder).condition is Condition.WHOLE
 
 

@@ -59,7 +59,12 @@ def list_(
         raise RigctlError("'--last' and '--all' exclude each other")
     most = None if every or (as_json and not last) else last or SHOWN
     # one more than is shown tells whether there are more
-    found = list_runs(where=where, last=most + 1 if most and not last else most)
+    wanted = most + 1 if most and not last else most
+    try:
+        found = list_runs(where=where, last=wanted)
+    except RigctlError as problem:
+        found = list_runs(where=where, last=wanted, stored=False)  # a wrong condition is refused here again
+        echo(f"note: {problem}. Only the runs of this computer are listed", err=True)
     shown = found[-most:] if most else found
     if as_json:
         _print_json({"runs": [vars(run) for run in shown]})  # asdict copies deeply

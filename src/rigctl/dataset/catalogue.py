@@ -63,7 +63,11 @@ def runs_folder(runs: Path | None = None) -> Path:
 
 
 def list_runs(
-    runs: str | Path | None = None, *, where: str | None = None, last: int | None = None
+    runs: str | Path | None = None,
+    *,
+    where: str | None = None,
+    last: int | None = None,
+    stored: bool = True,
 ) -> list[RunSummary]:
     """Runs, oldest first. One small file of each is read, of many only where it has changed since.
 
@@ -74,16 +78,17 @@ def list_runs(
         ``notes`` and ``excluded``. What their channels range over is in ``channels``: ``id IN (SELECT run
         FROM channels WHERE name = 'oil_temperature' AND high > 60)``, in the unit they were recorded in.
     last: only the newest so many.
+    stored: False leaves out what the project has in storage alone.
 
     Raises
     ------
     RigctlError
-        the condition is wrong.
+        the condition is wrong, or the storage does not answer.
     """
     if is_address(runs):
         return list_stored(Store(str(runs)), where, last)
     folder = runs_folder(Path(runs) if runs is not None else None)
-    store = find_project().store if runs is None else None
+    store = find_project().store if runs is None and stored else None
     if store is not None:
         here = _list_local(folder, where, None)
         others = list_stored(
