@@ -133,7 +133,10 @@ def test_one_effect_and_two_others_of_nearly_the_same_odds_are_not_told_apart() 
 
 
 def test_one_effect_that_leaves_little_to_see_is_not_told_from_two_of_nearly_its_odds() -> None:
-    """Seed 1055 of a search for such cases: a test rejects what it leaves, 1 % of the misfit."""
+    """Seed 1055 of a search for such cases: a test rejects what it leaves, 1 % of the misfit.
+
+    That is no more than what sizes of undriven effects may scatter.
+    """
     rng = np.random.default_rng(1055)
     effects = [made_effect(f"effect_{k}") for k in range(8)]
     design = made_design(effects, random_gram(rng, 8, 6), correlation=0.3, seed=1055)
@@ -143,7 +146,7 @@ def test_one_effect_that_leaves_little_to_see_is_not_told_from_two_of_nearly_its
     y = readings_of(design, sizes, noise)
     assert 0.0 < design.mbic(y, ["effect_0"]) - design.mbic(y, chosen) < LEAST_DIFFERENCE
     found = diagnosed(design, sizes, noise)
-    assert found.remainder is not None
+    assert found.remainder is None
     assert found.verdict is Verdict.AMBIGUOUS
     assert found.classes == (("effect_0", *chosen),)
 
@@ -218,15 +221,17 @@ def test_what_no_effect_does_is_outside_the_library() -> None:
 def test_what_is_left_beside_an_effect_is_said_and_decides_above_three_per_cent(
     size: float, verdict: Verdict
 ) -> None:
-    """Excess beyond χ²'s own spread over what alpha explains and that: 0.6 % and 14 %."""
+    """Excess beyond χ²'s own spread over what alpha explains and that: 2 and 13 %, less the little of it that
+    sizes of alpha of each record's own take up."""
     design = made_design(PLAIN, np.eye(6))
     found = diagnosed(design, {"alpha": 100.0}, strange(design, size))
     dof = len(design.root) - len(NUISANCES) - 1
     excess = size**2 + 1.0 - LEAST_SEPARATION * math.sqrt(2.0 * dof)
     assert found.verdict is verdict
     assert found.remainder is not None
-    assert found.remainder.share == pytest.approx(excess / (1e4 + excess), rel=0.02)
-    assert found.remainder.size == pytest.approx(math.sqrt(excess), rel=0.01)
+    assert found.remainder.share == pytest.approx(excess / (1e4 + excess), rel=0.1)
+    assert found.remainder.share < excess / (1e4 + excess)
+    assert found.remainder.size == pytest.approx(math.sqrt(excess), rel=0.05)
     assert ("That is not all" in found.statement) is (verdict is Verdict.MISSING_EFFECT)
     assert ("The nearest in the library" in found.statement) is (verdict is Verdict.OUTSIDE_LIBRARY)
 

@@ -15,6 +15,7 @@ import pytest
 
 from rigctl.engine import cache
 from rigctl.engine.machine_code import MachineCode, compiled
+from rigctl.files.cache_folder import CACHE_VARIABLE
 
 SOURCE = """
 define double @double(double %x) {
@@ -26,7 +27,7 @@ define double @double(double %x) {
 
 @pytest.fixture
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     return tmp_path / "engine"
 
 
@@ -115,7 +116,7 @@ def test_a_cache_that_cannot_be_written_costs_a_warning_only(
 ) -> None:
     blocked = tmp_path / "a-file"
     blocked.write_text("not a folder", encoding="utf-8")
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(blocked))
+    monkeypatch.setenv(CACHE_VARIABLE, str(blocked))
     with caplog.at_level(logging.WARNING):
         assert load("blocked") == COMPILED
     assert "cannot be used" in caplog.text
@@ -149,7 +150,7 @@ def test_processes_share_one(root: Path) -> None:
         "from rigctl.engine.cache import load_compiled\n"
         "from rigctl.engine.machine_code import compiled\n"
         f"source = {SOURCE!r}\n"
-        "found = load_compiled('many', source, lambda: compiled(source, ['double']))\n"
+        "found = load_compiled('many', source, lambda: compiled(source, ['double'], vectors=False))\n"
         "assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(found['double'])(2.0) == 4.0\n"
     )
     processes = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(3)]
@@ -195,5 +196,5 @@ def test_what_is_old_is_pruned(root: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_users_own_place_is_used_unless_another_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(cache.CACHE_VARIABLE, raising=False)
+    monkeypatch.delenv(CACHE_VARIABLE, raising=False)
     assert cache.cache_root().parts[-2:] == ("rigctl", "engine")
