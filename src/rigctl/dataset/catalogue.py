@@ -12,19 +12,18 @@ from rigctl.dataset.index.file import ask, is_indexed, memory_index
 from rigctl.dataset.index.refresh import add_rows
 from rigctl.dataset.index.rows import DAMAGED, facts_of, stored_rows
 from rigctl.dataset.index.select import select
+from rigctl.dataset.run_id import LATEST, SeveralRuns, chosen_id
 from rigctl.dataset.run_json import NAME as RUN_JSON
 from rigctl.dataset.run_json import read_info
 from rigctl.dataset.run_order import is_run, run_folders
 from rigctl.dataset.run_status import status_of
 from rigctl.dataset.shards import places_of
 from rigctl.dataset.storage.store import Store, StoredFolder
-from rigctl.errors import RigctlError, nearest_name
+from rigctl.errors import RigctlError
 from rigctl.project import find_project, is_address
 
 __all__ = ["LATEST", "RunSummary", "find_run", "list_runs", "run_folders", "runs_folder", "status_of"]
 
-#: how the newest run is called on the command line
-LATEST: Final = "latest"
 #: of many runs, among so many of the newest the nearest name is looked for
 _NEAREST: Final = 1000
 
@@ -91,9 +90,8 @@ def list_runs(
     store = find_project().store if runs is None and stored else None
     if store is not None:
         here = _list_local(folder, where, None)
-        others = list_stored(
-            Store(store), where, None, but={run.id for run in _list_local(folder, None, None)}
-        )
+        everything = here if where is None else _list_local(folder, None, None)
+        others = list_stored(Store(store), where, None, but={run.id for run in everything})
         together = sorted([*here, *others], key=lambda run: run.id[:15])
         return together[-last:] if last else together
     return _list_local(folder, where, last)
@@ -178,9 +176,9 @@ def locate_run(ref: str | Path, runs: str | Path | None = None) -> Path | Stored
         return find_run(ref, Path(runs) if runs is not None else None)
     try:
         here = find_run(ref)
-    except RigctlError as problem:
-        if "several runs" in problem.what:
-            raise
+    except SeveralRuns:
+        raise
+    except RigctlError:
         return Store(store).find(str(ref))
     if str(ref) != LATEST:
         return here
@@ -230,21 +228,5 @@ def _known_folders(runs: Path, text: str) -> list[Path]:
 def _by_start(text: str, runs: Path, folders: list[Path]) -> Path:
     if not folders:
         raise RigctlError(f"there are no runs in {runs}", value=text, hint="'rigctl simulate' makes one")
-    if text == LATEST:
-        return folders[-1]
     by_id = {folder.name: folder for folder in folders}
-    if text in by_id:
-        return by_id[text]
-    matches = [name for name in by_id if text and name.startswith(text)]
-    if len(matches) == 1:
-        return by_id[matches[0]]
-    if matches:
-        listed = ", ".join(matches[:6]) + (", …" if len(matches) > 6 else "")
-        raise RigctlError("several runs begin like this", value=text, expected=f"one of {listed}")
-    newest = list(by_id)[-1]
-    raise RigctlError(
-        "no such run",
-        value=text,
-        expected=f"an id such as {newest}, the start of one, a path, or '{LATEST}'",
-        nearest=nearest_name(text, by_id),
-    )
+    return by_id[chosen_id(text, list(by_id))]

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
 from rigctl.dataset.shards import is_taken
+from rigctl.errors import RigctlError, nearest_name
+
+#: how the newest run is called on the command line
+LATEST: Final = "latest"
 
 #: longest slug; keeps a run's paths well below the 260 characters that some systems allow
 _SLUG_LENGTH = 40
@@ -21,6 +26,41 @@ def slug(name: str) -> str:
     """
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii").lower()
     return re.sub(r"[^a-z0-9]+", "-", ascii_name)[:_SLUG_LENGTH].strip("-") or "run"
+
+
+class SeveralRuns(RigctlError):
+    """Several ids begin like this."""
+
+
+def chosen_id(ref: str, ids: Sequence[str], *, shown: str = "") -> str:
+    """The id that `ref` is, or begins; the last of them for ``latest``.
+
+    Parameters
+    ----------
+    ids: of some runs, oldest first; not empty.
+    shown: where a run of this id was looked for, as errors name it.
+
+    Raises
+    ------
+    RigctlError
+        no id begins like this (names the nearest), or several do.
+    """
+    if ref == LATEST:
+        return ids[-1]
+    if ref in ids:
+        return ref
+    matches = [name for name in ids if ref and name.startswith(ref)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        listed = ", ".join(matches[:6]) + (", …" if len(matches) > 6 else "")
+        raise SeveralRuns("several runs begin like this", value=ref, expected=f"one of {listed}")
+    raise RigctlError(
+        "no such run",
+        value=shown or ref,
+        expected=f"an id such as {ids[-1]}, the start of one, a path, or '{LATEST}'",
+        nearest=nearest_name(ref, ids),
+    )
 
 
 def new_run_id(name: str, when: datetime, runs: Path) -> str:

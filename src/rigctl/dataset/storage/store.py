@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import Any, Final
 
 from rigctl.dataset import run_json
+from rigctl.dataset.run_id import chosen_id
 from rigctl.dataset.shards import is_shard
-from rigctl.errors import ExitCode, RigctlError, nearest_name
+from rigctl.errors import ExitCode, RigctlError
 
 #: how long storage may take to take a connection, and to send the next bytes, s
 CONNECTS_WITHIN: Final = 10.0
@@ -119,21 +120,7 @@ class Store:
         ids = self.ids()
         if not ids:
             raise RigctlError("there are no runs in this storage", value=self.address)
-        matches = (
-            [ref] if ref in ids else ids[-1:] if ref == "latest" else [i for i in ids if i.startswith(ref)]
-        )
-        if len(matches) == 1:
-            return self.folder(matches[0])
-        if matches:
-            raise RigctlError(
-                "several runs begin like this", value=ref, expected="one of " + ", ".join(matches[:6])
-            )
-        raise RigctlError(
-            "no such run",
-            value=f"{self.address}/{ref}",
-            expected=f"e.g. {ids[-1]}",
-            nearest=nearest_name(ref, ids),
-        )
+        return self.folder(chosen_id(ref, ids, shown=f"{self.address}/{ref}"))
 
     def path(self, run_id: str, name: str) -> str:
         """What the library calls a file of a run."""
