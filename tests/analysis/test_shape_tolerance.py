@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.identity import levels_of, same_cause, wanted_elsewhere
 from rigctl.analysis.shape_tolerance import FUNCTIONS, knots_of, prior_root
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
-from rigctl.engine.one_thread import one_thread
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.work import diagnose_scenario
+from wrong_shape import diagnosed
 
 FAMILY = "hydraulic_cylinder"
-
-
-def diagnosed(effect: str, amplitude: float) -> Diagnosis:
-    """A campaign of the separate bench that hides an effect in the shape that is wrong on purpose."""
-    scenario = Scenario(
-        "one",
-        (Wanted(effect, 100.0),),
-        "wrong",
-        repeated=2,
-        temperatures=(20.0, 50.0, 80.0),
-        pressures=(20.0, 50.0),
-    )
-    with one_thread():
-        return diagnose_scenario(replace(scenario, seed=5), (amplitude,))
 
 
 def test_a_strong_leak_that_is_half_turbulent_is_one_effect() -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
 from rigctl.analysis.size_scatter import size_scatter, with_scatter
-from rigctl.engine.one_thread import one_thread
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.work import diagnose_scenario
+from wrong_shape import diagnosed
 
 RECORDS, ROWS = 16, 30
 
@@ -73,21 +70,6 @@ def test_each_record_has_a_column_of_its_own_with_what_the_effect_does_there() -
         assert not np.delete(one.signatures, k, axis=1).any()
     assert with_scatter(lin, []) is lin
     assert size_scatter(lin, "another") is None
-
-
-def diagnosed(effect: str, amplitude: float) -> Diagnosis:
-    """A campaign of the separate bench that hides an effect in the shape that is wrong on purpose."""
-    scenario = Scenario(
-        "one",
-        (Wanted(effect, 100.0),),
-        "wrong",
-        repeated=2,
-        temperatures=(20.0, 50.0, 80.0),
-        pressures=(20.0, 50.0),
-        seed=5,
-    )
-    with one_thread():
-        return diagnose_scenario(replace(scenario), (amplitude,))
 
 
 def test_a_delay_that_jitters_from_switch_to_switch_is_named_with_its_place() -> None:

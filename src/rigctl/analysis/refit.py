@@ -499,7 +499,7 @@ class _Beside:
     ) -> FitResult | None:
         names = self.problem.compiled.system.parameter_names
         base = self.problem.base.copy()
-        for name, value in {**self.candidate.shapes, **held}.items():
+        for name, value in held.items():
             base[names.index(name)] = value
         at = {u.name: float(value) for u, value in zip(begin.problem.shared, begin.values, strict=True)}
         unknowns = self.before.fit.problem.shared

@@ -1,0 +1,23 @@
+"""Campaigns of the separate bench whose effect has a shape that is wrong on purpose."""
+
+from __future__ import annotations
+
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.engine.one_thread import one_thread
+from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.work import diagnose_scenario
+
+
+def diagnosed(effect: str, amplitude: float) -> Diagnosis:
+    """What is said of a campaign at three temperatures and two pressures that hides it."""
+    scenario = Scenario(
+        "one",
+        (Wanted(effect, 100.0),),
+        "wrong",
+        repeated=2,
+        temperatures=(20.0, 50.0, 80.0),
+        pressures=(20.0, 50.0),
+        seed=5,
+    )
+    with one_thread():
+        return diagnose_scenario(scenario, (amplitude,))
