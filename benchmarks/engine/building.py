@@ -54,16 +54,10 @@ def one_start() -> dict[str, dict[str, float]]:
         return now, used
 
     start = time.perf_counter(), time.process_time()
-    from numba.core.registry import cpu_target
-
-    # numba, which compiles the integrator, imports half of itself when it is first used
-    cpu_target.target_context.refresh()
-
     from benchmarks.engine import superset
     from rigctl.effects.user import load_effect
     from rigctl.engine import simulate, straight_line  # noqa: F401
     from rigctl.engine.compile import compile_system
-    from rigctl.engine.kernels import record, step  # noqa: F401
     from rigctl.engine.system import SystemBuilder
     from rigctl.files.shipped import shipped
     from rigctl.model import build_system

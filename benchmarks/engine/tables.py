@@ -17,7 +17,7 @@ TITLES = {
 _TASKS = ("simulate", "columns_8", "columns_28")
 _HEADS = ("simulate", "+ 8 columns", "+ 28 columns")
 _STAGES = {
-    "imports": "imports, numba's own among them",
+    "imports": "imports",
     "integrator": "the integrator, once per installation",
     "superset": "the whole library, cold",
     "own_effect": "a user's effect on top of it, cold",
