@@ -122,10 +122,12 @@ def compare(
     from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
     from rigctl.cli.compare_views import show_comparison, show_fmu_rivals
     from rigctl.cli.next_command import DataOptions
+    from rigctl.cli.plans import find_file
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
 
     require_page(output, force=force)
+    fmus = [find_file(path) for path in rival or ()]
     models = open_models(model)
     opened = open_runs(runs, models[0], assume)
     with telling("nothing was saved") as on_progress:
@@ -138,7 +140,7 @@ def compare(
             refit=fit,
             on_progress=on_progress,
         )
-        rivals = _rivals(rival or (), found, on_progress)
+        rivals = _rivals(fmus, found, on_progress)
     if output is not None:
         from rigctl.report.analysis import comparison_sections, history_sections
 
@@ -153,16 +155,15 @@ def compare(
         _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
 
 
-def _rivals(written: Sequence[Path], found: Comparison, on_progress: Callable[[str], None]) -> list[FmuRival]:
+def _rivals(fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str], None]) -> list[FmuRival]:
     """Every FMU beside the last model."""
     from rigctl.analysis.fmu_rival import judge_fmu
-    from rigctl.cli.plans import find_file
 
     rivals = []
-    for path in written:
+    for path in fmus:
         on_progress(f"Running {path.name}")
         last = found.models[-1]
-        rivals.append(judge_fmu(find_file(path), last.fit, last.name))
+        rivals.append(judge_fmu(path, last.fit, last.name))
     return rivals
 
 
