@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs clean system constraints torture explore
+.PHONY: demo test check lint types imports unit bench docs site wheel clean system constraints torture explore
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -52,6 +52,14 @@ explore: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py
+
+# The site of the documentation, in build/site: `rigctl serve` shows it, and it opens from its folder.
+site: $(VENV)/.installed-dev
+	$(BIN)/python tools/make_site.py
+
+# A wheel with the site in it, in dist.
+wheel: $(VENV)/.installed-dev
+	HATCH_BUILD_HOOK_ENABLE_CUSTOM=true $(BIN)/python -m build --wheel
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "rigctl needs Python 3.11 or newer")'

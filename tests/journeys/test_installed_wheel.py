@@ -18,7 +18,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The environment of a process that sees the wheel's rigctl instead of the checkout's."""
     folder = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder)]
-    subprocess.run([*build, str(REPOSITORY)], check=True, capture_output=True)
+    with_site = {**os.environ, "HATCH_BUILD_HOOK_ENABLE_CUSTOM": "true"}
+    subprocess.run([*build, str(REPOSITORY)], check=True, capture_output=True, env=with_site)
     (wheel,) = folder.glob("rigctl-*.whl")
     place = folder / "site"
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place)]
@@ -42,6 +43,7 @@ def test_first_job_works_from_an_installed_wheel(installed: dict[str, str], tmp_
         [sys.executable, "-c", code], cwd=tmp_path, env=installed, capture_output=True, text=True, check=True
     )
     assert seen.stdout.strip() == "True", "the checkout was imported instead of the wheel"
+    assert (Path(installed["PYTHONPATH"]) / "rigctl/shipped/site/tutorial/hidden-effect.html").is_file()
 
     made = json.loads(rigctl(["init", "bench", "--json"], tmp_path, installed))
     assert len(made["files"]) > 8

@@ -1,0 +1,137 @@
+"""The site of the documentation, written by ``make site`` into ``build/site`` unless a link leads nowhere.
+
+The pages are those of ``docs``, in the order in which its start page names them; files outside of ``docs``
+that they link to are taken along. They are copied with these links changed, and built from the copy: the
+builder needs nothing of ours but a folder of Markdown and ``mkdocs.yml``, and can be exchanged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import posixpath
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+#: folder of docs -> its tab, in this order
+TABS = {"tutorial": "Tutorials", "how-to": "How-to", "reference": "Reference", "explanation": "Explanation"}
+#: pages outside of docs -> where they stand on the site
+OUTSIDE = {
+    "CHANGELOG.md": "project/changelog.md",
+    "CONTRIBUTING.md": "project/contributing.md",
+    "data/README.md": "project/data.md",
+    "firmware/README.md": "project/firmware.md",
+}
+#: a folder has no page of its own
+FOLDERS = {"docs/decisions": "docs/decisions/index.md"}
+_LINK = re.compile(r"\]\(([^)\s#]+)(#[^)\s]*)?\)")
+_ADDRESS = re.compile(r"[a-z]+:")
+_FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
+
+
+def linked(text: str, written: str) -> list[str]:
+    """The files of the repository that the Markdown of the file ``written`` links to."""
+    links = [link for part in _FENCE.split(text)[::2] for link, _ in _LINK.findall(part)]
+    return [meant(link, written) for link in links if not _ADDRESS.match(link)]
+
+
+def meant(link: str, written: str) -> str:
+    """The file of the repository that a relative link in the file ``written`` leads to."""
+    return posixpath.normpath(posixpath.join(posixpath.dirname(written), link))
+
+
+def led(text: str, written: str) -> str:
+    """The Markdown of the file ``written``, its links leading to where the linked files stand on the site."""
+    folder = posixpath.dirname(on_site(written)) or "."
+
+    def lead(match: re.Match[str]) -> str:
+        if _ADDRESS.match(match[1]):
+            return match[0]
+        return f"]({posixpath.relpath(on_site(meant(match[1], written)), folder)}{match[2] or ''})"
+
+    parts = _FENCE.split(text)
+    parts[::2] = [_LINK.sub(lead, part) for part in parts[::2]]
+    return "".join(parts)
+
+
+def on_site(path: str) -> str:
+    """Where a file of the repository stands on the site."""
+    path = FOLDERS.get(path, path)
+    if path.startswith("docs/"):
+        return re.sub(r"(^|/)README\.md$", r"\1index.md", path.removeprefix("docs/"))
+    return OUTSIDE.get(path, f"project/files/{path}{'' if posixpath.splitext(path)[1] else '.txt'}")
+
+
+def copy_pages(folder: Path) -> None:
+    """Every page, picture and linked file as it stands on the site."""
+    left = [path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*") if path.is_file()]
+    left += OUTSIDE
+    for written in left:  # grows by what is linked
+        place = folder / on_site(written)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if written.endswith(".md"):
+            text = (ROOT / written).read_text(encoding="utf-8")
+            place.write_text(led(text, written), encoding="utf-8")
+            left += [path for path in linked(text, written) if path not in left and (ROOT / path).is_file()]
+        else:
+            shutil.copyfile(ROOT / written, place)
+    rows = [f"- [{heading(folder / page)}]({Path(page).name})" for page in decisions()]
+    index = "\n".join(["# Decisions", "", *rows, ""])
+    (folder / "decisions" / "index.md").write_text(index, encoding="utf-8")
+
+
+def heading(page: Path) -> str:
+    return page.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+
+
+def decisions() -> list[str]:
+    return sorted(f"decisions/{path.name}" for path in (ROOT / "docs" / "decisions").glob("*.md"))
+
+
+def navigation() -> list[object]:
+    """Tabs and their pages, in the order in which the start page names these."""
+    start = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    named = [link for link, _ in _LINK.findall(start) if link.endswith(".md")]
+    named = list(dict.fromkeys(named))
+    tabs = [
+        {title: [page for page in named if page.startswith(f"{folder}/")]} for folder, title in TABS.items()
+    ]
+    about = ["state.md", *OUTSIDE.values(), {"Decisions": ["decisions/index.md", *decisions()]}]
+    return [{"Start": "index.md"}, *tabs, {"Project": about}]
+
+
+def make_site(into: Path) -> None:
+    """Write the site into a folder; `subprocess.CalledProcessError` where a link leads nowhere."""
+    with tempfile.TemporaryDirectory(prefix="rigctl-site-") as folder:
+        pages, config = Path(folder) / "docs", Path(folder) / "mkdocs.yml"
+        copy_pages(pages)
+        added = {"docs_dir": str(pages), "site_dir": str(into), "nav": navigation()}
+        rows = [f"{name}: {json.dumps(value)}\n" for name, value in added.items()]  # what is JSON is YAML
+        settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+        config.write_text(settings + "".join(rows), encoding="utf-8")
+        build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--config-file", str(config)]
+        subprocess.run(build, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, check=True)
+    for unused in (*into.rglob("*.map"), *into.glob("sitemap.*"), *into.rglob("lunr/*")):
+        if unused.is_file():  # for other builders' debuggers, search engines and languages
+            unused.unlink()
+
+
+def main() -> int:
+    """Write the site; 1 where a link leads nowhere, which the builder has said."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--into", type=Path, default=ROOT / "build" / "site", help="the folder of the site")
+    try:
+        make_site(asked.parse_args().into.resolve())
+    except subprocess.CalledProcessError:
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
