@@ -16,7 +16,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 #: import name where it is another than the package's
 IMPORTED = {"pyserial": "serial", "ruamel.yaml": "ruamel", "npTDMS": "nptdms", "FMPy": "fmpy"}
 #: extra -> what is installed along and found by another package
-ALONG = {"visa": {"pyvisa-py"}, "storage": {"s3fs"}}
+ALONG = {"visa": {"pyvisa-py"}, "storage": {"s3fs"}, "web": {"uvicorn", "websockets"}}
 #: for whom works on rigctl, not for whom works with it
 OURS = {"dev", "benchmarks"}
 

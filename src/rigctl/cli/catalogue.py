@@ -44,6 +44,7 @@ ENTRIES = (
     Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV, XLSX, Parquet, TDMS, MDF4 or MAT."),
     Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data in these formats."),
     Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
+    Entry("serve", "rigctl.cli.serve:serve", DATA, "The project in a browser: runs, live, models, reports."),
     Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
     Entry("compare", "rigctl.cli.compare:compare", PHYSICS, "How well a model agrees, and where it fails."),
     Entry("diagnose", "rigctl.cli.diagnose:diagnose", PHYSICS, "Which effect a model lacks, and adding it."),

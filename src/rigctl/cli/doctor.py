@@ -31,6 +31,7 @@ _EXTRAS = (
     ("fmpy", "fmu", "runs FMUs beside a model"),
     ("distributed", "cluster", "hands independent pieces of work to a Dask cluster: --cluster"),
     ("pymodbus", "modbus", "speaks to devices with Modbus registers"),
+    ("starlette", "web", "shows the project in a browser: rigctl serve"),
 )
 
 

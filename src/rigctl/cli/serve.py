@@ -1,0 +1,85 @@
+"""`rigctl serve`: the project in a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rigctl.cli.echo import echo
+from rigctl.errors import RigctlError
+
+
+def serve(
+    project: Annotated[
+        Path | None, typer.Argument(help="The project's folder; the current one's when left out.")
+    ] = None,
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="0 takes any that is free.")] = None,
+    host: Annotated[str, typer.Option(help="Another address than this computer's needs TLS.")] = "127.0.0.1",
+    certificate: Annotated[Path | None, typer.Option(help="Of TLS, a PEM file.")] = None,
+    key: Annotated[Path | None, typer.Option(help="Of the certificate, a PEM file.")] = None,
+    name: Annotated[
+        list[str] | None, typer.Option(help="A name that browsers ask for it under; repeatable.")
+    ] = None,
+    *,
+    expose: Annotated[
+        bool, typer.Option("--expose", help="Let other computers reach it, and so the bench.")
+    ] = False,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address only.")] = False,
+) -> None:
+    """Show the project in a browser: runs, the run in progress, models, procedures, reports.
+
+    Only this computer can reach it, and only with the address that is printed: what follows its # is a key.
+    Ctrl-C ends it; a run in progress goes on.
+
+    Examples:
+
+      rigctl serve
+
+      rigctl serve ~/benches/press --port 9000 --no-browser
+    """
+    require_web()
+    from rigctl.project import find_project
+    from rigctl.web.browser import can_open, open_browser
+    from rigctl.web.server import Settings, serve
+
+    if project is not None and not project.is_dir():
+        raise RigctlError("there is no such folder", value=str(project))
+
+    def started(address: str) -> None:
+        echo(f"{found.root.name} is shown at\n  {address}\nCtrl-C ends it; a run in progress goes on.")
+        if not no_browser and can_open():
+            open_browser(address)
+
+    found = find_project(project)
+    settings = Settings(
+        found,
+        host,
+        port,
+        certificate=_file(certificate),
+        key=_file(key),
+        exposed=expose,
+        names=tuple(name or ()),
+    )
+    serve(settings, started)
+
+
+def require_web() -> None:
+    """Refuse without the packages that a served page needs.
+
+    Raises
+    ------
+    RigctlError
+        they are not installed; says how to get them.
+    """
+    from importlib.util import find_spec
+
+    if not all(find_spec(module) for module in ("starlette", "uvicorn", "websockets")):
+        raise RigctlError("serving a page needs further packages", hint="pip install 'rigctl[web]' gets them")
+
+
+def _file(path: Path | None) -> Path | None:
+    if path is not None and not path.is_file():
+        raise RigctlError("there is no such file", value=str(path))
+    return path

@@ -1,0 +1,155 @@
+"""How a part answers: a plain function of what is asked, called in a thread, whose result becomes JSON.
+
+What a function raises becomes an answer too: a `RigctlError` with its parts by name, as ``--json`` has it.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, cast
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.files.write import to_json
+
+logger = logging.getLogger(__name__)
+
+#: bytes of a request's body; a procedure of a thousand steps has fifty thousand
+_MOST_BYTES: Final = 2_000_000
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request of a page.
+
+    Parameters
+    ----------
+    path: what the route's braces stand for.
+    query: what follows the question mark.
+    body: the fields of a request that does something.
+    viewer: which window asks; each has a name of its own, which a reload keeps.
+    """
+
+    path: Mapping[str, str]
+    query: Mapping[str, str]
+    body: Mapping[str, Any] = field(default_factory=dict)
+    viewer: str = ""
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """A text among path, query and body.
+
+        Raises
+        ------
+        RigctlError
+            it is missing, or no text.
+        """
+        found = self.path.get(name, self.query.get(name, self.body.get(name, default)))
+        if not isinstance(found, str):
+            raise RigctlError(f"{name}: a text is needed", value=None if found is None else str(found))
+        return found
+
+    def whole(self, name: str, default: int, low: int, high: int) -> int:
+        """A whole number, brought between `low` and `high`.
+
+        Raises
+        ------
+        RigctlError
+            it is none.
+        """
+        found = self.query.get(name, self.body.get(name, default))
+        try:
+            return min(max(int(found), low), high)
+        except (TypeError, ValueError) as problem:
+            raise RigctlError(f"{name}: a whole number is needed", value=str(found)) from problem
+
+    def texts(self, name: str) -> list[str]:
+        """A list of texts in the body; empty when it is missing.
+
+        Raises
+        ------
+        RigctlError
+            it is no list of texts.
+        """
+        found = self.body.get(name, [])
+        if not isinstance(found, list) or not all(isinstance(one, str) for one in found):
+            raise RigctlError(f"{name}: a list of texts is needed")
+        return found
+
+
+Work = Callable[[Asked], object]
+
+
+def get(path: str, work: Work) -> Route:
+    """A route that only reads."""
+    return Route(path, _endpoint(work), methods=["GET"])
+
+
+def post(path: str, work: Work) -> Route:
+    """A route that does something; its body is a JSON object."""
+    return Route(path, _endpoint(work), methods=["POST"])
+
+
+def delete(path: str, work: Work) -> Route:
+    """A route that takes something away or stops it."""
+    return Route(path, _endpoint(work), methods=["DELETE"])
+
+
+def _endpoint(work: Work) -> Callable[[Request], Any]:
+    async def endpoint(request: Request) -> Response:
+        try:
+            asked = await _read(request)
+            found = await run_in_threadpool(work, asked)
+            if isinstance(found, Response):
+                return found
+            return _json(to_json(found), 200)
+        except RigctlError as error:
+            failed = error.exit_code is ExitCode.FAILED
+            return _json(json.dumps({"error": error.as_dict()}), 409 if failed else 400)
+        except OSError as problem:  # the folder is gone, the disk is full
+            return _json(refusal_text(f"{problem.strerror or problem}: {problem.filename or 'a file'}"), 503)
+        except Exception as fault:
+            logger.exception("%s %s", request.method, request.url.path)
+            return _json(
+                refusal_text(f"a fault of rigctl itself: {fault!r}; the server's output has more"), 500
+            )
+
+    return endpoint
+
+
+async def _read(request: Request) -> Asked:
+    body: Mapping[str, Any] = {}
+    if request.method not in ("GET", "HEAD"):
+        content = bytearray()
+        async for part in request.stream():
+            content += part
+            if len(content) > _MOST_BYTES:
+                raise RigctlError(f"more than {_MOST_BYTES // 1_000_000} MB are not taken at once")
+        body = _fields(bytes(content))
+    viewer = request.headers.get("x-rigctl-viewer", "")[:64]
+    return Asked(dict(request.path_params), dict(request.query_params), body, viewer)
+
+
+def _fields(content: bytes) -> Mapping[str, Any]:
+    try:
+        fields = json.loads(content or b"{}")
+    except (ValueError, RecursionError) as problem:
+        raise RigctlError("the request is no JSON") from problem
+    if not isinstance(fields, dict):
+        raise RigctlError("the request is no JSON object")
+    return cast("dict[str, Any]", fields)
+
+
+def _json(text: str, status: int) -> Response:
+    return Response(text, status, media_type="application/json")
+
+
+def refusal_text(message: str) -> str:
+    """An error without further parts, as the page reads it."""
+    return json.dumps({"error": {"message": message, "what": message}}, ensure_ascii=False)

@@ -1,0 +1,134 @@
+"""The application: the page around the parts, the parts themselves, and what they share."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import asynccontextmanager
+from functools import lru_cache
+from html import escape
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any, Final
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from rigctl.web.answer import delete, get, refusal_text
+from rigctl.web.gate import SESSION_PATH, App, Gate, Keys, set_cookie
+from rigctl.web.parts import PARTS
+from rigctl.web.site import Part, Site
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+_ASSETS: Final = Path(__file__).parent / "assets"
+_REPORT_ASSETS: Final = Path(__file__).parents[1] / "report" / "assets"
+#: bytes of a request that only carries the token
+_MOST_TOKEN: Final = 1000
+
+
+def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool) -> App:
+    """Everything that is served, behind its gate."""
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        yield
+        site.jobs.close()
+
+    routes: list[BaseRoute] = [
+        Route("/", lambda _: RedirectResponse(f"/{PARTS[0].name}")),
+        Route(SESSION_PATH, _session(keys), methods=["POST"]),
+        get("/api/status", lambda _: status(site)),
+        get("/api/jobs", lambda _: {"jobs": [job.document() for job in site.jobs.all()]}),
+        get("/api/jobs/{id}", lambda asked: site.jobs.find(asked.text("id")).document()),
+        delete("/api/jobs/{id}", lambda asked: site.jobs.stop(asked.text("id")).document()),
+        Route("/assets/page.css", _shared_style),
+        Mount("/assets", StaticFiles(directory=_ASSETS)),
+        *(Route(f"/{part.name}", _page(part)) for part in PARTS),
+        *(route for part in PARTS for route in part.routes(site)),
+    ]
+    inner = Starlette(routes=routes, lifespan=lifespan, exception_handlers={404: _nothing_there})
+    pages = {"/", *(f"/{part.name}" for part in PARTS)}
+    return Gate(inner, keys=keys, hosts=hosts, secure=secure, open_paths=pages)
+
+
+def status(site: Site) -> dict[str, Any]:
+    """What every page says of the project and of the server's work."""
+    root = site.project.root
+    working = [job.document() for job in site.jobs.all() if job.state == "working"]
+    return {
+        "project": root.name,
+        "root": str(root),
+        "runs": str(site.project.runs),
+        "there": root.is_dir(),
+        "version": installed_version(),
+        "working": working,
+    }
+
+
+def installed_version() -> str:
+    """Of rigctl."""
+    try:
+        return version("rigctl")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _session(keys: Keys) -> Any:
+    async def endpoint(request: Request) -> Response:
+        import json
+
+        content = bytearray()
+        async for part in request.stream():
+            content += part[: _MOST_TOKEN + 1]
+            if len(content) > _MOST_TOKEN:
+                break
+        try:
+            token = json.loads(content[: _MOST_TOKEN + 1])["token"]
+        except (ValueError, TypeError, KeyError):
+            token = None
+        session = keys.exchange(token) if isinstance(token, str) else None
+        if session is None:
+            text = "this is not the address that the server has printed; it changes with every start"
+            return Response(refusal_text(text), 401, media_type="application/json")
+        return Response(status_code=204, headers={"set-cookie": set_cookie(request.scope, session)})
+
+    return endpoint
+
+
+async def _shared_style(_: Request) -> Response:
+    """The style sheet of the report, from which all pages of rigctl have their colours and types."""
+    return Response((_REPORT_ASSETS / "page.css").read_bytes(), media_type="text/css")
+
+
+async def _nothing_there(_: Request, __: Exception) -> Response:
+    return Response(refusal_text("there is nothing at this address"), 404, media_type="application/json")
+
+
+def _page(part: Part) -> Any:
+    async def endpoint(_: Request) -> Response:
+        return HTMLResponse(shell(part))
+
+    return endpoint
+
+
+def shell(part: Part) -> str:
+    """The page around a part; it holds nothing of the project, which its script asks for."""
+    links = "\n".join(_link(each, current=each is part) for each in PARTS)
+    return _template().substitute(
+        title=escape(part.title), name=escape(part.name), about=escape(part.about), links=links
+    )
+
+
+def _link(part: Part, *, current: bool) -> str:
+    mark = ' aria-current="page"' if current else ""
+    return f'<li><a href="/{escape(part.name)}"{mark}>{escape(part.title)}</a></li>'
+
+
+@lru_cache(maxsize=1)
+def _template() -> Template:
+    return Template((_ASSETS / "shell.html").read_text(encoding="utf-8"))

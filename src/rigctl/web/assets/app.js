@@ -1,0 +1,58 @@
+// The page around a part: lets the browser in, shows the project, and hands over to the part's script.
+import { api, complain, h, settle, wait } from "./lib.js";
+
+const place = document.getElementById("part");
+
+// The address that the server prints ends with its token; it is exchanged for a cookie and taken out of sight.
+const enter = async () => {
+  const token = location.hash.slice(1);
+  if (!/^[\w-]{40,}$/.test(token)) return;
+  history.replaceState(null, "", location.pathname + location.search);
+  await api("/api/session", { method: "POST", body: { token } });
+};
+
+const showProject = (status) => {
+  const name = document.getElementById("project");
+  name.textContent = status.project;
+  name.title = status.root;
+  const working = document.getElementById("working");
+  working.textContent = status.working.length
+    ? status.working.map((job) => `${job.name}${job.share === null ? "" : ` ${Math.round(100 * job.share)} %`}`).join(", ")
+    : "";
+  settle("project", status.there ? null : `The project's folder is gone: ${status.root}. This page goes on by itself when it is back.`);
+};
+
+const follow = async () => {
+  for (;;) {
+    await wait(document.hidden ? 8000 : 3000);
+    try {
+      showProject(await api("/api/status"));
+      settle("server", null);
+    } catch (problem) {
+      settle("server", problem.status === 401 ? problem.message : "The server does not answer: it was ended, or is busy. This page goes on by itself.");
+    }
+  }
+};
+
+const begin = async () => {
+  try {
+    await enter();
+    showProject(await api("/api/status"));
+  } catch (problem) {
+    place.replaceChildren(
+      h("p", { class: "statement warn" }, problem.status === 401 ? "This browser has not been let in yet." : problem.message),
+      h("p", {}, "Open the address that ", h("code", {}, "rigctl serve"), " has printed, with what follows its #; it changes with every start."),
+    );
+    return;
+  }
+  follow();
+  try {
+    const part = await import(`./${document.body.dataset.part}.js`);
+    await part.show(place);
+    place.dataset.ready = "yes";
+  } catch (problem) {
+    complain(problem);
+  }
+};
+
+begin();

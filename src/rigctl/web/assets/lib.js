@@ -1,0 +1,178 @@
+// What the scripts of all parts share: asking the server, making elements from text, saying what went wrong.
+
+// Which window this is: a reload keeps its name, another tab has another.
+export const viewer = (() => {
+  try {
+    let name = sessionStorage.getItem("rigctl-viewer");
+    if (!name) sessionStorage.setItem("rigctl-viewer", (name = crypto.randomUUID()));
+    return name;
+  } catch {
+    return crypto.randomUUID();
+  }
+})();
+
+export class Refusal extends Error {
+  constructor(status, error) {
+    super(error.message);
+    this.status = status;
+    this.error = error;
+  }
+}
+
+// Ask the server: the answer's JSON, or a Refusal with the parts of the error.
+export const api = async (path, { method = "GET", body = null, query = null } = {}) => {
+  const given = Object.entries(query ?? {}).filter(([, value]) => value !== null && value !== undefined && value !== "");
+  const address = given.length ? `${path}?${new URLSearchParams(given)}` : path;
+  const headers = { "X-Rigctl-Viewer": viewer };
+  if (body !== null) headers["Content-Type"] = "application/json";
+  const answer = await fetch(address, { method, headers, body: body === null ? null : JSON.stringify(body), credentials: "same-origin" });
+  if (answer.status === 204) return null;
+  const text = await answer.text();
+  let found = null;
+  try {
+    found = JSON.parse(text);
+  } catch {
+    throw new Refusal(answer.status, { message: "the server's answer cannot be read" });
+  }
+  if (!answer.ok) throw new Refusal(answer.status, found.error ?? { message: `the server answers ${answer.status}` });
+  return found;
+};
+
+// An element. Texts are shown as texts, whatever stands in them: nothing here reads HTML.
+export const h = (tag, attributes = {}, ...inside) => {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (name === "value" || name === "checked" || name === "disabled") made[name] = value;
+    else made.setAttribute(name, value === true ? "" : String(value));
+  }
+  made.append(...inside.flat(3).filter((one) => one !== null && one !== undefined && one !== false));
+  return made;
+};
+
+export const wait = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
+
+// At most once in so many milliseconds, the last call never lost.
+export const seldom = (work, milliseconds) => {
+  let timer = null;
+  let next = 0;
+  return (...given) => {
+    clearTimeout(timer);
+    const now = performance.now();
+    const run = () => {
+      next = performance.now() + milliseconds;
+      work(...given);
+    };
+    if (now >= next) run();
+    else timer = setTimeout(run, next - now);
+  };
+};
+
+const messages = document.getElementById("messages");
+
+// A message that stays until it is closed.
+export const say = (text, kind = "") => {
+  const box = h("div", { class: `message ${kind}` }, h("p", {}, text));
+  box.append(h("button", { type: "button", "aria-label": "Close this message", onclick: () => box.remove() }, "×"));
+  messages.append(box);
+  while (messages.children.length > 4) messages.firstElementChild.remove();
+  return box;
+};
+
+// A state that is said once and taken back when it is over.
+const states = new Map();
+export const settle = (name, text) => {
+  const there = states.get(name);
+  if (there && there.isConnected && text && there.dataset.text === text) return;
+  there?.remove();
+  states.delete(name);
+  if (text) {
+    const box = say(text, "warn");
+    box.dataset.text = text;
+    states.set(name, box);
+  }
+};
+
+export const complain = (problem) => {
+  if (!(problem instanceof Refusal)) console.error(problem);
+  return say(problem.message ?? String(problem), "bad");
+};
+
+// Do something at a click; what goes wrong is said, and the button waits meanwhile.
+export const button = (label, work, attributes = {}) => {
+  const made = h("button", { type: "button", ...attributes }, label);
+  made.addEventListener("click", async () => {
+    made.disabled = true;
+    try {
+      await work(made);
+    } catch (problem) {
+      complain(problem);
+    } finally {
+      made.disabled = false;
+    }
+  });
+  return made;
+};
+
+// The command that a view stands for, to copy.
+export const command = (text) => {
+  const code = h("code", {}, text);
+  const copy = button("Copy", async () => {
+    await navigator.clipboard.writeText(text);
+    copy.textContent = "Copied";
+    setTimeout(() => (copy.textContent = "Copy"), 1500);
+  }, { class: "small", "aria-label": `Copy the command ${text}` });
+  return h("p", { class: "command" }, code, copy);
+};
+
+// A word for a shell: quoted where it has to be.
+export const word = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+
+const kinds = { finished: "good", pass: "good", done: "good", running: "live", failed: "bad", fail: "bad", damaged: "bad", died: "bad", aborted: "warn", paused: "warn", unclosed: "warn", stopped: "warn" };
+export const tag = (text) => h("span", { class: `tag ${kinds[text] ?? ""}` }, text);
+
+// 1:02:03, or 2:03
+export const clock = (seconds) => {
+  if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "–";
+  const whole = Math.max(Math.round(seconds), 0);
+  const [hours, minutes, rest] = [Math.floor(whole / 3600), Math.floor((whole % 3600) / 60), whole % 60];
+  const two = (number) => String(number).padStart(2, "0");
+  return hours ? `${hours}:${two(minutes)}:${two(rest)}` : `${minutes}:${two(rest)}`;
+};
+
+// Work that goes on in a process of its own: asked for until it ends. `look` is called with each state.
+export const follow = async (job, look = () => {}) => {
+  let state = job;
+  for (;;) {
+    look(state);
+    if (state.state !== "working") return state;
+    await wait(300);
+    state = await api(`/api/jobs/${job.id}`);
+  }
+};
+
+// Progress of work with a button that stops it; resolves with its result, or throws what it failed by.
+export const work = async (place, job) => {
+  const bar = h("progress", { max: 1, "aria-label": job.name });
+  const text = h("span", { role: "status" });
+  const stop = button("Stop", () => api(`/api/jobs/${job.id}`, { method: "DELETE" }), { class: "small" });
+  const box = h("div", { class: "job" }, h("strong", {}, job.name), bar, text, stop);
+  place.append(box);
+  try {
+    const ended = await follow(job, (state) => {
+      if (state.share === null) bar.removeAttribute("value");
+      else bar.value = state.share;
+      text.textContent = `${state.text} ${clock(state.seconds)}`;
+    });
+    if (ended.state === "done") return ended.result;
+    if (ended.state === "stopped") throw new Refusal(409, { message: `${job.name}: stopped` });
+    throw new Refusal(409, ended.error);
+  } finally {
+    box.remove();
+  }
+};
+
+// Colours of the style sheet, as they are now.
+export const colour = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
+export const onTheme = (work) => window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", work);

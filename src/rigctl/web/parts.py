@@ -1,0 +1,8 @@
+"""The parts of the page, in the order of the navigation: to add one, write its module and name it here."""
+
+from __future__ import annotations
+
+from rigctl.web import docs, live, procedure, report, runs, workbench
+from rigctl.web.site import Part
+
+PARTS: tuple[Part, ...] = (runs.PART, live.PART, workbench.PART, procedure.PART, report.PART, docs.PART)

@@ -1,0 +1,65 @@
+"""What the parts of one server share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.project import Project
+from rigctl.web.jobs import Jobs
+
+if TYPE_CHECKING:
+    from starlette.routing import BaseRoute
+
+
+@dataclass(frozen=True)
+class Site:
+    """One project in a browser.
+
+    Parameters
+    ----------
+    project: its folder, and that of its runs.
+    jobs: what takes long.
+    """
+
+    project: Project
+    jobs: Jobs
+
+    def require_project(self) -> Path:
+        """The project's folder.
+
+        Raises
+        ------
+        RigctlError
+            it is gone.
+        """
+        root = self.project.root
+        if not root.is_dir():
+            raise RigctlError(
+                "the project's folder is gone",
+                value=str(root),
+                hint="Nothing can be read or begun until it is back; this page goes on by itself then",
+                exit_code=ExitCode.FAILED,
+            )
+        return root
+
+
+@dataclass(frozen=True)
+class Part:
+    """One entry of the navigation.
+
+    Parameters
+    ----------
+    name: its path is ``/name``, its script ``assets/name.js``, and its routes begin with ``/api/name/``.
+    title: what the navigation calls it.
+    about: one line for the page's description.
+    routes: makes its routes, from `rigctl.web.answer.get` and `post`.
+    """
+
+    name: str
+    title: str
+    about: str
+    routes: Callable[[Site], Sequence[BaseRoute]]

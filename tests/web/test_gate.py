@@ -1,0 +1,172 @@
+"""Who is let in: attacks as pages elsewhere, other programs and strangers would make them."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+
+import pytest
+
+from web.serving import Served, Window
+
+HOSTILE_HOSTS = [
+    "evil.example",
+    "evil.example:{port}",
+    "127.0.0.1",
+    "127.0.0.1:1",
+    "localhost.evil.example:{port}",
+]
+HOSTILE_ORIGINS = [
+    "http://evil.example",
+    "http://evil.example:{port}",
+    "http://127.0.0.1",
+    "http://127.0.0.1:1",
+    "https://127.0.0.1:{port}",
+    "http://localhost:{port}",  # ours too, but not the one that is asked
+    "http://127.0.0.1:{port}.evil.example",
+    "null",
+    "",
+]
+
+
+@pytest.mark.parametrize("host", HOSTILE_HOSTS)
+def test_another_name_is_not_answered_even_with_the_cookie(served: Served, cookie: str, host: str) -> None:
+    """DNS rebinding: a page of evil.example has its own name lead here, and asks as if it were at home."""
+    name = host.format(port=served.port)
+    for method, path in (("GET", "/runs"), ("GET", "/api/status"), ("POST", "/api/session")):
+        headers = {"Host": name, "Origin": f"http://{name}"}
+        status, _, text = served.ask(method, path, {"token": served.token}, headers=headers, cookie=cookie)
+        assert status == 421
+        assert served.project.name not in text
+
+
+@pytest.mark.parametrize("origin", HOSTILE_ORIGINS)
+def test_another_origin_is_refused(served: Served, cookie: str, origin: str) -> None:
+    headers = {"Origin": origin.format(port=served.port)}
+    for method, path in (("GET", "/api/status"), ("POST", "/api/session"), ("DELETE", "/api/jobs/x")):
+        assert served.ask(method, path, {"token": served.token}, headers=headers, cookie=cookie)[0] == 403
+
+
+def test_what_does_something_needs_an_origin(served: Served, cookie: str) -> None:
+    assert served.ask("POST", "/api/session", {"token": served.token}, cookie=cookie)[0] == 403
+    assert served.ask("DELETE", "/api/jobs/x", cookie=cookie)[0] == 403
+    assert served.ask("GET", "/api/status", cookie=cookie)[0] == 200
+
+
+def test_a_picture_or_script_of_another_site_gets_nothing(served: Served, cookie: str) -> None:
+    """Such requests have no Origin, and the cookie where the other site is another port of this computer."""
+    for site in ("cross-site", "same-site"):
+        headers = {"Sec-Fetch-Site": site}
+        assert served.ask("GET", "/api/status", headers=headers, cookie=cookie)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "given", [None, "", "rigctl_{port}=", "rigctl_{port}=guess", "rigctl_1=x", '="; \x7f']
+)
+def test_without_the_cookie_only_the_empty_page_is_had(served: Served, given: str | None) -> None:
+    cookie = given.format(port=served.port) if given else given
+    for path in ("/api/status", "/api/jobs", "/api/nothing"):
+        status, _, text = served.ask("GET", path, cookie=cookie)
+        assert status == 401
+        assert served.project.name not in text
+    status, _, page = served.ask("GET", "/runs", cookie=cookie)
+    assert status == 200
+    assert served.project.name not in page
+
+
+@pytest.mark.parametrize("token", ["", "x", "é" * 43, None, 7, ["a"], "A" * 5000], ids=range(7))
+def test_a_wrong_token_gets_no_cookie(served: Served, token: object) -> None:
+    headers = {"Origin": served.base}
+    status, got, _ = served.ask("POST", "/api/session", {"token": token}, headers=headers)
+    assert status == 401
+    assert "set-cookie" not in got
+
+
+def test_the_token_has_256_bits_and_the_cookie_is_kept_from_scripts_and_other_sites(served: Served) -> None:
+    assert len(served.token) == 43  # of 6 bits
+    _, got, _ = served.ask("POST", "/api/session", {"token": served.token}, headers={"Origin": served.base})
+    said = got["set-cookie"]
+    assert re.fullmatch(rf"rigctl_{served.port}=[\w-]{{43}}; Path=/; HttpOnly; SameSite=Strict", said)
+    assert served.token not in said
+
+
+def test_every_answer_forbids_what_a_browser_must_not_do_with_it(served: Served, cookie: str) -> None:
+    for path in ("/runs", "/assets/app.js", "/assets/page.css", "/api/status", "/api/none"):
+        _, got, _ = served.ask("GET", path, cookie=cookie)
+        assert got["cache-control"] == "no-store"
+        assert got["x-content-type-options"] == "nosniff"
+        assert got["referrer-policy"] == "no-referrer"
+        assert got["cross-origin-resource-policy"] == "same-origin"
+        assert "access-control-allow-origin" not in got
+        assert "server" not in got
+        rules = dict(rule.split(" ", 1) for rule in got["content-security-policy"].split("; "))
+        assert rules["default-src"] == "'none'"
+        assert rules["script-src"] == "'self'"
+        assert rules["frame-ancestors"] == "'none'"
+
+
+def test_no_file_but_the_page_s_own_is_had(served: Served, cookie: str) -> None:
+    for path in ("/assets/../gate.py", "/assets/%2e%2e/gate.py", "/assets//etc/passwd", "/../rigctl.toml"):
+        assert served.ask("GET", path, cookie=cookie)[0] == 404
+
+
+@pytest.mark.parametrize(
+    "sent", [b"\x00\xff\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/9\r\nHost: x\r\n\r\n"]
+)
+def test_what_is_no_request_ends_the_connection_and_nothing_else(
+    served: Served, cookie: str, sent: bytes
+) -> None:
+    with socket.create_connection(("127.0.0.1", served.port), timeout=10) as line:
+        line.sendall(sent)
+        assert line.recv(100).startswith((b"HTTP/1.1 400", b"HTTP/1.1 421"))
+    assert served.get("/api/status", cookie)["there"] is True
+
+
+def test_a_body_that_is_no_json_object_is_one_clear_message(served: Served, cookie: str) -> None:
+    status, answer = served.post("/api/session", ["x"], cookie)
+    assert status == 401
+    assert "changes with every start" in answer["error"]["message"]
+
+
+def test_a_browser_is_let_in_once_and_stays_in(window: Window) -> None:
+    page = window.open("/runs")
+    assert "#" not in page.url  # the token is out of the address, and of the history
+    assert page.locator("#project").inner_text() == window.served.project.name
+    page.reload()
+    page.wait_for_selector("#part[data-ready=yes]")
+    cookies = window.context.cookies()
+    assert [(one["httpOnly"], one["sameSite"]) for one in cookies] == [(True, "Strict")]
+    assert page.evaluate("document.cookie") == ""
+
+
+def test_a_browser_without_the_token_is_told_how_to_get_in(window: Window) -> None:
+    page = window.context.new_page()
+    page.goto(f"{window.served.base}/runs")
+    page.get_by_text("rigctl serve").wait_for()
+    assert page.locator("#project").inner_text() == ""
+
+
+def test_a_page_of_another_site_reaches_nothing(window: Window, served: Served) -> None:
+    """Another port of this computer is the same site to a browser, which sends the cookie along."""
+    window.open("/runs")
+    other = window.context.new_page()
+    other.route("http://127.0.0.1:9/**", lambda route: route.fulfill(body="<p>elsewhere</p>"))
+    other.goto("http://127.0.0.1:9/")
+    tried = f"""async () => {{
+      const told = [];
+      for (const [method, mode] of [["GET", "cors"], ["GET", "no-cors"], ["POST", "no-cors"]]) {{
+        try {{
+          const got = await fetch("{served.base}/api/status", {{ method, mode, credentials: "include" }});
+          told.push(await got.text());
+        }} catch {{ told.push("refused"); }}
+      }}
+      told.push(await new Promise((done) => {{
+        const socket = new WebSocket("ws://{served.host}/api/live/stream");
+        socket.onopen = () => done("open");
+        socket.onerror = () => done("refused");
+      }}));
+      return told;
+    }}"""
+    assert other.evaluate(tried) == ["refused"] * 4
+    assert json.loads(served.ask("GET", "/api/status", cookie=served.enter())[2])["working"] == []
