@@ -11,7 +11,7 @@ from typing import Any, Final
 from rigctl.dataset.index.file import ask, is_indexed, memory_index
 from rigctl.dataset.index.refresh import add_rows
 from rigctl.dataset.index.rows import DAMAGED, facts_of, stored_rows
-from rigctl.dataset.index.select import select
+from rigctl.dataset.index.select import select, select_page
 from rigctl.dataset.run_id import LATEST, SeveralRuns, chosen_id
 from rigctl.dataset.run_json import NAME as RUN_JSON
 from rigctl.dataset.run_json import read_info
@@ -103,6 +103,34 @@ def _list_local(folder: Path, where: str | None, last: int | None) -> list[RunSu
         return list(_summaries(folders[-last:] if last else folders))
     rows = ask(folder, lambda index: select(index, where, last), channels=where is not None)
     return [_summary_of(folder, row) for row in rows]
+
+
+@dataclass(frozen=True)
+class CataloguePage:
+    """Some of the runs of this computer; `found` meet the condition, of `all` there are."""
+
+    runs: list[RunSummary]
+    found: int
+    all: int
+
+
+def page_of_runs(runs: Path | None = None, *, where: str | None = None, **how: Any) -> CataloguePage:
+    """A page of the catalogue, newest first; what is in storage alone is not in it.
+
+    Parameters
+    ----------
+    runs: the folder; the project's when left out.
+    where: as in `list_runs`.
+    how: as `rigctl.dataset.index.select.select_page` has it.
+
+    Raises
+    ------
+    RigctlError
+        the condition is wrong, or there is no such column.
+    """
+    folder = runs_folder(runs)
+    found = ask(folder, lambda index: select_page(index, where=where, **how), channels=where is not None)
+    return CataloguePage([_summary_of(folder, row) for row in found.rows], found.found, found.all)
 
 
 def list_stored(

@@ -1,19 +1,166 @@
-"""Runs."""
+"""The catalogue: found, sorted and paged by the index, with notes, exclusions and what a run holds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.errors import RigctlError
+from rigctl.web.answer import Asked, get, post
 from rigctl.web.site import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
+#: runs on one page
+_MOST: Final = 500
+#: records that are listed of a run
+_MOST_RECORDS: Final = 2000
+
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """What the page asks for."""
-    return ()
+    catalogue = Catalogue(site)
+    return (
+        get("/api/runs", catalogue.page),
+        get("/api/runs/difference", catalogue.difference),
+        get("/api/runs/{run}", catalogue.show),
+        post("/api/runs/{run}/notes", catalogue.annotate),
+        post("/api/runs/{run}/exclude", catalogue.exclude),
+    )
 
 
-PART = Part("runs", "Runs", "What was measured: filtered, sorted, annotated.", routes)
+class Catalogue:
+    """The runs of one project, as a page asks for them."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+
+    def page(self, asked: Asked) -> dict[str, Any]:
+        """Some of the runs, in an order."""
+        from rigctl.dataset.catalogue import page_of_runs
+
+        self._site.require_project()
+        found = page_of_runs(
+            self._site.project.runs,
+            where=asked.text("where", "").strip() or None,
+            search=asked.text("search", ""),
+            sort=asked.text("sort", "started"),
+            descending=asked.text("order", "down") != "up",
+            first=asked.whole("first", 0, 0, 1 << 40),
+            count=asked.whole("count", 50, 1, _MOST),
+        )
+        return {"runs": [asdict(run) for run in found.runs], "found": found.found, "all": found.all}
+
+    def show(self, asked: Asked) -> dict[str, Any]:
+        """One run: what was carried out, on what, by whom, its records and what was said of it."""
+        from rigctl.dataset.catalogue import status_of
+        from rigctl.dataset.run_json import read_info
+
+        folder = self._folder(asked)
+        info = read_info(folder)
+        state = status_of(folder, info)
+        records = [] if state in ("running", "unclosed") else _records(folder)
+        names = ("id", "reason", "operator", "started", "duration", "clock", "seed", "rows", "device", "test")
+        return {
+            **{name: info.get(name) for name in names},
+            "status": state,
+            "procedure": info["procedure"].get("name"),
+            "procedure_path": info["procedure"].get("path"),
+            "rig": info["rig"].get("name"),
+            "backend": info["backend"],
+            "measures": info.get("measures", []),
+            "annotations": info.get("annotations", []),
+            "folder": folder,
+            "records": records[:_MOST_RECORDS],
+            "left_out": max(len(records) - _MOST_RECORDS, 0),
+        }
+
+    def annotate(self, asked: Asked) -> dict[str, Any]:
+        """Add a note to a run or a record of it."""
+        from rigctl.dataset import annotate
+
+        text = asked.text("text").strip()
+        if not text:
+            raise RigctlError("a note needs a text")
+        folder = self._folder(asked)
+        annotate(folder, text, record=_record(asked.body.get("record")))
+        return {"run": folder.name}
+
+    def exclude(self, asked: Asked) -> dict[str, Any]:
+        """Leave a record out of analysis, or take it back in; with a reason."""
+        from rigctl.dataset import exclude, include
+
+        reason = asked.text("reason").strip()
+        if not reason:
+            raise RigctlError("a reason is needed: it is kept with the record")
+        record = _record(asked.body.get("record"))
+        if record is None:
+            raise RigctlError("record: a whole number is needed")
+        folder = self._folder(asked)
+        (include if asked.body.get("undo") is True else exclude)(folder, [record], reason)
+        return {"run": folder.name}
+
+    def difference(self, asked: Asked) -> dict[str, Any]:
+        """What differs between two campaigns, condition by condition."""
+        from rigctl.dataset import open_run
+        from rigctl.web.difference import difference
+
+        self._site.require_project()
+        first, second = (open_run(_plain_id(asked.text(name)), self._runs) for name in ("first", "second"))
+        return difference(first, second)
+
+    @property
+    def _runs(self) -> Path:
+        return self._site.project.runs
+
+    def _folder(self, asked: Asked) -> Path:
+        from rigctl.dataset import find_run
+
+        self._site.require_project()
+        return find_run(_plain_id(asked.text("run")), self._runs)
+
+
+def _plain_id(text: str) -> str:
+    """A run of this project by its id; a path would lead elsewhere.
+
+    Raises
+    ------
+    RigctlError
+        it is none.
+    """
+    if not text or text.startswith(".") or set(text) & set("/\\:\0"):
+        raise RigctlError("this is no id of a run", value=text)
+    return text
+
+
+def _record(given: object) -> int | None:
+    if given is None:
+        return None
+    if not isinstance(given, int) or isinstance(given, bool):
+        raise RigctlError("record: a whole number is needed", value=str(given))
+    return given
+
+
+def _records(folder: Path) -> list[dict[str, Any]]:
+    """What the table of records says of each: values in the units they are shown in."""
+    from rigctl.dataset import open_run
+
+    run = open_run(folder)
+    frame, units = run.records, run.record_units
+    plain = {"record", "name", "path", "rate", "start", "end", "outcome", "excluded", "rows", "session"}
+    values = [name for name in frame.columns if name not in plain]
+    told = []
+    for row in frame.to_dict("records"):
+        cells = [
+            {"name": name, "value": row[name], "unit": units.get(name, "")}
+            for name in values
+            if row[name] is not None and row[name] == row[name]
+        ]
+        told.append({name: row[name] for name in plain & set(frame.columns)} | {"values": cells})
+    return told
+
+
+PART = Part("runs", "Runs", "What was measured: found, sorted, annotated, compared.", routes)

@@ -6,6 +6,7 @@ import re
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Final, NoReturn
 
 from rigctl.dataset.index.schema import CHANNEL_COLUMNS, INNER_COLUMNS, ORDER, RUN_COLUMNS, VIEWS, quoted
@@ -42,6 +43,65 @@ def select(
     return [dict(zip(_COLUMNS, row, strict=True)) for row in reversed(rows)]
 
 
+#: what a text is looked for in
+_SEARCHED: Final = ("id", "procedure", "rig", "operator", "serial_number", "part", "status")
+
+
+@dataclass(frozen=True)
+class Page:
+    """Some of the runs that meet a condition, in the order that was asked for.
+
+    `found` is how many meet it, `all` how many there are.
+    """
+
+    rows: list[dict[str, Any]]
+    found: int
+    all: int
+
+
+def select_page(
+    index: sqlite3.Connection,
+    *,
+    where: str | None = None,
+    search: str = "",
+    sort: str = "started",
+    descending: bool = True,
+    first: int = 0,
+    count: int = 50,
+) -> Page:
+    """A page of the runs.
+
+    Parameters
+    ----------
+    where: as in `select`.
+    search: words, each of which stands in one of the run's names.
+    sort: a column of a run; runs that have no value come last.
+    first: of those that meet the condition, from 0.
+
+    Raises
+    ------
+    RigctlError
+        the condition is wrong, or there is no such column.
+    """
+    if sort not in RUN_COLUMNS:
+        raise unknown_name("column", sort, RUN_COLUMNS)
+    conditions = [f"id IN (SELECT id FROM runs WHERE (\n{where}\n))"] if where else []  # noqa: S608
+    words = ["%" + re.sub(r"([%_^])", r"^\1", word) + "%" for word in search.split()]
+    texts = " || ' ' || ".join(f"coalesce({name}, '')" for name in _SEARCHED)
+    conditions += [f"({texts}) LIKE ? ESCAPE '^'" for _ in words]
+    chosen = f"WHERE {' AND '.join(conditions)}" if conditions else ""
+    way = " DESC" if descending else ""
+    keys = ORDER.split(", ") if sort == "started" else [f'"{sort}"', *ORDER.split(", ")]
+    order = ", ".join(f"{key}{way}" for key in keys)
+    missing = f'"{sort}" IS NULL, ' if sort != "started" else ""
+    sql = f"SELECT {quoted(_COLUMNS)} FROM run {chosen} ORDER BY {missing}{order} LIMIT ? OFFSET ?"  # noqa: S608
+    with _guarded(index, where):
+        rows = index.execute(sql, [*words, count, first]).fetchall()
+        (found,) = index.execute(f"SELECT count(*) FROM run {chosen}", words).fetchone()  # noqa: S608
+    (every,) = index.execute("SELECT count(*) FROM run").fetchone()
+    return Page([dict(zip(_COLUMNS, row, strict=True)) for row in rows], found, every)
+
+
 @contextmanager
 def _guarded(index: sqlite3.Connection, where: str | None) -> Iterator[None]:
     """Let the database read its own tables and nothing else, and Ctrl-C be heard."""
@@ -55,7 +115,9 @@ def _guarded(index: sqlite3.Connection, where: str | None) -> Iterator[None]:
     try:
         yield
     except sqlite3.DatabaseError as problem:
-        if problem.sqlite_errorcode in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_AUTH):
+        # one without a code is of the binding: a '?' in the condition
+        code = getattr(problem, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
+        if code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_AUTH):
             _refuse(problem, where)
         raise
     finally:

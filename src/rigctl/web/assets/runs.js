@@ -1,5 +1,250 @@
-import { h } from "./lib.js";
+// The catalogue: found, sorted and paged by the server; one run beside it; two campaigns over each other.
+import { api, button, clock, command, h, say, seldom, tag, word } from "./lib.js";
+import { plot } from "./plot.js";
+
+const PAGE = 50;
+const COLUMNS = [
+  ["started", "Run", "id"],
+  ["status", "Status"],
+  ["procedure", "Procedure"],
+  ["rig", "Rig"],
+  ["duration", "Duration"],
+  ["records", "Records"],
+  ["notes", "Notes"],
+];
+
+const count = (number, one, more = `${one}s`) => `${number.toLocaleString("en")} ${number === 1 ? one : more}`;
+const figure = (value, digits = 5) => (typeof value === "number" ? Number(value.toPrecision(digits)).toString() : String(value));
+const apart = (value) => figure(value, 3);
+const bench = ({ kind, name, seed, ...rest }) => [kind, ...Object.entries(rest).map(([key, value]) => `${key.replaceAll("_", " ")} ${value}`)].filter(Boolean).join(", ");
+const moment = (text) => (text ? text.replace("T", " ").slice(0, 16) : "");
 
 export const show = async (place) => {
-  place.replaceChildren(h("p", { class: "note" }, "Nothing is shown here yet."));
+  const asked = { search: "", where: "", sort: "started", order: "down", first: 0 };
+  const chosen = new Set();
+
+  const search = h("input", { type: "search", id: "search", placeholder: "Name, rig, person, serial number", oninput: () => ask({ search: search.value, first: 0 }) });
+  const where = h("input", { type: "text", id: "where", size: 26, placeholder: "records > 20 AND status = 'finished'", spellcheck: "false", onchange: () => load({ where: where.value, first: 0 }) });
+  const stated = h("p", { class: "note count", role: "status" });
+  const body = h("tbody");
+  const head = h("tr");
+  const pager = h("div", { class: "pager" });
+  const actions = h("div", { class: "actions" });
+  const side = h("aside", { class: "side", "aria-label": "The run that was chosen" });
+  const below = h("div", { class: "below" });
+  const standsFor = h("div");
+
+  place.replaceChildren(
+    h("div", { class: "toolbar" },
+      h("label", { for: "search" }, "Find"), search,
+      h("label", { for: "where" }, "Where"), where,
+      stated, actions),
+    h("div", { class: "split" },
+      h("div", {},
+        h("div", { class: "scroll" }, h("table", { class: "runs" }, h("caption", { class: "hidden" }, "Runs"), h("thead", {}, head), body)),
+        pager, standsFor),
+      side),
+    below,
+  );
+
+  const showHead = () =>
+    head.replaceChildren(
+      h("th", { class: "pick" }, h("span", { class: "hidden" }, "Choose")),
+      ...COLUMNS.map(([key, title]) => {
+        const sorted = asked.sort === key;
+        const turn = () => load({ sort: key, order: sorted && asked.order === "down" ? "up" : "down", first: 0 });
+        const arrow = sorted ? (asked.order === "down" ? " ↓" : " ↑") : "";
+        return h("th", { "aria-sort": sorted ? (asked.order === "down" ? "descending" : "ascending") : "none" }, h("button", { type: "button", class: "sort", onclick: turn }, title + arrow));
+      }),
+    );
+
+  const showActions = () => {
+    const ids = [...chosen];
+    actions.replaceChildren(
+      ...(ids.length
+        ? [
+            h("span", { class: "note" }, count(ids.length, "run chosen", "runs chosen")),
+            button("Compare", () => compare(ids), { disabled: ids.length !== 2, title: "Two campaigns over each other" }),
+            h("a", { class: "button", href: `/report?${ids.map((id) => `run=${encodeURIComponent(id)}`).join("&")}` }, "Report"),
+            button("None", () => {
+              chosen.clear();
+              for (const box of body.querySelectorAll("input")) box.checked = false;
+              showActions();
+            }, { class: "small", "aria-label": "Choose none" }),
+          ]
+        : []),
+    );
+  };
+
+  const line = (run) => {
+    const box = h("input", {
+      type: "checkbox", "aria-label": `Choose ${run.id}`, checked: chosen.has(run.id),
+      onchange: () => {
+        if (box.checked) chosen.add(run.id);
+        else chosen.delete(run.id);
+        showActions();
+      },
+    });
+    const whole = run.complete_records === run.records;
+    const records = run.records === null ? "" : `${whole ? run.records : `${run.complete_records} of ${run.records}`}${run.excluded ? `, ${run.excluded} excluded` : ""}`;
+    return h("tr", { "data-run": run.id },
+      h("td", { class: "pick" }, box),
+      h("td", {}, h("a", { href: `?run=${encodeURIComponent(run.id)}`, onclick: (event) => open(event, run.id) }, run.id), h("span", { class: "change" }, [moment(run.started), run.serial_number, run.operator].filter(Boolean).join(" · "))),
+      h("td", {}, tag(run.status), run.test && run.test !== "none" ? [" ", tag(run.test)] : null),
+      h("td", {}, run.procedure), h("td", {}, run.rig),
+      h("td", { class: "right" }, clock(run.duration)), h("td", { class: "right" }, records),
+      h("td", { class: "right" }, run.notes ? String(run.notes) : ""));
+  };
+
+  let latest = 0;
+  const load = async (change = {}) => {
+    Object.assign(asked, change);
+    const number = ++latest;
+    let found;
+    try {
+      found = await api("/api/runs", { query: { ...asked, count: PAGE } });
+    } catch (problem) {
+      if (number === latest) say(problem.message, "bad");
+      return;
+    }
+    if (number !== latest) return; // a later question was answered first
+    showHead();
+    body.replaceChildren(...found.runs.map(line));
+    if (!found.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, found.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
+    stated.textContent = found.found === found.all ? count(found.all, "run") : `${found.found.toLocaleString("en")} of ${count(found.all, "run")}`;
+    const last = Math.min(asked.first + PAGE, found.found);
+    pager.replaceChildren(
+      ...(found.found > PAGE
+        ? [
+            button("Newer", () => load({ first: Math.max(asked.first - PAGE, 0) }), { disabled: asked.first === 0 }),
+            h("span", { class: "note" }, `${(asked.first + 1).toLocaleString("en")} to ${last.toLocaleString("en")}`),
+            button("Older", () => load({ first: asked.first + PAGE }), { disabled: last >= found.found }),
+          ]
+        : []),
+    );
+    if (asked.order === "up" && pager.children.length) [pager.children[0].textContent, pager.children[2].textContent] = ["Back", "On"];
+    standsFor.replaceChildren(command(`rigctl runs list${asked.where ? ` --where ${word(asked.where)}` : ""}`));
+    mark();
+  };
+  const ask = seldom(load, 150);
+
+  let current = new URLSearchParams(location.search).get("run");
+  const mark = () => {
+    for (const row of body.children) row.classList.toggle("chosen", row.dataset.run === current);
+  };
+  const open = (event, id) => {
+    if (event && (event.ctrlKey || event.metaKey || event.shiftKey)) return;
+    event?.preventDefault();
+    if (id !== current) history.pushState(null, "", `?run=${encodeURIComponent(id)}`);
+    detail(id);
+  };
+  window.addEventListener("popstate", () => detail(new URLSearchParams(location.search).get("run")));
+
+  const detail = async (id) => {
+    current = id;
+    mark();
+    if (!id) return side.replaceChildren(h("p", { class: "empty" }, "Choose a run to see what it holds."));
+    let run;
+    try {
+      run = await api(`/api/runs/${encodeURIComponent(id)}`);
+    } catch (problem) {
+      return side.replaceChildren(h("div", { class: "panel" }, h("p", { class: "statement bad" }, problem.message)));
+    }
+    const facts = {
+      status: h("span", {}, tag(run.status), run.reason ? ` ${run.reason}` : ""),
+      procedure: run.procedure, rig: run.rig, bench: bench(run.backend ?? {}),
+      operator: run.operator, started: moment(run.started), duration: run.duration === null ? "" : clock(run.duration),
+      samples: run.rows === null ? "" : run.rows?.toLocaleString("en"), seed: run.seed === null ? "" : String(run.seed),
+      "serial number": run.device?.serial_number, part: run.device?.part,
+    };
+    const text = h("input", { type: "text", id: "note", placeholder: "new piston seals" });
+    const note = async () => {
+      await api(`/api/runs/${encodeURIComponent(id)}/notes`, { method: "POST", body: { text: text.value } });
+      await detail(id);
+      load();
+    };
+    side.replaceChildren(
+      h("div", { class: "panel" },
+        h("h2", {}, run.id),
+        h("dl", { class: "facts" }, Object.entries(facts).filter(([, value]) => value).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
+        h("p", { class: "links" },
+          run.status === "running"
+            ? h("a", { class: "button", href: "/live" }, "Watch")
+            : [h("a", { class: "button", href: `/report?run=${encodeURIComponent(id)}` }, "Report"), " ", h("a", { class: "button", href: `/workbench?run=${encodeURIComponent(id)}` }, "Workbench")]),
+        run.records.length ? records(run, id) : null,
+        h("h3", {}, "Notes"),
+        run.annotations.length
+          ? h("ul", { class: "notes" }, run.annotations.map((said) => h("li", {}, said.text, h("span", { class: "change" }, `${said.kind}${said.record === null ? "" : ` of record ${said.record}`}, ${said.by}, ${moment(said.when)}`))))
+          : null,
+        h("form", { class: "inline", onsubmit: (event) => { event.preventDefault(); note().catch((problem) => say(problem.message, "bad")); } },
+          h("label", { class: "hidden", for: "note" }, "A note"), text, h("button", { type: "submit" }, "Add")),
+        command(`rigctl runs show ${id}`)),
+    );
+  };
+
+  const records = (run, id) => {
+    const turn = async (record, undo) => {
+      const reason = window.prompt(undo ? `Why take record ${record} back into analysis?` : `Why leave record ${record} out of analysis? The reason is kept with it.`);
+      if (!reason) return;
+      await api(`/api/runs/${encodeURIComponent(id)}/exclude`, { method: "POST", body: { record, reason, undo } });
+      await detail(id);
+      load();
+    };
+    return h("details", { open: run.records.length <= 30 },
+      h("summary", {}, count(run.records.length, "record")),
+      h("ul", { class: "records" }, run.records.map((record) =>
+        h("li", { class: record.excluded ? "out" : "" },
+          h("span", { class: "what" }, `${record.record} ${record.name}`, record.outcome === "complete" ? null : [" ", tag(record.outcome)],
+            h("span", { class: "change" }, record.excluded ? `excluded: ${record.excluded}` : record.values.map((one) => `${one.name} ${figure(one.value)} ${one.unit}`.replace(/ 1$/, "")).join(", "))),
+          button(record.excluded ? "Include" : "Exclude", () => turn(record.record, Boolean(record.excluded)), { class: "small", "aria-label": `${record.excluded ? "Include" : "Exclude"} record ${record.record}` })))),
+      run.left_out ? h("p", { class: "note" }, `${run.left_out} more are not shown.`) : null);
+  };
+
+  const compare = async ([one, other]) => {
+    const [first, second] = one < other ? [one, other] : [other, one];
+    const found = await api("/api/runs/difference", { query: { first, second } });
+    const names = Object.keys(found.channels);
+    const channel = h("select", { id: "channel" }, names.map((name) => h("option", { value: name }, name)));
+    const numbers = h("tbody");
+    const caption = h("p", { class: "lead", role: "status" });
+    const curves = h("div");
+    let at = 0;
+    const draw = () => {
+      const name = channel.value;
+      const unit = found.channels[name];
+      numbers.replaceChildren(...found.conditions.map((condition, index) => {
+        const told = condition.channels[name];
+        const ratio = told && told.scatter ? told.rms / told.scatter : null;
+        return h("tr", { class: index === at ? "chosen" : "" },
+          h("th", {}, h("button", { type: "button", class: "sort", onclick: () => { at = index; draw(); } }, condition.label)),
+          h("td", {}, condition.records.join(" and ")),
+          h("td", {}, told ? apart(told.bias) : "–"), h("td", {}, told ? apart(told.rms) : "–"),
+          h("td", {}, told?.scatter ? apart(told.scatter) : "–"), h("td", {}, ratio === null ? "–" : ratio.toFixed(1)));
+      }));
+      const told = found.conditions[at].channels[name];
+      caption.textContent = `${found.conditions[at].label}: ${name}${told ? `, ${apart(told.rms)} ${unit} apart (root mean square)` : ": nothing measured"}`;
+      curves.replaceChildren();
+      if (!told) return;
+      const drawn = plot({ height: 260, xLabel: "time [s]", yLabel: `${name} [${unit}]`, describe: caption.textContent, series: [{ label: found.first }, { label: found.second, colour: 1 }] });
+      const below = plot({ height: 150, xLabel: "time [s]", yLabel: `difference [${unit}]`, describe: `the difference of the two curves of ${name}`, series: [{ label: "second minus first", colour: 2 }] });
+      curves.append(drawn.element, below.element);
+      drawn.set([told.time, ...told.curves]);
+      below.set([told.time, told.curves[0].map((value, index) => (value === null || told.curves[1][index] === null ? null : told.curves[1][index] - value))]);
+    };
+    channel.addEventListener("change", draw);
+    const more = [found.only_first ? `${found.only_first} conditions in the first alone` : "", found.only_second ? `${found.only_second} in the second alone` : ""].filter(Boolean).join(", ");
+    below.replaceChildren(
+      h("section", { class: "panel", id: "difference" },
+        h("h2", {}, `${found.second} minus ${found.first}`),
+        h("div", { class: "toolbar" }, h("label", { for: "channel" }, "Channel"), channel, more ? h("span", { class: "note" }, more) : null, button("Close", () => below.replaceChildren(), { class: "push small" })),
+        h("div", { class: "pair" },
+          h("div", { class: "scroll" }, h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Condition", "Records", "Mean", "Rms", "Scatter", "Rms / scatter"].map((title) => h("th", {}, title)))), numbers)),
+          h("div", {}, caption, curves))),
+    );
+    draw();
+    document.getElementById("difference").scrollIntoView({ block: "nearest" });
+  };
+
+  await load();
+  await detail(current);
 };

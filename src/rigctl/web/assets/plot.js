@@ -1,0 +1,84 @@
+// Curves by uPlot, in the colours of the page; redrawn when those change, as wide as there is room.
+import { colour, h, onTheme } from "./lib.js";
+
+export const palette = () => ["--curve-1", "--curve-2", "--curve-3", "--curve-4"].map(colour);
+
+const font = () => `12px ${getComputedStyle(document.body).fontFamily}`;
+
+const axis = (label, more = {}) => ({
+  stroke: colour("--quiet"),
+  grid: { stroke: colour("--grid"), width: 1 },
+  ticks: { stroke: colour("--grid"), width: 1, size: 4 },
+  font: font(),
+  labelFont: font(),
+  label,
+  labelSize: label ? 20 : 0,
+  ...more,
+});
+
+// options: { height, series: [{ label, colour: 0, dash, width, points }], xLabel, yLabel, yRange, hooks, legend, sync, describe }
+// Returns { element, set(data), remove() }; data as uPlot has it: [x, y1, y2 …].
+export const plot = (options) => {
+  const place = h("figure", { class: "curves", role: "img", "aria-label": options.describe ?? options.yLabel ?? "plot" });
+  let drawn = null;
+  let data = null;
+
+  const make = () => {
+    drawn?.destroy();
+    const colours = palette();
+    const series = options.series.map((one) => ({
+      label: one.label,
+      stroke: one.colour === undefined ? colours[0] : typeof one.colour === "number" ? colours[one.colour] : colour(one.colour),
+      width: one.width ?? 1.5,
+      dash: one.dash,
+      paths: one.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined,
+      points: { show: Boolean(one.points), size: 5 },
+      spanGaps: false,
+    }));
+    drawn = new uPlot(
+      {
+        width: Math.max(place.clientWidth, 200),
+        height: options.height ?? 220,
+        scales: { x: { time: false, range: options.xRange }, y: { range: options.yRange } },
+        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24 }), axis(options.yLabel, { size: 56 })],
+        series: [{ label: options.xName ?? "time", value: (_, value) => (value === null ? "–" : value.toFixed(2)) }, ...series],
+        legend: { show: options.legend ?? series.length > 1, live: options.live ?? false },
+        cursor: { y: false, points: { size: 6 }, sync: options.sync ? { key: options.sync } : undefined, drag: { x: options.zoom ?? true, y: false } },
+        hooks: options.hooks?.() ?? {},
+        padding: [8, 10, 0, 0],
+      },
+      data,
+      place,
+    );
+  };
+
+  const set = (next) => {
+    data = next;
+    if (!drawn) {
+      if (place.isConnected && place.clientWidth) make();
+      return;
+    }
+    drawn.setData(data);
+  };
+
+  const observer = new ResizeObserver(() => {
+    if (!place.clientWidth || !data) return;
+    if (!drawn) make();
+    else if (Math.abs(drawn.width - place.clientWidth) > 1) drawn.setSize({ width: place.clientWidth, height: drawn.height });
+  });
+  observer.observe(place);
+  onTheme(() => drawn && make());
+  return {
+    element: place,
+    set,
+    get drawn() {
+      return drawn;
+    },
+    remove: () => {
+      observer.disconnect();
+      drawn?.destroy();
+      drawn = null;
+      place.remove();
+    },
+  };
+};

@@ -1,0 +1,127 @@
+"""The catalogue in the browser: found, sorted, annotated, left out, compared."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from commands import answer, told
+from rigctl.dataset.catalogue import page_of_runs
+from rigctl.errors import RigctlError
+from web.serving import Served, Window
+
+MARKUP = "<img src=x onerror=\"document.title='broken in'\"> & <b>worn</b>"
+
+
+@pytest.fixture(scope="module")
+def two(served: Served) -> tuple[str, str]:
+    """A second campaign, on a bench whose piston leaks."""
+    (first,) = [run.id for run in page_of_runs(served.project / "runs").runs]
+    with chdir(served.project):
+        other = answer(
+            *("simulate", "procedures/campaign.yaml", "-a", "temperatures=30 degC", "--seed", "3"),
+            *("--with", "piston_leakage"),
+        )
+    return first, str(other["run"])
+
+
+def test_a_page_of_runs_is_what_the_command_lists(served: Served, cookie: str, two: tuple[str, str]) -> None:
+    page = served.get("/api/runs?count=1", cookie)
+    assert (page["found"], page["all"]) == (2, 2)
+    assert [run["id"] for run in page["runs"]] == [two[1]]
+    assert [run["id"] for run in served.get("/api/runs?count=1&first=1", cookie)["runs"]] == [two[0]]
+    oldest = served.get("/api/runs?order=up", cookie)["runs"]
+    with chdir(served.project):
+        listed = answer("runs", "list")["runs"]
+    assert [(run["id"], run["records"], run["status"]) for run in oldest] == [
+        (run["id"], run["records"], run["status"]) for run in listed
+    ]
+
+
+def test_words_and_conditions_choose(served: Served, cookie: str, two: tuple[str, str]) -> None:
+    assert served.get("/api/runs?search=HL32+stroke", cookie)["found"] == 2
+    assert served.get("/api/runs?search=HL32+nothing", cookie)["found"] == 0
+    assert served.get("/api/runs?search=%25", cookie)["found"] == 0  # a percent sign is no wildcard
+    assert served.get("/api/runs?where=records+%3C+1", cookie)["found"] == 0
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        ("1) OR (SELECT max(sql) FROM sqlite_master", "cannot be understood"),
+        ("recrods > 1", "records"),
+        ("status = ?", "cannot be understood"),
+        ("1; DROP TABLE run", "one condition"),
+        ("load_extension('x')", "cannot be understood"),
+    ],
+)
+def test_a_condition_reads_the_catalogue_and_nothing_else(where: str, said: str, served: Served) -> None:
+    with pytest.raises(RigctlError, match=said):
+        page_of_runs(served.project / "runs", where=where)
+
+
+def test_what_is_no_id_of_a_run_leads_nowhere(served: Served, cookie: str, tmp_path: Path) -> None:
+    for name in ("..", "%2e%2e", "..%5Cx", "C%3A", ".", "%00"):
+        status, _, text = served.ask("GET", f"/api/runs/{name}", cookie=cookie)
+        assert status in (400, 404), text
+        assert str(tmp_path.parent) not in text
+
+
+def test_notes_and_exclusions_are_the_run_s(served: Served, cookie: str, two: tuple[str, str]) -> None:
+    run = two[1]
+    assert served.post(f"/api/runs/{run}/notes", {"text": MARKUP}, cookie)[0] == 200
+    assert served.post(f"/api/runs/{run}/exclude", {"record": 1, "reason": "air"}, cookie)[0] == 200
+    status, refused = served.post(f"/api/runs/{run}/exclude", {"record": 99, "reason": "air"}, cookie)
+    assert status == 400
+    assert refused["error"]["expected"] == "0 to 3"
+    for body in (
+        {"record": 1},
+        {"reason": "x"},
+        {"record": True, "reason": "x"},
+        {"record": "1", "reason": "x"},
+    ):
+        assert served.post(f"/api/runs/{run}/exclude", body, cookie)[0] == 400
+    shown = served.get(f"/api/runs/{run}", cookie)
+    assert [record["excluded"] for record in shown["records"]] == [None, "air", None, None]
+    with chdir(served.project):
+        assert "<b>worn</b>" in told("runs", "show", run)
+    undone = {"record": 1, "reason": "bled", "undo": True}
+    assert served.post(f"/api/runs/{run}/exclude", undone, cookie)[0] == 200
+    assert served.get(f"/api/runs/{run}", cookie)["records"][1]["excluded"] is None
+
+
+def test_what_a_person_wrote_is_shown_as_text(window: Window, cookie: str, two: tuple[str, str]) -> None:
+    served = window.served
+    served.post(f"/api/runs/{two[0]}/notes", {"text": MARKUP}, cookie)
+    page = window.open(f"/runs?run={two[0]}")
+    page.get_by_text(MARKUP).wait_for()
+    assert page.title() == "Runs · rigctl"
+    assert page.locator(".notes img").count() == 0
+
+
+def test_two_campaigns_are_laid_over_each_other(window: Window, two: tuple[str, str]) -> None:
+    page = window.open("/runs")
+    for run in two:
+        page.get_by_label(f"Choose {run}").check()
+    page.get_by_role("button", name="Compare").click()
+    page.locator("#difference canvas").first.wait_for()
+    assert page.locator("#difference h2").inner_text() == f"{two[1]} minus {two[0]}"
+    assert page.locator("#difference .numbers tbody tr").count() == 4
+    page.get_by_label("Channel").select_option("position")
+    # a leak across the piston moves the rod where a run without it stands still
+    cells = page.locator("#difference .numbers tbody tr").first.locator("td").all_inner_texts()
+    assert abs(float(cells[2])) > 0.1
+
+
+def test_the_catalogue_is_used_with_the_keyboard_alone(window: Window, two: tuple[str, str]) -> None:
+    page = window.open("/runs")
+    page.get_by_label("Find").focus()
+    page.keyboard.type(two[0])
+    page.get_by_text("1 of 2 runs").wait_for()
+    page.locator(f"tr[data-run='{two[0]}'] a").focus()
+    page.keyboard.press("Enter")
+    page.locator("aside h2", has_text=two[0]).wait_for()
+    page.go_back()
+    page.get_by_text("Choose a run to see").wait_for()
