@@ -18,6 +18,7 @@ from rigctl.report.write import assemble
 
 HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
 ALL_DRAWN = "[...document.querySelectorAll('.plot')].every(p => p.querySelector('.main-svg'))"
+UNFOLD = "document.querySelectorAll('details.fold').forEach(one => { one.open = true; })"
 RECORD_DRAWN = "document.querySelector('#record-plot .main-svg')"
 POSITIONS = "document.getElementById('record-plot').data[0].y"
 
@@ -49,6 +50,7 @@ def pick(browser: Browser, name: str, key: str) -> None:
 
 def test_every_plot_is_there(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page, height=9000)
+    quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
     assert quiet.evaluate("document.querySelectorAll('.plot .main-svg').length") > 0
     drawn = "document.querySelectorAll('#response-0 .scatterlayer .trace').length"
@@ -140,8 +142,18 @@ def test_on_paper_every_plot_is_there(quiet: Browser, campaign_page: Path, tmp_p
     assert (tmp_path / "page.pdf").stat().st_size > 100_000
 
 
+def test_a_link_opens_what_is_folded(quiet: Browser, campaign_page: Path) -> None:
+    quiet.open(campaign_page)
+    opened = "document.querySelector('#overview > details').open"
+    assert not quiet.evaluate(opened)
+    quiet.evaluate("document.querySelector('nav a[href=\"#overview\"]').click()")
+    assert quiet.wait(opened)
+    assert quiet.wait("document.querySelector('#overview .main-svg')")
+
+
 def test_a_narrow_screen_does_not_scroll_sideways(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page, width=400, height=9000)
+    quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
     assert quiet.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
@@ -165,6 +177,7 @@ def test_hostile_texts_are_shown_and_do_nothing(quiet: Browser, make_run: RunMak
     target = tmp_path / "page.html"
     target.write_text(page([data], assemble([data])), encoding="utf-8", newline="\n")
     quiet.open(target, height=9000)
+    quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
     assert quiet.evaluate("window.hacked === undefined")
     assert quiet.evaluate("document.querySelector('h1').textContent") == HOSTILE
@@ -195,5 +208,6 @@ def test_missing_values_leave_gaps(quiet: Browser, make_run: RunMaker, tmp_path:
     target = tmp_path / "page.html"
     target.write_text(page([data], assemble([data])), encoding="utf-8", newline="\n")
     quiet.open(target, height=9000)
+    quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
     assert quiet.evaluate(f"{POSITIONS}.filter(Number.isNaN).length") == 10

@@ -246,7 +246,19 @@ def test_equal_runs_give_equal_pages(published_data: RunData) -> None:
 def test_another_part_can_add_its_section(published_data: RunData) -> None:
     added = Section("comparison", "Model against measurement", Markup("<p>It fits.</p>"))
     order = [section.id for section in assemble([published_data], [added])]
-    assert order[:4] == ["outcome", "comparison", "campaign", "records"]
+    assert order[:4] == ["comparison", "outcome", "campaign", "records"]
+
+
+def test_what_stands_behind_the_answer_is_folded_and_a_failed_run_is_not(published_data: RunData) -> None:
+    added = Section("comparison", "Model against measurement", Markup("<p>It fits.</p>"))
+    assert {one.id for one in assemble([published_data]) if one.folded} == {
+        *("measures", "overview", "events", "provenance")
+    }
+    assert [one.id for one in assemble([published_data], [added]) if not one.folded] == ["comparison"]
+    failed = replace(published_data, info={**published_data.info, "status": "failed"})
+    sections = assemble([failed], [added])
+    assert [one.id for one in sections if not one.folded] == ["outcome", "comparison"]
+    assert sections[0].id == "outcome"
 
 
 def test_an_unwritable_place_is_told(make_run: RunMaker, tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"degC": "°C", "degF": "°F", "1": "", "percent": "%", "um": "µm", "uPa": "µPa"}
 _POWER = re.compile(r"\s*(?:\^|\*\*)\s*(-?\d+)")
 _EXPONENT = re.compile(r"((?<![\w.])\d(?:\.\d+)?|(?<=\d)\))e([+-]?\d+)\b")
+#: a name in snake case that is not part of a file's name
+_UNDERSCORE = re.compile(r"(?<![\w./@-])[a-z][a-z0-9]*(?:_[a-z0-9]+)+(?![\w/@-]|\.\w)")
 _NAME = re.compile(r"[^\W\d]\w*|(?<!\d)1(?!\d)")
 
 
@@ -31,6 +33,11 @@ def prose(text: str) -> str:
     text = re.sub(r"(?<=[^\W\d_])\^(-?\d+)", lambda match: match.group(1).translate(_SUPERSCRIPT), text)
     text = re.sub(r"(?<=[^\W\d_])\*(?=[^\W\d_])", "·", text)
     return re.sub(r"(?<![\w.)-])-(?=\d)", "−", text)
+
+
+def words(text: str) -> str:
+    """As `prose`, with names as words: valve leakage for valve_leakage; names of files stay as they are."""
+    return prose(_UNDERSCORE.sub(lambda match: match.group().replace("_", " "), text))
 
 
 def _scientific(mantissa: str, exponent: str) -> str:

@@ -32,10 +32,11 @@ def page(runs: Sequence[RunData], sections: Sequence[Section], made: datetime | 
     """
     scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
     when = (made or datetime.now(UTC)).isoformat(timespec="seconds")
+    about = next((section.names_page for section in sections if section.names_page), "")
     return render(
         "page.html",
-        title=title(runs),
-        subtitle=subtitle(runs),
+        title=about or title(runs),
+        subtitle=f"on {title(runs)}, {subtitle(runs)}" if about else subtitle(runs),
         sections=sections,
         policy=policy(scripts),
         style=Markup(_asset("page.css")),  # noqa: S704 - a file of this package

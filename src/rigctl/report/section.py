@@ -34,12 +34,17 @@ class Section:
     title: its heading, and its entry in the page's contents.
     body: HTML, from `render`, which escapes whatever comes from a user's file.
     plots: what is drawn into files when figures are asked for.
+    folded: only its title is seen until a reader opens it, and `hint`, which says what is within.
+    names_page: what the page is about, in place of what was run; "" where it is about the runs.
     """
 
     id: str
     title: str
     body: Markup
     plots: tuple[Plot | HeatMap, ...] = ()
+    folded: bool = False
+    hint: str = ""
+    names_page: str = ""
 
 
 def render(template: str, **values: Any) -> Markup:
@@ -74,6 +79,7 @@ def environment() -> Environment:
         prose=numbers.prose,
         resolved=numbers.resolved,
         symbol=numbers.symbol,
+        words=numbers.words,
     )
     made.globals.update(plural=numbers.plural)
     return made

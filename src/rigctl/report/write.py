@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from rigctl.report.plot import Plot
 from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section
 from rigctl.report.sections import SECTIONS
+from rigctl.report.sections.outcome import ended_well
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
@@ -86,7 +87,13 @@ def _draw(plot: Plot | HeatMap, folder: Path, form: str) -> Path:
 
 
 def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[Section]:
-    """The page's sections: the outcome first, then what was contributed, then the results and the rest."""
+    """The page's sections: the answer first, then what stands behind it.
+
+    The answer is what was contributed; without any it is how the run ended, and what it measured. A run that
+    failed says so before everything else. What only some readers look for is folded.
+    """
     own = [section for build in SECTIONS if (section := build(runs)) is not None]
-    place = next((i for i, section in enumerate(own) if section.id != "outcome"), len(own))
-    return [*own[:place], *sections, *own[place:]]
+    if not sections:
+        return own
+    first, rest = (own[:1], own[1:]) if any(not ended_well(run) for run in runs) else ([], own)
+    return [*first, *sections, *(replace(one, folded=True) for one in rest)]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rigctl.model.curve_bands import CurveBand, combined
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import symbol
-from rigctl.report.plot import Panel, Plot, Span, Trace
+from rigctl.report.plot import Look, Panel, Plot, Span, Trace
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit
 
@@ -31,6 +31,80 @@ def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
     if len(order) > 1:
         chosen.setdefault(order[-1], "the best record")
     return tuple((name, k) for k, name in chosen.items())
+
+
+def condition_of(fit: FitResult, k: int) -> str:
+    """The operating point of a record, or what it is called."""
+    from rigctl.analysis.localisation import variable_units
+    from rigctl.model.measured.conditions import condition_text
+
+    record = fit.problem.records[k]
+    return condition_text(record.condition, variable_units(fit.problem.measurements)) or record.label
+
+
+def fall_plot(
+    models: Sequence[tuple[str, FitResult]], k: int, key: str, caption: str, channels: Sequence[str]
+) -> Plot:
+    """One record of some channels, measured and of one or two models, with what each leaves below it.
+
+    `models` are names and what each says of the same records. Residuals are in sigmas of one reading, with
+    the band that holds 19 of 20 readings of noise alone.
+    """
+    problem = models[0][1].problem
+    record, outputs = problem.records[k], problem.measurements.outputs
+    rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
+    times = record.times[rows]
+    panels: list[Panel] = []
+    for name in channels:
+        c = outputs.index(name)
+        panels.append(_curves(models, k, c, rows, times, named=not panels))
+        panels.append(_left(models, k, c, rows, times, named=len(panels) == 1))
+    return Plot(key, caption, "time in the record [s]", tuple(panels), _spans(record.times, record.phase))
+
+
+#: of the first and the last model: what was is orange, what is is blue
+_OF_MODELS = (1, 0)
+
+
+def _curves(
+    models: Sequence[tuple[str, FitResult]],
+    k: int,
+    c: int,
+    rows: NDArray[np.intp],
+    times: Floats,
+    *,
+    named: bool,
+) -> Panel:
+    problem = models[0][1].problem
+    measurements = problem.measurements
+    unit, shown = parse_unit(measurements.units[c]), symbol(measurements.units[c])
+    value = problem.records[k].values[rows, c]
+    measured = np.where(problem.ok[k][rows, c], (value - unit.offset) / unit.factor, np.nan)
+    traces = [Trace("measured", times, measured, colour=7, unit=shown, in_legend=named)]
+    for (name, fit), colour in zip(models, _OF_MODELS, strict=False):
+        said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
+        traces.append(Trace(name, times, said, colour=colour, unit=shown, in_legend=named))
+    return Panel(f"{plain_name(measurements.outputs[c])} [{shown}]", tuple(traces), height=1.1)
+
+
+def _left(
+    models: Sequence[tuple[str, FitResult]],
+    k: int,
+    c: int,
+    rows: NDArray[np.intp],
+    times: Floats,
+    *,
+    named: bool,
+) -> Panel:
+    traces = []
+    for (name, fit), colour in zip(models, _OF_MODELS, strict=False):
+        error = fit.normalised_error(k)[rows, c]
+        traces.append(Trace(f"{name} − measured", times, error, Look.LINE, colour, "sigma", in_legend=False))
+    ends = np.array([float(times[0]), float(times[-1])])
+    for side, said in ((2.0, "± 2 sigma of the noise"), (-2.0, "")):
+        level = np.full(2, side)
+        traces.append(Trace(said, ends, level, Look.LINE, 7, "sigma", True, named and bool(said)))
+    return Panel("model − measured [sigma]", tuple(traces), height=1.1)
 
 
 def overlay_plot(

@@ -138,6 +138,37 @@
     for (const place of drawn) paint(place);
   };
 
+  // a link into what is folded opens it
+  const unfold = () => {
+    const target = location.hash && document.getElementById(location.hash.slice(1).split("/")[0]);
+    if (!target) return;
+    for (const fold of target.querySelectorAll(":scope > details.fold")) fold.open = true;
+    for (let one = target.closest("details"); one; one = one.parentElement.closest("details")) one.open = true;
+  };
+  window.addEventListener("hashchange", unfold);
+  for (const link of document.querySelectorAll('a[href^="#"]')) link.addEventListener("click", () => setTimeout(unfold));
+  unfold();
+
+  // a table that is wider than the page is scrolled by keys too
+  const wide = () => {
+    for (const box of document.querySelectorAll(".scroll")) {
+      const scrolls = box.scrollWidth > box.clientWidth + 1 || box.scrollHeight > box.clientHeight + 1;
+      const name = box.querySelector("caption, th");
+      box.toggleAttribute("tabindex", scrolls);
+      if (scrolls) {
+        box.tabIndex = 0;
+        box.setAttribute("role", "region");
+        box.setAttribute("aria-label", name ? name.textContent.trim().slice(0, 120) : "table");
+      } else {
+        box.removeAttribute("role");
+        box.removeAttribute("aria-label");
+      }
+    }
+  };
+  window.addEventListener("resize", wide);
+  for (const fold of document.querySelectorAll("details")) fold.addEventListener("toggle", wide);
+  wide();
+
   const places = [...document.querySelectorAll(".plot")];
   const watcher = new IntersectionObserver(
     (entries) => {
@@ -179,9 +210,17 @@
   dark.addEventListener("change", redraw);
   // on paper every plot is there, dark on white
   paper.addEventListener("change", redraw);
+  const closed = [];
   window.addEventListener("beforeprint", () => {
+    for (const fold of document.querySelectorAll("details.fold:not([open])")) {
+      closed.push(fold);
+      fold.open = true;
+    }
     places.forEach(drawAny);
     redraw();
   });
-  window.addEventListener("afterprint", redraw);
+  window.addEventListener("afterprint", () => {
+    for (const fold of closed.splice(0)) fold.open = false;
+    redraw();
+  });
 })();

@@ -42,7 +42,8 @@ def build(runs: Sequence[RunData]) -> Section | None:
         )
     if not parts:
         return None
-    return Section("campaign", "Results", render("campaign.html", parts=parts), tuple(plots))
+    hint = ", ".join(str(part["title"]) for part in parts)
+    return Section("campaign", "Results", render("campaign.html", parts=parts), tuple(plots), hint=hint)
 
 
 def sentence(response: Response) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigctl.report.numbers import duration, number
+from rigctl.report.numbers import duration, number, plural
 from rigctl.report.run_data import Event, RunData
 from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import ALARMS
@@ -40,7 +40,9 @@ def build(runs: Sequence[RunData]) -> Section:
         left_out=len(every) - len(alarms) - len(others),
         several=len(runs) > 1,
     )
-    return Section("events", "Events", body)
+    count = len(alarms) + alarms_left
+    hint = f"{plural(count, 'alarm or fault', 'alarms and faults')}" if count else "no alarms, no faults"
+    return Section("events", "Events", body, folded=not count, hint=hint)
 
 
 def _row(run: RunData, event: Event) -> Row:

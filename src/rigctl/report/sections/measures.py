@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigctl.report.numbers import amount, number, with_unit
+from rigctl.report.numbers import amount, number, plural, with_unit
 from rigctl.report.run_data import Measured, RunData
 from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import plain_name, record_label
@@ -32,7 +32,9 @@ def build(runs: Sequence[RunData]) -> Section | None:
     rows.sort(key=lambda row: row.verdict != "missed")
     shown, left_out = cut(rows)
     body = render("measures.html", rows=shown, left_out=left_out, several=len(runs) > 1)
-    return Section("measures", "Measured values", body)
+    missed = sum(row.verdict == "missed" for row in rows)
+    hint = f"{missed} of {len(rows)} outside their limits" if missed else plural(len(rows), "value")
+    return Section("measures", "Measured values", body, folded=not missed, hint=hint)
 
 
 def _rows(run: RunData) -> list[Row]:

@@ -44,7 +44,15 @@ class RunSummary:
 def build(runs: Sequence[RunData]) -> Section:
     """A summary of each run."""
     body = render("outcome.html", summaries=[summarise(run) for run in runs])
-    return Section("outcome", "Outcome", body)
+    several = len(runs) > 1
+    title = "Outcome" if all(map(ended_well, runs)) else "What happened"
+    hint = plural(len(runs), "run") if several else statement(runs[0])
+    return Section("outcome", title, body, hint=hint)
+
+
+def ended_well(run: RunData) -> bool:
+    """Whether a run came to its end, with every output known to be safe."""
+    return run.info.get("status") == "finished" and not run.info.get("unconfirmed")
 
 
 def summarise(run: RunData) -> RunSummary:

@@ -22,4 +22,5 @@ def build(runs: Sequence[RunData]) -> Section | None:
         return None
     parts = [{"caption": plot.caption, "slot": plot_slot(plot)} for plot in plots]
     body = render("overview.html", parts=parts, several=len(plots) > 1)
-    return Section("overview", "The whole run" if len(plots) == 1 else "The whole runs", body, tuple(plots))
+    name = "The whole run" if len(plots) == 1 else "The whole runs"
+    return Section("overview", name, body, tuple(plots), folded=True, hint="every sample from start to end")

@@ -37,7 +37,8 @@ class RunProvenance:
 def build(runs: Sequence[RunData]) -> Section:
     """Hashes, versions, calibrations, and the files word for word."""
     body = render("provenance.html", runs=[_provenance(run) for run in runs], several=len(runs) > 1)
-    return Section("provenance", "Where the numbers come from", body)
+    hint = "calibrations, versions, checksums, the files word for word"
+    return Section("provenance", "Where the numbers come from", body, folded=True, hint=hint)
 
 
 def _provenance(run: RunData) -> RunProvenance:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from rigctl.report.interactive import arrays, embed, template
-from rigctl.report.numbers import decimals, duration, fixed, number, symbol
+from rigctl.report.numbers import decimals, duration, fixed, number, plural, symbol
 from rigctl.report.plot import Plot
 from rigctl.report.run_data import COMPLETE, RecordData, RunData
 from rigctl.report.section import Section, cut, render
@@ -64,7 +64,8 @@ def build(runs: Sequence[RunData]) -> Section | None:
             parts.append(part)
             plots.extend(drawn)
     body = render("records.html", runs=parts, several=len(parts) > 1)
-    return Section("records", "Records", body, tuple(plots))
+    hint = plural(sum(len(part.rows) + part.left_out for part in parts), "record")
+    return Section("records", "Records", body, tuple(plots), hint=hint)
 
 
 def _run_records(run: RunData, key: str, points: int) -> tuple[RunRecords, list[Plot]]:
