@@ -81,6 +81,7 @@ def copy_pages(folder: Path) -> None:
             left += [path for path in linked(text, written) if path not in left and (ROOT / path).is_file()]
         else:
             shutil.copyfile(ROOT / written, place)
+    shutil.copyfile(ROOT / "tools" / "site.css", folder / "site.css")
     rows = [f"- [{heading(folder / page)}]({Path(page).name})" for page in decisions()]
     index = "\n".join(["# Decisions", "", *rows, ""])
     (folder / "decisions" / "index.md").write_text(index, encoding="utf-8")
