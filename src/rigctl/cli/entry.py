@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import sys
 
@@ -15,4 +17,5 @@ def main() -> None:
         return
     from rigctl.cli.main import main as carry_out
 
+    atexit.register(gc.freeze)  # what a process ends with need not be searched for cycles: 0.1 to 0.2 s of a command
     carry_out()

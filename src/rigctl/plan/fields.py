@@ -28,7 +28,7 @@ from rigctl.units import parse_unit
 class Part(BaseModel):
     """A part of a procedure file: frozen, and refusing fields that it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")

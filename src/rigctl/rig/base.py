@@ -14,7 +14,7 @@ from rigctl.files.refusal import refusal
 class Part(BaseModel):
     """A part of a rig file: frozen, and refusing fields that it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, validate_default=False)
 
 
 def _text_of_date(written: object) -> object:

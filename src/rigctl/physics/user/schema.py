@@ -43,7 +43,7 @@ _FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh, sin, cos 
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 class _OrValue(_Part):
