@@ -31,7 +31,7 @@ _MANIFEST = "checksums.json"
 _CODE, _NAMES = "code.o", "names.json"
 #: folders of one kind; the ones that were used longest ago are deleted. Kinds are counted apart: many
 #: new models must not push out the kernels, which all of them need and which take longest to compile.
-_KEPT = 256
+_KEPT = 1024
 _LOCK_SECONDS = 300.0
 _loading = threading.RLock()
 #: what this process has loaded, by the name of its folder
@@ -167,7 +167,8 @@ def _one_builder(folder: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     folder.parent.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(folder.with_name(f".{folder.name}.lock"))
+    # a few locks for all, which stay: one for each would have to be deleted while others wait for it
+    lock = FileLock(folder.with_name(f".{folder.name[-2:]}.lock"))
     try:
         lock.acquire(timeout=_LOCK_SECONDS)
     except Timeout:
@@ -209,11 +210,12 @@ def _prune(root: Path, kind: str) -> None:
     """Delete what of this kind was not used for long, and what killed processes left half built or locked."""
     day_ago = time.time() - 86_400.0
     try:
-        by_use = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
-        left_behind = [path for path in by_use if path.name[0] == "." and path.stat().st_mtime < day_ago]
+        with os.scandir(root) as entries:
+            used = {Path(entry.path): entry.stat().st_mtime for entry in entries}
     except OSError:
         return  # another process is tidying up; it will do
-    kept = [path for path in by_use if path.name.rpartition("-")[0] == kind]
+    left_behind = [path for path, when in used.items() if path.name[0] == "." and when < day_ago]
+    kept = sorted((path for path in used if path.name.rpartition("-")[0] == kind), key=used.__getitem__, reverse=True)
     for path in kept[_KEPT:] + left_behind:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
