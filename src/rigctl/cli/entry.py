@@ -17,5 +17,5 @@ def main() -> None:
         return
     from rigctl.cli.main import main as carry_out
 
-    atexit.register(gc.freeze)  # what a process ends with need not be searched for cycles: 0.1 to 0.2 s of a command
+    atexit.register(gc.freeze)  # a last search for cycles takes 0.1 to 0.2 s of a command
     carry_out()

@@ -215,7 +215,9 @@ def _prune(root: Path, kind: str) -> None:
     except OSError:
         return  # another process is tidying up; it will do
     left_behind = [path for path, when in used.items() if path.name[0] == "." and when < day_ago]
-    kept = sorted((path for path in used if path.name.rpartition("-")[0] == kind), key=used.__getitem__, reverse=True)
+    kept = sorted(
+        (path for path in used if path.name.rpartition("-")[0] == kind), key=used.__getitem__, reverse=True
+    )
     for path in kept[_KEPT:] + left_behind:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)

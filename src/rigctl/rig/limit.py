@@ -21,7 +21,9 @@ class Limit(Part):
     It trips when the bound is passed for longer than `for`; it then warns, or stops the run.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, validate_by_alias=True, validate_by_name=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", defer_build=True, validate_by_alias=True, validate_by_name=True
+    )
 
     channel: str
     above: AnyAmount | None = Field(default=None, description="trips when the value is larger")
