@@ -85,6 +85,37 @@ def find_project(start: Path | None = None) -> Project:
     return Project(here, here / "runs")
 
 
+def find_file(written: Path) -> Path:
+    """A file as it is typed: from the current folder, the project, or among those that are shipped.
+
+    ``m.yaml@3``, version 3 of a model file, is found where ``m.yaml`` is.
+
+    Raises
+    ------
+    RigctlError
+        there is no such file.
+    """
+    return written if is_there(written) else find_project().resolve(written)
+
+
+def own_model(written: Path) -> Path:
+    """The model file that is to be changed: from the current folder or the project.
+
+    Raises
+    ------
+    RigctlError
+        there is none, or it is one of those that come with rigctl.
+    """
+    path = find_file(written)
+    if not is_there(written) and not path.is_relative_to(find_project().root):
+        raise RigctlError(
+            "this model comes with rigctl and is not changed",
+            value=str(written),
+            hint="Copy it into your project, or make one that has it with 'rigctl init'",
+        )
+    return path
+
+
 def is_address(text: object) -> bool:
     """Whether this is an address of storage, ``s3://bucket/runs``, and not a path."""
     return isinstance(text, str) and _ADDRESS.match(text) is not None

@@ -141,6 +141,37 @@ def test_remove_writes_the_next_version() -> None:
         said("remove", MODEL, "spool_lagg")
 
 
+def test_values_are_set_by_hand_as_the_next_version() -> None:
+    with_leakage()
+    said_so = answer(
+        "set", MODEL, "flow_area=3.9 mm^2", "--remove", "piston_leakage", "--add", "valve_leakage"
+    )
+    assert (said_so["version"], said_so["parent"], said_so["before"]) == (3, 2, None)
+    shown = {one["name"]: one for one in answer("show", MODEL)["parameters"]}
+    assert (shown["flow_area"]["value"], shown["flow_area"]["std"]) == (pytest.approx(3.9), None)
+    assert shown["flow_area"]["from"].startswith("set by hand")
+    assert "valve_leakage.conductance" in shown
+    assert not any(name.startswith("piston_leakage") for name in shown)
+    assert "with valve_leakage; without piston_leakage" in said("history", MODEL)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "nothing to set"),
+        (("flow_aera=3.9 mm^2",), "flow_area"),
+        (("flow_area=3.9 bar",), "flow_area"),
+        (("flow_area=-1 mm^2",), "out of bounds"),
+        (("piston_leakage.conductance=1e-15 m^3",), "no parameter|unknown"),
+        (("flow_area",), "name=value"),
+    ],
+)
+def test_what_cannot_be_set_is_refused_and_no_version_is_made(words: tuple[str, ...], message: str) -> None:
+    with pytest.raises(RigctlError, match=message):
+        said("set", MODEL, *words)
+    assert len(answer("history", MODEL)["versions"]) == 1
+
+
 def test_a_model_that_comes_with_rigctl_is_not_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -155,8 +186,7 @@ def test_a_model_that_comes_with_rigctl_is_not_changed(
 
 def test_a_version_is_taken_wherever_a_model_is(tmp_path: Path) -> None:
     import rigctl
-    from rigctl.cli.plans import find_file
-    from rigctl.project import find_project
+    from rigctl.project import find_file, find_project
 
     with_leakage()
     assert find_file(Path(f"{MODEL}@1")) == Path(f"{MODEL}@1")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rigctl.cli.next_command import DataOptions, analysis, page_of
+from rigctl.cli.next_command import page_of
+from rigctl.command_line import DataOptions, analysis
 
 
 def test_a_choice_of_records_goes_on_to_the_next_command() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from rigctl.analysis.comparison_result import Choice
 from rigctl.analysis.localisation import variable_units
 from rigctl.dataset.run import Run
-from rigctl.engine.least_squares import started
+from rigctl.engine.least_squares import Iteration, started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
@@ -138,17 +138,21 @@ def fit_problem(
     *,
     refit: bool = True,
     on_progress: OnProgress = no_progress,
+    iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
-    """Fit a model that is on its measurements already, and again in the noise that its residuals show."""
+    """Fit a model that is on its measurements already, and again in the noise that its residuals show.
+
+    `iterated` is called with each iteration; what it raises ends the fit.
+    """
     if not refit:
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
-    result = fit(problem, held_out, refit=bool(problem.shared))
+    result = fit(problem, held_out, refit=bool(problem.shared), progress=iterated)
     for learn in (_spikes_off, _noise_off):
         cleaned = learn(result, noise)
         if cleaned is not None:
             noise = cleaned
-            result = fit_in_noise(result, noise, refit=refit, on_progress=on_progress)
+            result = fit_in_noise(result, noise, refit=refit, on_progress=on_progress, iterated=iterated)
     return result
 
 
@@ -162,7 +166,12 @@ def _noise_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
 
 
 def fit_in_noise(
-    before: FitResult, noise: DataNoise, *, refit: bool = True, on_progress: OnProgress = no_progress
+    before: FitResult,
+    noise: DataNoise,
+    *,
+    refit: bool = True,
+    on_progress: OnProgress = no_progress,
+    iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """The fit made again in another noise of the same data, begun where it ended."""
     problem = before.problem
@@ -172,7 +181,7 @@ def fit_in_noise(
     again = again.with_shared(
         started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))
     )
-    return fit(again, before.held_out, refit=bool(again.shared), local=before.local)
+    return fit(again, before.held_out, refit=bool(again.shared), local=before.local, progress=iterated)
 
 
 def require_free_parameters(model: Model) -> None:

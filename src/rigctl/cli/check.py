@@ -43,7 +43,7 @@ def check(
     Example: rigctl check rigs/my-bench.yaml
     """
     from rigctl.cli.check_files import kind_of
-    from rigctl.cli.plans import find_file
+    from rigctl.project import find_file
 
     path = find_file(file)
     kind = kind_of(path)

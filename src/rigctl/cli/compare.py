@@ -14,7 +14,7 @@ from rigctl.cli.reuse import NoCache, Verbose
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
     from rigctl.analysis.fmu_rival import FmuRival
-    from rigctl.cli.next_command import DataOptions
+    from rigctl.command_line import DataOptions
     from rigctl.dataset import Run
     from rigctl.model import Model
 
@@ -121,10 +121,10 @@ def compare(
     """
     from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
     from rigctl.cli.compare_views import show_comparison, show_fmu_rivals
-    from rigctl.cli.next_command import DataOptions
-    from rigctl.cli.plans import find_file
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
+    from rigctl.command_line import DataOptions
+    from rigctl.project import find_file
 
     require_page(output, force=force)
     fmus = [find_file(path) for path in rival or ()]
@@ -169,7 +169,8 @@ def _rivals(fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str]
 
 def _lead_on(found: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
     """What to type next: find what is missing, or make the page."""
-    from rigctl.cli.next_command import analysis, page_of, show_next
+    from rigctl.cli.next_command import page_of, show_next
+    from rigctl.command_line import analysis
 
     if found.models[-1].adequate and found.models[-1].rows:
         command = analysis("diagnose", runs, model, choice)
@@ -201,7 +202,7 @@ def open_runs(
 
 def open_models(written: Sequence[Path]) -> list[Model]:
     """The models that are named, from the current folder, the project or those that are shipped."""
-    from rigctl.cli.plans import find_file
     from rigctl.model import load_model
+    from rigctl.project import find_file
 
     return [load_model(find_file(path)) for path in written]

@@ -192,7 +192,8 @@ def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool
 
 def _lead_on(found: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
     """What to type next: write the procedure, look at it, or look for a sensor."""
-    from rigctl.cli.next_command import analysis, command, show_next
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import analysis, command
 
     again = analysis("design", runs, model)
     rows = bool(found.records) and not found.procedure

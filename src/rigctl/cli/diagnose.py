@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
     from rigctl.analysis.diagnosis_result import Diagnosis
     from rigctl.analysis.improve import Improvement
-    from rigctl.cli.next_command import DataOptions
+    from rigctl.command_line import DataOptions
     from rigctl.dataset import Run
     from rigctl.design.result import DesignResult
     from rigctl.tasks import Workers
@@ -105,10 +105,10 @@ def diagnose(
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_runs
     from rigctl.cli.diagnose_views import show_diagnosis, show_improvement
-    from rigctl.cli.model import own_model
-    from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
+    from rigctl.command_line import DataOptions
+    from rigctl.project import own_model
     from rigctl.tasks import Workers
 
     _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
@@ -187,7 +187,8 @@ def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:
 def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
     """What to type next: add what is missing, look at where nothing helps, or make the page."""
     from rigctl.analysis.diagnosis_result import Verdict
-    from rigctl.cli.next_command import analysis, page_of, show_next
+    from rigctl.cli.next_command import page_of, show_next
+    from rigctl.command_line import analysis
     from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
@@ -219,7 +220,8 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
 
 def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
     """Where the data ask for another law of an effect: write it, or add what was written."""
-    from rigctl.cli.next_command import command, show_next
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import command
 
     told = [one for one in found.laws if one.offered]
     if not told:

@@ -13,7 +13,7 @@ from rigctl.cli.reuse import NoCache, Verbose
 from rigctl.cli.workers import Cluster
 
 if TYPE_CHECKING:
-    from rigctl.cli.next_command import DataOptions
+    from rigctl.command_line import DataOptions
     from rigctl.dataset import Run
     from rigctl.discovery.result import Discovery
 
@@ -69,9 +69,9 @@ def discover(
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.compare import open_models, open_runs
     from rigctl.cli.discover_views import show_discovery
-    from rigctl.cli.next_command import DataOptions
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
+    from rigctl.command_line import DataOptions
     from rigctl.discovery.discover import discover as discovered
     from rigctl.discovery.discover import require_slot
     from rigctl.discovery.hand_over import require_folder, write_files
@@ -114,7 +114,8 @@ def _write_page(runs: list[Run], page: Path, found: Discovery, *, force: bool) -
 
 def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:
     """What to type next: what the gate says, save the formulas, or add the first of them."""
-    from rigctl.cli.next_command import analysis, command, show_next
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import analysis, command
 
     accepted = [one for one in found.formulas if one.accepted]
     if found.gate.reason == "library":

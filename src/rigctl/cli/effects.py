@@ -209,7 +209,7 @@ def _find(written: str, family: ModelFamily | None) -> Effect:
 
 
 def _file(written: str) -> Path:
-    from rigctl.cli.plans import find_file
+    from rigctl.project import find_file
 
     return find_file(Path(written))
 
@@ -217,7 +217,7 @@ def _file(written: str) -> Path:
 def _rig(path: Path | None) -> Rig | None:
     if path is None:
         return None
-    from rigctl.cli.plans import find_file
+    from rigctl.project import find_file
     from rigctl.rig import load_rig
 
     return load_rig(find_file(path))

@@ -22,10 +22,10 @@ def family_given(written: str) -> Iterator[None]:
     RigctlError
         the file is wrong or fails, or its family has a name that is taken.
     """
-    from rigctl.cli.plans import find_file
     from rigctl.physics.families import FAMILIES, find_family, is_family_file, using_families
     from rigctl.physics.user.load import load_family
     from rigctl.physics.user.program import run_family_file
+    from rigctl.project import find_file
 
     if not is_family_file(written):
         find_family(written)

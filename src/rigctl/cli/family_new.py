@@ -81,8 +81,8 @@ def new(
     Example: rigctl family new oven --template heater
     """
     from rigctl.cli.first_fit import first_fit
-    from rigctl.cli.plans import find_file, read_assignments
-    from rigctl.project import find_project
+    from rigctl.cli.plans import read_assignments
+    from rigctl.project import find_file, find_project
     from rigctl.proposal.columns import read_columns
     from rigctl.proposal.propose import empty_table, find_template, propose
     from rigctl.proposal.roles import with_roles

@@ -127,11 +127,10 @@ def import_(
 
     Example: rigctl import mon.csv tue.csv --rig rigs/heater-board.yaml --mapping lab.yaml --assume heater_2=0
     """
-    from rigctl.cli.plans import find_file
     from rigctl.dataset.importing import import_files
     from rigctl.dataset.importing.mapping import save_mapping as save
     from rigctl.files.write import to_json
-    from rigctl.project import find_project
+    from rigctl.project import find_file, find_project
     from rigctl.rig import load_rig
 
     options = _options(
@@ -204,11 +203,11 @@ def _options(
     mapping: Path | None,
 ) -> Options:
     """What the command line and a saved mapping say of a file; the command line goes first."""
-    from rigctl.cli.plans import find_file
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing.columns import read_mapping
     from rigctl.dataset.importing.mapping import load_mapping
     from rigctl.dataset.importing.options import Options, checked_choices
+    from rigctl.project import find_file
 
     said = Options(
         columns=read_mapping(columns or ()),
@@ -221,7 +220,7 @@ def _options(
 
 def _lead_on(rig: Path | None) -> None:
     """What to type next, on stderr: compare it with a model of this bench, else look at it."""
-    from rigctl.cli.next_command import analysis
+    from rigctl.command_line import analysis
 
     model = _model_of(rig)
     command = "rigctl report latest" if model is None else analysis("compare", ["latest"], model)

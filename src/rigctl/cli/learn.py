@@ -175,13 +175,12 @@ def _begun(
     hold_out: str,
 ) -> Kept:
     """A new learning; everything that can be wrong is found before a folder is made."""
-    from rigctl.cli.model import own_model
-    from rigctl.cli.plans import find_file, open_plan, read_assignments
+    from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.dataset import find_run
     from rigctl.learning.keep import Kept, Task
     from rigctl.learning.learn import require_time
     from rigctl.model import current_version
-    from rigctl.project import find_project
+    from rigctl.project import find_file, find_project, own_model
 
     if procedure is None or model is None:
         missing = "a procedure" if procedure is None else "--model"

@@ -81,7 +81,8 @@ _TITLES = {
 
 
 def _lead_on(learned: Learned, folder: Path) -> None:
-    from rigctl.cli.next_command import command, show_next
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import command
 
     runs = [one.run for one in learned.rounds if one.run]
     if learned.ended is Ended.OUTSIDE_LIBRARY and runs:

@@ -184,8 +184,7 @@ def open_rig(path: Path | None) -> Rig:
     RigctlError
         none is named, neither here nor in the project file, and there is not exactly one in the project.
     """
-    from rigctl.cli.plans import find_file
-    from rigctl.project import MARKER, find_project
+    from rigctl.project import MARKER, find_file, find_project
     from rigctl.rig import load_rig
 
     project = find_project()

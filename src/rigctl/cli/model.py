@@ -41,10 +41,10 @@ def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False
     Example: rigctl model show models/hl32-textbook.yaml
     """
     from rigctl.cli.model_views import model_document, show_model
-    from rigctl.cli.plans import find_file
     from rigctl.cli.tables import print_json
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, find_version, load_model
+    from rigctl.project import find_file
 
     path = find_file(model)
     found = load_model(path)
@@ -66,9 +66,9 @@ def diff(
     Example: rigctl model diff models/hl32-textbook.yaml@1 models/hl32-textbook.yaml
     """
     from rigctl.cli.model_views import difference_document, show_difference
-    from rigctl.cli.plans import find_file
     from rigctl.cli.tables import print_json
     from rigctl.model import difference, load_model
+    from rigctl.project import find_file
 
     found = difference(load_model(find_file(first)), load_model(find_file(second)))
     print_json(difference_document(found)) if as_json else show_difference(found)
@@ -80,10 +80,11 @@ def history(model: ModelFile, *, as_json: Json = False) -> None:
 
     Example: rigctl model history models/hl32-textbook.yaml
     """
-    from rigctl.cli.model_views import history_document, show_history
-    from rigctl.cli.plans import find_file
+    from rigctl.cli.model_views import show_history
     from rigctl.cli.tables import print_json
     from rigctl.model import current_version, versions
+    from rigctl.model.history.document import history_document
+    from rigctl.project import find_file
 
     path = find_file(model)
     found, current = versions(path), current_version(path)
@@ -109,10 +110,12 @@ def fit(
 
     Example: rigctl model fit models/hl32-textbook.yaml latest --hold-out "oil == 60 degC"
     """
-    from rigctl.cli.model_changes import Wanted, carry_out
+    from rigctl.analysis.model_change import Wanted
+    from rigctl.cli.model_changes import carry_out
+    from rigctl.project import own_model
 
-    wanted = Wanted("fit", lambda found: found, runs, hold_out, only, fit=True, assume=assume or ())
-    carry_out(own_model(model), wanted, as_json=as_json)
+    wanted = Wanted("fit", lambda found: found, True, hold_out, only, assume or ())
+    carry_out(own_model(model), wanted, runs, as_json=as_json)
 
 
 @app.command()
@@ -154,8 +157,10 @@ def add(
 
       rigctl model add models/hl32-textbook.yaml "piston_leakage:clearance=30 um" --no-fit
     """
-    from rigctl.cli.model_changes import Wanted, carry_out, read_effect
+    from rigctl.analysis.model_change import Wanted
+    from rigctl.cli.model_changes import carry_out, read_effect
     from rigctl.model import load_model
+    from rigctl.project import own_model
 
     if fitting and not runs:
         raise RigctlError("there is nothing to fit the effect to", hint="Name a RUN, or say --no-fit")
@@ -164,15 +169,14 @@ def add(
     wanted = Wanted(
         "add",
         lambda one: one.with_effect(found, values, shapes=fit_shapes),
-        runs or (),
+        fitting,
         hold_out,
         only,
-        fit=fitting,
-        assume=assume or (),
+        assume or (),
         effect=found.name,
         effect_files=files,
     )
-    carry_out(path, wanted, as_json=as_json)
+    carry_out(path, wanted, runs or (), as_json=as_json)
 
 
 @app.command()
@@ -199,19 +203,75 @@ def remove(
 
     Example: rigctl model remove models/hl32-textbook.yaml piston_leakage --fit latest
     """
-    from rigctl.cli.model_changes import Wanted, carry_out
+    from rigctl.analysis.model_change import Wanted
+    from rigctl.cli.model_changes import carry_out
+    from rigctl.project import own_model
 
     wanted = Wanted(
-        "remove",
-        lambda one: one.without_effect(effect),
-        runs or (),
-        hold_out,
-        only,
-        fit=fitting,
-        assume=assume or (),
-        effect=effect,
+        "remove", lambda one: one.without_effect(effect), fitting, hold_out, only, assume or (), effect=effect
     )
-    carry_out(own_model(model), wanted, as_json=as_json)
+    carry_out(own_model(model), wanted, runs or (), as_json=as_json)
+
+
+@app.command(name="set")
+def set_values(
+    model: ModelFile,
+    values: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME=VALUE]...",
+            help="A parameter and its value with its unit; of an effect, effect.parameter=value.",
+            show_default=False,
+        ),
+    ] = None,
+    *,
+    add_effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--add", metavar="EFFECT[:P=V,...]", help="Also add this effect, as it is.", show_default=False
+        ),
+    ] = None,
+    remove_effect: Annotated[
+        list[str] | None,
+        typer.Option("--remove", metavar="EFFECT", help="Also take this effect out.", show_default=False),
+    ] = None,
+    runs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--run",
+            metavar="RUN",
+            help="Say the error before and after on this run; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    hold_out: HoldOut = None,
+    only: Only = None,
+    assume: Assume = None,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Set values of a model by hand, and effects in and out; the result is its next version.
+
+    Nothing is fitted. With --run the error before and after is said, each with the values as they are.
+
+    Examples:
+
+      rigctl model set models/hl32-textbook.yaml "flow_area=3.9 mm^2" --run latest
+
+      rigctl model set models/hl32-textbook.yaml --add "valve_leakage:conductance=7e-15 m^3" --run latest
+    """
+    from rigctl.cli.model_changes import carry_out
+    from rigctl.cli.model_settings import settings_wanted
+    from rigctl.model import load_model
+    from rigctl.project import own_model
+
+    path = own_model(model)
+    wanted = settings_wanted(
+        load_model(path), values or (), add_effect or (), remove_effect or (), (hold_out, only, assume or ())
+    )
+    carry_out(path, wanted, runs or (), as_json=as_json)
 
 
 @app.command()
@@ -241,13 +301,13 @@ def export(
     from dataclasses import asdict
 
     from rigctl.cli.echo import echo
-    from rigctl.cli.plans import find_file
     from rigctl.cli.tables import print_json
     from rigctl.dataset.outputs import require_output
     from rigctl.errors import unknown_name
     from rigctl.files.version_suffix import split_version
     from rigctl.model import load_model
     from rigctl.model.fmu import export_fmu
+    from rigctl.project import find_file
 
     if to != "fmu":
         raise unknown_name("form", to, ("fmu",))
@@ -263,25 +323,3 @@ def export(
         f"{made.path}: {made.states} states, {made.inputs} inputs, {made.parameters} parameters, "
         f"{made.outputs} outputs, {compiled}"
     )
-
-
-def own_model(written: Path) -> Path:
-    """The model file that a command is to change: from the current folder or the project.
-
-    Raises
-    ------
-    RigctlError
-        there is none, or it is one of those that come with rigctl.
-    """
-    from rigctl.cli.plans import find_file
-    from rigctl.files.version_suffix import is_there
-    from rigctl.project import find_project
-
-    path = find_file(written)
-    if not is_there(written) and not path.is_relative_to(find_project().root):
-        raise RigctlError(
-            "this model comes with rigctl and is not changed",
-            value=str(written),
-            hint="Copy it into your project, or make one that has it with 'rigctl init'",
-        )
-    return path

@@ -270,25 +270,5 @@ def _bars(steps: Sequence[tuple[str, ModelError]], channel: str) -> list[tuple[s
     return bars + [("", "noise", value) for value in noise[-1:]]
 
 
-def history_document(versions: Sequence[Version], current: Version) -> dict[str, Any]:
-    """The versions of a model as data; `errors` are those that the bars show."""
-    return {
-        "model": str(current.head),
-        "current": current.number,
-        "versions": [{**version.document(), "kept": version.kept} for version in versions],
-        "errors": [
-            {
-                "version": found.version.number,
-                "runs": list(found.runs),
-                "hold_out": found.hold_out or None,
-                "only": found.only or None,
-                "assume": list(found.assume),
-                **found.error.document(),
-            }
-            for found in version_errors(versions)
-        ],
-    }
-
-
 def _prior(known: tuple[float, float] | None) -> dict[str, float] | None:
     return None if known is None else {"value": known[0], "std": known[1]}

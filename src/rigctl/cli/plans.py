@@ -29,22 +29,6 @@ def read_assignments(texts: Sequence[str], option: str = "--arg") -> dict[str, s
     return found
 
 
-def find_file(written: Path) -> Path:
-    """A file as it is typed: from the current folder, the project, or among those that are shipped.
-
-    ``m.yaml@3``, version 3 of a model file, is found where ``m.yaml`` is.
-
-    Raises
-    ------
-    RigctlError
-        there is no such file.
-    """
-    from rigctl.files.version_suffix import is_there
-    from rigctl.project import find_project
-
-    return written if is_there(written) else find_project().resolve(written)
-
-
 def open_plan(procedure: Path, rig: Path | None = None, arguments: Sequence[str] = ()) -> Plan:
     """Read a procedure, expand it on a rig (by default the one it names), and return its plan.
 
@@ -54,6 +38,7 @@ def open_plan(procedure: Path, rig: Path | None = None, arguments: Sequence[str]
         a file or an argument is wrong.
     """
     from rigctl.procedure import expand, load_procedure
+    from rigctl.project import find_file
     from rigctl.rig import load_rig
 
     given = read_assignments(arguments)

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 
 from rigctl.units import parse_unit
 
-Kind: TypeAlias = Literal["start", "fit", "add", "remove", "edit"]
+Kind: TypeAlias = Literal["start", "fit", "add", "remove", "set", "edit"]
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Change:
 
     Attributes
     ----------
-    kind: "start" is the file as it was first met, "edit" one changed by hand.
+    kind: "start" is the file as it was first met, "set" has values set by hand, "edit" was written by hand.
     effect: what was added or removed.
     runs, only, hold_out: the runs that it was fitted to, and the expressions for the records that were chosen
         of them (all when empty), and for those that were held out.
@@ -98,7 +98,7 @@ class Change:
 
     def __str__(self) -> str:
         """In a few words, e.g. ``add piston_leakage``."""
-        words = {"start": "first version", "fit": "fit", "edit": "edited by hand"}
+        words = {"start": "first version", "fit": "fit", "set": "set by hand", "edit": "edited by hand"}
         return words.get(self.kind) or f"{self.kind} {self.effect}"
 
     def document(self) -> dict[str, Any]:

@@ -1,0 +1,139 @@
+"""Change a model file: fit it, add or remove an effect, or set values, with the error before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from rigctl.analysis.fitting import (
+    OnProgress,
+    fit_again,
+    fit_to_data,
+    no_progress,
+    read_runs,
+    require_free_parameters,
+)
+from rigctl.dataset.run import Run
+from rigctl.errors import RigctlError
+from rigctl.model.fit.model_error import model_error
+from rigctl.model.history.change import Change
+from rigctl.model.history.save import save_version
+from rigctl.model.history.version import Version
+from rigctl.model.load import load_model
+from rigctl.model.model import Model
+from rigctl.model.validity import Departure, departures
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A change that was asked for.
+
+    Attributes
+    ----------
+    kind: what is done; `effect` is its name.
+    changed: makes the new model out of the old one.
+    fit: whether free parameters are fitted, those of the model before too, so that only the effect differs.
+    hold_out, only: the records to keep for the proof, and those to look at.
+    assume: ``name=value`` of inputs that the runs themselves do not tell.
+    effect_files: of the user's own effects.
+    note: what was done, in words.
+    """
+
+    kind: Literal["fit", "add", "remove", "set"]
+    changed: Callable[[Model], Model]
+    fit: bool
+    hold_out: str | None = None
+    only: str | None = None
+    assume: Sequence[str] = ()
+    effect: str = ""
+    effect_files: tuple[Path, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Changed:
+    """What became of the file.
+
+    Attributes
+    ----------
+    model: as it is now.
+    version: that was saved.
+    outside: where it leaves the ranges over which laws of its effects were learned.
+    """
+
+    model: Model
+    version: Version
+    outside: tuple[Departure, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer."""
+        version, done = self.version, self.version.done
+        return {
+            "model": str(version.head),
+            "version": version.number,
+            "parent": version.parent,
+            "effect": done.effect or None,
+            "runs": list(done.runs),
+            "hold_out": done.hold_out or None,
+            "only": done.only or None,
+            "assume": list(done.assume),
+            "before": done.before.document() if done.before else None,
+            "after": done.after.document() if done.after else None,
+            "outside_validity": [one.document() for one in self.outside],
+        }
+
+
+def change_model(
+    path: Path, wanted: Wanted, runs: Sequence[Run], *, on_progress: OnProgress = no_progress
+) -> Changed:
+    """Make the change on the model file at `path`, as its next version.
+
+    Of a fit the error before is that of the values in the file, and of an effect that of the model without
+    it, fitted to the same records, if `wanted.fit`. Without runs nothing is fitted, and no error is known.
+
+    Raises
+    ------
+    RigctlError
+        the records or the model are not fit for it, or the version cannot be saved.
+    """
+    model = load_model(path)
+    if wanted.kind == "fit":
+        require_free_parameters(model)
+    made, done, outside = (
+        _measured(model, wanted, runs, on_progress) if runs else (*_unmeasured(model, wanted), ())
+    )
+    return Changed(made, save_version(made, path, done, effect_files=wanted.effect_files), outside)
+
+
+def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
+    """A change that no record is asked about."""
+    for option, value in (("--hold-out", wanted.hold_out), ("--only", wanted.only)):
+        if value:
+            raise RigctlError(f"{option} chooses among the records of runs, and none was named")
+    return wanted.changed(model), Change(wanted.kind, effect=wanted.effect, note=wanted.note)
+
+
+def _measured(
+    model: Model, wanted: Wanted, runs: Sequence[Run], on_progress: OnProgress
+) -> tuple[Model, Change, tuple[Departure, ...]]:
+    wanted.changed(model)  # refused before any work
+    data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, on_progress=on_progress)
+    refit = wanted.fit and wanted.kind != "fit"
+    before = fit_to_data(model, data, refit=refit, on_progress=on_progress)
+    made = wanted.changed(before.model)
+    on_progress(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
+    after = fit_again(before, made, refit=wanted.fit, on_progress=on_progress)
+    done = Change(
+        wanted.kind,
+        effect=wanted.effect,
+        runs=tuple(run.id for run in runs),
+        hold_out=wanted.hold_out or "",
+        only=wanted.only or "",
+        assume=tuple(wanted.assume),
+        before=model_error(before),
+        after=model_error(after),
+        note=wanted.note,
+    )
+    return after.model, done, departures(after)

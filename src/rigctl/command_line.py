@@ -1,0 +1,52 @@
+"""What a command line for some work is, so that it can be shown, copied and typed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+#: what no shell takes for anything else
+_PLAIN = re.compile(r"[\w./\\:@+=-]+")
+#: what a shell looks at inside double quotes too
+_ACTIVE = frozenset('"$`!')
+
+
+@dataclass(frozen=True)
+class DataOptions:
+    """What an analysis was told of its runs besides their names, and the next one must be told again.
+
+    Attributes
+    ----------
+    only, hold_out: expressions that choose records.
+    assume: ``NAME=VALUE`` of inputs that were not recorded.
+    """
+
+    only: str | None = None
+    hold_out: str | None = None
+    assume: Sequence[str] = ()
+
+
+def analysis(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:
+    """A command about a model and runs, with the same choice: ``rigctl diagnose latest --model …``."""
+    return command([verb, *runs, "--model", model], choice)
+
+
+def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
+    """A command of these words, and the choice of records."""
+    chosen = choice or DataOptions()
+    words = ["rigctl", *map(_quoted, arguments)]
+    for option, value in (("--only", chosen.only), ("--hold-out", chosen.hold_out)):
+        if value:
+            words += [option, f'"{value}"' if not _ACTIVE & set(value) else shlex.quote(value)]
+    for text in chosen.assume:
+        words += ["--assume", _quoted(text)]
+    return " ".join(words)
+
+
+def _quoted(text: str) -> str:
+    """An argument as every shell takes it; one that a shell would look into, as those of POSIX take it."""
+    if _PLAIN.fullmatch(text):
+        return text
+    return f'"{text}"' if not _ACTIVE & set(text) else shlex.quote(text)

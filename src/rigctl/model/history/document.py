@@ -1,0 +1,29 @@
+"""The versions of a model as data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rigctl.model.history.errors import version_errors
+from rigctl.model.history.version import Version
+
+
+def history_document(versions: Sequence[Version], current: Version) -> dict[str, Any]:
+    """The versions of a model as data; `errors` are those whose fall is drawn."""
+    return {
+        "model": str(current.head),
+        "current": current.number,
+        "versions": [{**version.document(), "kept": version.kept} for version in versions],
+        "errors": [
+            {
+                "version": found.version.number,
+                "runs": list(found.runs),
+                "hold_out": found.hold_out or None,
+                "only": found.only or None,
+                "assume": list(found.assume),
+                **found.error.document(),
+            }
+            for found in version_errors(versions)
+        ],
+    }

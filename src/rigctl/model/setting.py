@@ -1,0 +1,89 @@
+"""Values of a model set by hand: ``flow_area=3.9 mm^2``, ``valve_leakage.conductance=7e-15 m^3``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+
+from rigctl.effects.declaration import qualified
+from rigctl.effects.option import read_parameter
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.model.model import Model
+from rigctl.model.writing.numbers import value_text
+from rigctl.physics.family import ParameterDeclaration
+from rigctl.units import onto_bound, read_si, show
+
+
+def read_settings(model: Model, written: Mapping[str, str]) -> dict[str, float]:
+    """The values that are written, SI, by the names of `Model.values`.
+
+    Raises
+    ------
+    RigctlError
+        a name is none of the model's; a value is no quantity, of another dimension, or out of bounds.
+    """
+    found: dict[str, float] = {}
+    for name, text in written.items():
+        effect, dot, parameter = name.partition(".")
+        if dot and effect in model.effects:
+            family = {key: value for key, value in model.values.items() if "." not in key}
+            read = read_parameter(model.effect(effect), parameter, text, family)
+            found |= {qualified(effect, key): value for key, value in read.items()}
+        elif not dot and name in model.values:
+            found[name] = _value(model.family.parameter(name), text)
+        else:
+            raise unknown_name("parameter of the model", name, model.values)
+    return found
+
+
+def _value(declared: ParameterDeclaration, text: str) -> float:
+    try:
+        value = onto_bound(read_si(text, declared.unit), declared.low, declared.high)
+    except RigctlError as error:
+        error.what = f"{declared.name}: {error.what}"
+        raise
+    if not declared.low <= value <= declared.high:
+        ends = [show(end, declared.unit) for end in (declared.low, declared.high) if math.isfinite(end)]
+        raise RigctlError(f"{declared.name} is out of bounds", value=text, expected=" to ".join(ends))
+    return value
+
+
+def set_by_hand(model: Model, values: Mapping[str, float]) -> Model:
+    """The model with these values, SI; those that change are noted as set by hand."""
+    changed = {name: value for name, value in values.items() if model.values.get(name) != value}
+    return model.with_values(changed, source=f"set by hand {datetime.now(UTC):%Y-%m-%d}")
+
+
+def setting_text(model: Model, name: str, si: float) -> str:
+    """A value as it is written into a file or on a command line: ``3.9 mm^2``.
+
+    Parameters
+    ----------
+    name: of the model's values, or a parameter of any effect that it could have, ``effect.parameter``.
+    """
+    effect, dot, parameter = name.partition(".")
+    if dot:
+        declared = model.effect(effect).parameter(parameter)
+        low, high = declared.bounds_around(si)
+        unit = _stated_unit(model, name) or declared.unit
+        return value_text(si, unit, difference=declared.difference, low=low, high=high)
+    of_family = model.family.parameter(name)
+    unit = _stated_unit(model, name) or of_family.unit
+    return value_text(si, unit, low=of_family.low, high=of_family.high)
+
+
+def _stated_unit(model: Model, name: str) -> str:
+    """The unit in which the model's file has it; "" where it says nothing of it."""
+    effect, dot, parameter = name.partition(".")
+    settings = model.effects.get(effect, {}) if dot else model.parameters
+    known = settings.get(parameter if dot else name)
+    return known.unit if known is not None else ""
+
+
+def words_of(model: Model, values: Iterable[str], added: Iterable[str], removed: Iterable[str]) -> str:
+    """What was set, in words, for a model's history: ``flow_area 3.9 mm^2; without piston_leakage``."""
+    said = [f"{name} {setting_text(model, name, model.values[name])}" for name in values]
+    said += [f"with {name}" for name in added]
+    said += [f"without {name}" for name in removed]
+    return "; ".join(said)

@@ -1,0 +1,204 @@
+"""A slider for every parameter, a switch for every effect.
+
+A slider's ends are the bounds within which a fit looks, or five standard deviations around what is known
+before. It is logarithmic where these ends span decades.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from rigctl.effects.declaration import Effect, EffectParameter, qualified
+from rigctl.effects.registry import library
+from rigctl.model.fit.unknowns import parameter_unknown
+from rigctl.model.model import Model
+from rigctl.model.setting import setting_text
+from rigctl.units import parse_unit
+
+#: ends with a larger ratio are a logarithmic slider
+_DECADES = 30.0
+#: standard deviations around a prior's mean
+_AROUND = 5.0
+#: the least size of an effect on its slider, as a share of what is typical: below it the switch is off
+_LEAST = 1e-3
+#: an upper end where neither bounds nor a value give one, in units of the parameter's declaration
+_WIDE = 20.0
+
+
+@dataclass(frozen=True)
+class Slider:
+    """One parameter; everything SI but `unit`, in which it is shown: ``shown = (si − offset)/factor``.
+
+    Attributes
+    ----------
+    name: as in the model's values.
+    label: without the effect's name.
+    low, high: the slider's ends; typed values may lie beyond them, within the bounds of a fit.
+    scale: log where the ends span decades.
+    null: the value that switches an effect off; None of others.
+    shape: it only forms what another parameter of its effect switches on.
+    fit: whether a fit may change it.
+    fixed: a dimension, which is a number of the compiled equations.
+    """
+
+    name: str
+    label: str
+    value: float
+    unit: str
+    factor: float
+    offset: float
+    low: float
+    high: float
+    scale: Literal["linear", "log"]
+    meaning: str
+    null: float | None = None
+    shape: bool = False
+    fit: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """As the page takes it."""
+        return {
+            "name": self.name,
+            "label": self.label,
+            "value": self.value,
+            "unit": self.unit,
+            "factor": self.factor,
+            "offset": self.offset,
+            "low": self.low,
+            "high": self.high,
+            "scale": self.scale,
+            "meaning": self.meaning,
+            "null": self.null,
+            "shape": self.shape,
+            "fit": self.fit,
+        }
+
+
+@dataclass(frozen=True)
+class Switch:
+    """One effect, with its sliders.
+
+    Attributes
+    ----------
+    base: base physics, which is switched off by its parameters' null values and has no sliders of its own.
+    on: whether the model has it.
+    instead_of: effects that contradict it.
+    """
+
+    name: str
+    summary: str
+    equation: str
+    looks_like: str
+    on: bool
+    base: bool
+    sliders: tuple[Slider, ...]
+    instead_of: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """As the page takes it."""
+        return {
+            "name": self.name,
+            "summary": self.summary,
+            "equation": self.equation,
+            "looks_like": self.looks_like,
+            "on": self.on,
+            "base": self.base,
+            "sliders": [slider.document() for slider in self.sliders],
+            "instead_of": list(self.instead_of),
+        }
+
+
+def sliders(model: Model) -> tuple[Slider, ...]:
+    """A slider for each parameter of the model's family that is no dimension."""
+    return tuple(_of_family(model, one.name) for one in model.family.parameters if not one.fixed)
+
+
+def switches(model: Model) -> tuple[Switch, ...]:
+    """A switch for each effect that the model has or could have: the library's, and the user's own."""
+    known = {effect.name: effect for effect in (*library(model.family).values(), *model.own_effects)}
+    found = []
+    for effect in known.values():
+        present = _present(model, effect)
+        found.append(
+            Switch(
+                effect.name,
+                effect.summary,
+                effect.equation,
+                effect.looks_like,
+                present,
+                bool(effect.base),
+                tuple(_of_effect(model, effect, one) for one in effect.parameters),
+                effect.instead_of,
+            )
+        )
+    return tuple(found)
+
+
+def _present(model: Model, effect: Effect) -> bool:
+    if effect.base:
+        return any(model.values[name] != nothing for name, nothing in effect.base.items())
+    return effect.name in model.effects
+
+
+def _of_family(model: Model, name: str) -> Slider:
+    declared, value = model.family.parameter(name), model.values[name]
+    given = model.parameters.get(name)
+    unknown = parameter_unknown(model, name)
+    low, high = unknown.lower, unknown.upper
+    if not math.isfinite(high):
+        high = max(_WIDE * abs(declared.value), value) or 1.0
+    if not math.isfinite(low):
+        low = min(-_WIDE * abs(declared.value), value)
+    if given is not None and given.prior is not None:
+        spread = _AROUND * given.prior.std
+        low = max(low, min(given.prior.mean - spread, value))
+        high = min(high, max(given.prior.mean + spread, value))
+    unit = (given.unit if given is not None else "") or declared.unit
+    return _slider(
+        Slider(name, name, value, unit, 1.0, 0.0, low, high, "linear", declared.meaning),
+        fit=given is not None and given.fit,
+    )
+
+
+def _of_effect(model: Model, effect: Effect, declared: EffectParameter) -> Slider:
+    name = qualified(effect.name, declared.name)
+    given = model.effects.get(effect.name, {}).get(declared.name)
+    value = declared.start if given is None else given.si
+    low, high = declared.bounds_around(value)
+    if declared.null == low == 0.0:  # a size of one sign: as many decades below the usual as can be seen
+        low = min(_LEAST * declared.start, value or math.inf)
+    made = Slider(
+        name,
+        declared.name,
+        value,
+        (given.unit if given is not None else "") or declared.unit,
+        1.0,
+        0.0,
+        low,
+        high,
+        "linear",
+        declared.meaning,
+        declared.null,
+        declared.shape,
+    )
+    return _slider(made, fit=bool(given and given.fit), difference=declared.difference)
+
+
+def _slider(made: Slider, *, fit: bool, difference: bool = False) -> Slider:
+    unit = parse_unit(made.unit)
+    spans = made.low > 0.0 and made.high / made.low > _DECADES
+    return replace(
+        made,
+        unit="K" if difference and unit.absolute_temperature else made.unit,
+        factor=unit.factor,
+        offset=0.0 if difference else unit.offset,
+        scale="log" if spans else "linear",
+        fit=fit,
+    )
+
+
+def value_words(model: Model, name: str, si: float) -> str:
+    """A slider's value as it is typed: ``7e-15 m^3``."""
+    return setting_text(model, name, si)

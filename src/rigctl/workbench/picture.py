@@ -1,0 +1,127 @@
+"""What a state looks like: curves, residuals in sigmas of the noise, and the error of every record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.comparison_result import in_unit
+from rigctl.model.fit.errors import ChannelError, channel_errors
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A state on the data.
+
+    Attributes
+    ----------
+    exact: of all records, with what each record has of its own fitted to it, as ``compare --no-fit`` does;
+        else these are as they were when the last slider was released.
+    records: the places of those that were simulated.
+    outputs: (n, channels) of each of them, SI, by place.
+    errors: (n, channels) of each of them, (model − measured)/sigma; NaN where no reading counts.
+    size, bias: (records, channels) root mean square and mean of the errors; NaN of records that are not here.
+    channels: the error of each channel over the records here, and of those held out.
+    chi2_reduced: only of an exact one.
+    failures: of records that the model has no course for, why, by place.
+    seconds: that it took.
+    """
+
+    exact: bool
+    records: tuple[int, ...]
+    outputs: Mapping[int, Floats] = field(repr=False)
+    errors: Mapping[int, Floats] = field(repr=False)
+    size: Floats = field(repr=False)
+    bias: Floats = field(repr=False)
+    channels: Mapping[str, ChannelError]
+    heldout: Mapping[str, ChannelError] = field(default_factory=dict)
+    chi2_reduced: float = math.nan
+    failures: Mapping[int, str] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def document(self, units: Mapping[str, str]) -> dict[str, Any]:
+        """Everything but the arrays, as the page takes it; `units` are the channels'."""
+        return {
+            "exact": self.exact,
+            "records": list(self.records),
+            "channels": {name: _channel(one, units[name]) for name, one in self.channels.items()},
+            "heldout": {name: _channel(one, units[name]) for name, one in self.heldout.items()},
+            "chi2_reduced": self.chi2_reduced if math.isfinite(self.chi2_reduced) else None,
+            "failures": {str(place): why for place, why in self.failures.items()},
+            "seconds": self.seconds,
+        }
+
+
+def _channel(error: ChannelError, unit: str) -> dict[str, Any]:
+    return {**in_unit(error, unit), "nrmse": error.nrmse, "chi2_reduced": error.chi2_reduced}
+
+
+def exact_picture(fitted: FitResult, seconds: float = 0.0) -> Picture:
+    """Of a model that was taken as it is, on all its records."""
+    places = range(len(fitted.problem.records))
+    errors = {k: fitted.normalised_error(k) for k in places}
+    size, bias = _maps(errors, len(fitted.problem.records), len(fitted.problem.measurements.outputs))
+    return Picture(
+        True,
+        tuple(places),
+        dict(enumerate(fitted.outputs)),
+        errors,
+        size,
+        bias,
+        fitted.errors,
+        fitted.heldout_errors,
+        fitted.chi2_reduced,
+        seconds=seconds,
+    )
+
+
+def coarse_picture(
+    problem: Problem,
+    simulated: Mapping[int, Floats],
+    failures: Mapping[int, str],
+    fitted: Sequence[int],
+    seconds: float = 0.0,
+) -> Picture:
+    """Of the records that were simulated; `fitted` are the places of those that are not held out."""
+    errors = {}
+    for k, outputs in simulated.items():
+        error = (outputs - problem.records[k].values) / problem.sigma[k]
+        errors[k] = np.where(problem.ok[k], error, np.nan)
+    size, bias = _maps(errors, len(problem.records), len(problem.measurements.outputs))
+    whole = [k for k in simulated if k not in failures]
+    seen, kept = [k for k in whole if k in fitted], [k for k in whole if k not in fitted]
+    everything = [simulated.get(k, np.empty((0, 0))) for k in range(len(problem.records))]
+    return Picture(
+        False,
+        tuple(simulated),
+        dict(simulated),
+        errors,
+        size,
+        bias,
+        channel_errors(problem, everything, seen) if seen else {},
+        channel_errors(problem, everything, kept) if kept else {},
+        failures=failures,
+        seconds=seconds,
+    )
+
+
+def _maps(errors: Mapping[int, Floats], records: int, channels: int) -> tuple[Floats, Floats]:
+    """(records, channels) root mean square and mean; NaN where there is nothing."""
+    size, bias = np.full((2, records, channels), np.nan)
+    for k, error in errors.items():
+        here = np.isfinite(error)
+        count = here.sum(axis=0)
+        some = count > 0
+        clean = np.where(here, error, 0.0)
+        size[k, some] = np.sqrt(np.square(clean).sum(axis=0)[some] / count[some])
+        bias[k, some] = clean.sum(axis=0)[some] / count[some]
+    return size, bias

@@ -1,0 +1,371 @@
+"""A model on its runs, opened once, that follows sliders and switches.
+
+The equations are compiled once with every effect of the library in them, each at its null until it is
+switched on: a switch costs no compilation. While a slider moves, what belongs to each record (when its
+switches acted, where it began, what its sensors are off by) stays as it was; at rest it is fitted again,
+in the equations that the model has by itself, and the numbers are those of ``rigctl compare --no-fit``.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.fitting import Data, OnProgress, fit_problem, no_progress, read_runs
+from rigctl.analysis.model_change import Changed, Wanted, change_model
+from rigctl.command_line import DataOptions
+from rigctl.dataset.run import Run
+from rigctl.effects.declaration import qualified
+from rigctl.engine.kept import switched_off
+from rigctl.engine.least_squares import Iteration
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.fit.unknowns import start_values
+from rigctl.model.load import load_model
+from rigctl.model.model import Model
+from rigctl.model.plant import initial_state
+from rigctl.model.setting import set_by_hand, words_of
+from rigctl.workbench.commands import Changes, Subject, set_command
+from rigctl.workbench.controls import Slider, Switch, sliders, switches
+from rigctl.workbench.picture import Picture, coarse_picture, exact_picture
+from rigctl.workbench.state import State, Track
+
+Floats = NDArray[np.float64]
+
+#: s that a picture may take while a slider moves
+_BUDGET = 0.04
+#: a picture while a slider moves has so many records at least
+_FEWEST = 3
+
+
+class Unwanted(Exception):
+    """Nobody waits for what is being computed any more."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What stays the same while sliders move.
+
+    Attributes
+    ----------
+    model: as its file has it.
+    runs: that were opened.
+    data: their records and noise.
+    subject: the same as it is typed.
+    """
+
+    model: Model
+    runs: tuple[Run, ...]
+    data: Data
+    subject: Subject
+
+
+class Workbench:
+    """Chosen runs and a model, the state of its sliders and switches, and what that looks like.
+
+    Pictures may be asked for from several threads: each is of the state it is given, beside the records' own
+    unknowns of the last `settle` that was done.
+    """
+
+    def __init__(self, opened: Opened, on_progress: OnProgress = no_progress) -> None:
+        self.opened = opened
+        self.sliders: tuple[Slider, ...] = sliders(opened.model)
+        self.switches: tuple[Switch, ...] = switches(opened.model)
+        self.start = self._state_of_model()
+        self.track = Track(self.start)
+        self._cost: dict[str, float] = {}
+        on_progress(f"Simulating {opened.model.name}")
+        self._settled = self._fitted(self.start, on_progress)
+        self.exact = exact_picture(self._settled)
+        on_progress("Compiling the effects of the library")
+        self._library = self._problem(opened.model, library=True, on_progress=on_progress)
+
+    @classmethod
+    def open(
+        cls,
+        runs: Sequence[Run],
+        model_path: Path,
+        choice: DataOptions | None = None,
+        *,
+        on_progress: OnProgress = no_progress,
+        named: str = "",
+    ) -> Workbench:
+        """Read the records of `runs` and the model, and simulate it as it is.
+
+        Parameters
+        ----------
+        named: the model file as it is typed; its path if left out.
+
+        Raises
+        ------
+        RigctlError
+            the runs are not of the model's bench, they are a table of single values, or the model cannot be
+            simulated.
+        """
+        chosen = choice or DataOptions()
+        model = load_model(model_path)
+        data = read_runs(model, runs, hold_out=chosen.hold_out, only=chosen.only, on_progress=on_progress)
+        if data.measurements.table:
+            raise RigctlError(
+                "these runs are tables of single values, which have no course in time to draw",
+                hint="'rigctl compare' says how well a model agrees with them",
+            )
+        subject = Subject(tuple(run.id for run in runs), named or str(model_path), chosen)
+        return cls(Opened(model, tuple(runs), data, subject), on_progress)
+
+    @property
+    def model(self) -> Model:
+        """The model as its file has it."""
+        return self.opened.model
+
+    @property
+    def problem(self) -> Problem:
+        """The data with their noise, as the last exact picture had them."""
+        return self._settled.problem
+
+    @property
+    def fitted(self) -> FitResult:
+        """The model as it was last settled, with the records' own unknowns fitted."""
+        return self._settled
+
+    def _state_of_model(self) -> State:
+        every = [*self.sliders, *(one for switch in self.switches for one in switch.sliders)]
+        on = frozenset(switch.name for switch in self.switches if switch.on)
+        return State({slider.name: slider.value for slider in every}, on)
+
+    def changes(self, state: State) -> Changes:
+        """What of the state differs from the model in the file."""
+        added = tuple(s.name for s in self.switches if s.name in state.on and not s.on)
+        removed = tuple(s.name for s in self.switches if s.name not in state.on and s.on)
+        base = {p for s in self.switches if s.base and s.name not in state.on for p in _base(s, self.model)}
+        values = tuple(
+            name
+            for name, value in state.values.items()
+            if name in self.model.values
+            and value != self.model.values[name]
+            and name not in base
+            and name.partition(".")[0] not in removed
+        )
+        return Changes(values, added, removed)
+
+    def model_of(self, state: State) -> Model:
+        """The model that says the state, as it would be kept.
+
+        Raises
+        ------
+        RigctlError
+            effects that contradict one another are on.
+        """
+        model, changes = self.model, self.changes(state)
+        for name in changes.removed:
+            model = model.without_effect(name)
+        for name in changes.added:
+            effect = model.effect(name)
+            given = {one.name: state.values[qualified(name, one.name)] for one in effect.parameters}
+            model = model.with_effect(name, given)
+        return set_by_hand(model, {name: state.values[name] for name in changes.values})
+
+    def command(self, state: State) -> str:
+        """The command that makes the state the model's next version; "" where it is the model already."""
+        return set_command(self.opened.subject, self.model, state, self.changes(state))
+
+    def settle(self, state: State, *, wanted: Callable[[], bool] = lambda: True) -> Picture:
+        """The exact picture of a state, and what the records have of their own for the pictures to come.
+
+        Parameters
+        ----------
+        wanted: asked with each iteration; `Unwanted` is raised where it says no.
+
+        Raises
+        ------
+        RigctlError
+            effects that contradict one another are on, or the model cannot be simulated.
+        """
+        begun = time.monotonic()
+        self._settled = self._fitted(state, wanted=wanted)
+        self.exact = exact_picture(self._settled, time.monotonic() - begun)
+        return self.exact
+
+    def step(self, state: State) -> None:
+        """Make a state the present one, to which `undo` comes back.
+
+        Raises
+        ------
+        RigctlError
+            effects that contradict one another are on.
+        """
+        self.model_of(state)
+        self.track = self.track.then(state)
+
+    def undo(self) -> State:
+        """Go back to the state before; see `Track.undone`."""
+        self.track = self.track.undone()
+        return self.track.present
+
+    def redo(self) -> State:
+        """Take an `undo` back; see `Track.redone`."""
+        self.track = self.track.redone()
+        return self.track.present
+
+    def reopened(self, *, on_progress: OnProgress = no_progress) -> Workbench:
+        """The same records with the model as its file is now.
+
+        Raises
+        ------
+        RigctlError
+            the file is gone or wrong, or the model cannot be simulated.
+        """
+        path = self.model.path
+        assert path is not None  # noqa: S101 - it was read from there
+        return Workbench(replace(self.opened, model=load_model(path)), on_progress)
+
+    def follow(self, state: State, shown: Sequence[int] = (), *, budget: float = _BUDGET) -> Picture:
+        """A picture while a slider moves: of the records that are shown, and as many as the time allows.
+
+        Parameters
+        ----------
+        shown: places of records that are always simulated.
+        budget: s for it; infinite for all records.
+        """
+        begun = time.monotonic()
+        settled = self._settled
+        problem = self._equations_for(state, settled)
+        chosen = self._coarse(problem, shown, budget)
+        inner = self._moved(problem.only(chosen), state)
+        simulated = inner.simulate(settled.values, [settled.local[k] for k in chosen])
+        failures, outputs = {}, {}
+        for at, k in enumerate(chosen):
+            outputs[k] = np.full((inner.records[at].times.size, inner.channels.size), np.nan)
+            found = np.take(simulated.outputs[at], inner.channels, axis=1)
+            outputs[k][: len(found)] = found
+            failure = simulated.failures[at]
+            if failure is not None:
+                failures[k] = str(failure)
+        took = time.monotonic() - begun
+        self._learn_cost(problem, took / max(1, len(chosen)))
+        return coarse_picture(settled.problem, outputs, failures, settled.fitted, took)
+
+    def _equations_for(self, state: State, settled: FitResult) -> Problem:
+        """Those of the model as it was settled where they hold every effect that is on, which are faster."""
+        on = {switch.name for switch in self.switches if not switch.base} & state.on
+        if on <= set(settled.problem.model.effects):
+            return settled.problem
+        return self._library.with_shared(settled.problem.shared)
+
+    def keep(self, state: State, *, on_progress: OnProgress = no_progress) -> Changed:
+        """Make the state the model's next version, as `command` would.
+
+        Raises
+        ------
+        RigctlError
+            it is the model already, or the version cannot be saved.
+        """
+        changes = self.changes(state)
+        if not changes:
+            raise RigctlError("nothing differs from the model in its file")
+        made, choice = self.model_of(state), self.opened.subject.choice
+        path = self.model.path
+        if path is None:
+            raise RigctlError("this model was not read from a file, so there is no file to change")
+        wanted = Wanted(
+            "set",
+            lambda _: made,
+            False,
+            choice.hold_out,
+            choice.only,
+            choice.assume,
+            note=words_of(made, changes.values, changes.added, changes.removed),
+        )
+        return change_model(path, wanted, self.opened.runs, on_progress=on_progress)
+
+    def _problem(self, model: Model, *, library: bool, on_progress: OnProgress) -> Problem:
+        data = self.opened.data
+        return make_problem(
+            model,
+            data.measurements,
+            data.noise.model,
+            data.noise.ok,
+            library=library,
+            grown=data.noise.grown,
+            progress=on_progress,
+        )
+
+    def _fitted(
+        self,
+        state: State,
+        on_progress: OnProgress = no_progress,
+        wanted: Callable[[], bool] = lambda: True,
+    ) -> FitResult:
+        def iterated(_: Iteration) -> None:
+            if not wanted():
+                raise Unwanted
+
+        problem = self._problem(self.model_of(state), library=False, on_progress=on_progress)
+        data = self.opened.data
+        with _not_kept():
+            return fit_problem(problem, data.noise, data.held_out, refit=False, iterated=iterated)
+
+    def _moved(self, problem: Problem, state: State) -> Problem:
+        """The problem with the values of a state; equations and data are the same."""
+        values, system = self._values(state), problem.compiled.system
+        base = problem.base.copy()
+        for index, name in enumerate(system.parameter_names):
+            base[index] = values.get(name, base[index])
+        known = set(system.state_names)
+        used = [self.model.effect(switch.name) for switch in self.switches if not switch.base]
+        usual = {
+            name: value for name, value in initial_state(self.model.family, used).items() if name in known
+        }
+        starts = [
+            start_values(problem.level, record, problem.measurements, usual, values)
+            for record in problem.records
+        ]
+        made = tuple(np.array([one[name] for name in system.state_names]) for one in starts)
+        return replace(problem, base=base, starts=made)
+
+    def _values(self, state: State) -> Mapping[str, float]:
+        """What every parameter of the equations is, effects that are off at their null."""
+        values = dict(state.values)
+        for name, value in self.model.values.items():  # dimensions have no slider
+            values.setdefault(name, value)
+        for switch in self.switches:
+            if switch.name not in state.on:
+                effect = self.model.effect(switch.name)
+                values |= dict(effect.base) or {
+                    qualified(effect.name, key): value for key, value in effect.null.items()
+                }
+        return values
+
+    def _coarse(self, problem: Problem, shown: Sequence[int], budget: float) -> list[int]:
+        """Places of records: those shown, then others spread over all, as many as the time allows."""
+        count = len(problem.records)
+        cost = self._cost.get(problem.compiled.source.digest, 0.0)
+        room = budget / cost if cost else (_FEWEST if math.isfinite(budget) else math.inf)
+        wanted = int(min(count, max(_FEWEST, len(shown), room)))
+        spread = [int(k) for k in np.linspace(0, count - 1, wanted).round()]
+        return sorted(dict.fromkeys([*(k for k in shown if 0 <= k < count), *spread]))
+
+    def _learn_cost(self, problem: Problem, each: float) -> None:
+        """What a record takes in these equations, s: half of it from now, half from before."""
+        name = problem.compiled.source.digest
+        self._cost[name] = 0.5 * (self._cost.get(name, each) + each)
+
+
+def _base(switch: Switch, model: Model) -> tuple[str, ...]:
+    """The family's parameters that a piece of base physics is switched off by."""
+    return tuple(model.effect(switch.name).base)
+
+
+@contextmanager
+def _not_kept() -> Iterator[None]:
+    """A slider's every rest is no result that another command will ask for."""
+    with switched_off():
+        yield

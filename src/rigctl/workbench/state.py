@@ -1,0 +1,94 @@
+"""What has been set on the workbench, and the way back.
+
+    state = (value of every slider, effects that are on)
+
+A value stays where it was while its effect is off, so that a switch brings back what was seen before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from rigctl.errors import RigctlError, unknown_name
+
+#: steps back that are remembered
+_REMEMBERED = 200
+
+
+@dataclass(frozen=True)
+class State:
+    """The sliders and the switches.
+
+    Attributes
+    ----------
+    values: SI, by the names of a model's values; of effects that are off too.
+    on: the effects that the model has, base physics included.
+    """
+
+    values: Mapping[str, float]
+    on: frozenset[str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+
+    def __hash__(self) -> int:
+        return hash((frozenset(self.values.items()), self.on))
+
+    def moved(self, values: Mapping[str, float]) -> State:
+        """With other values of some sliders.
+
+        Raises
+        ------
+        RigctlError
+            there is no such slider.
+        """
+        for name in values:
+            if name not in self.values:
+                raise unknown_name("slider", name, self.values)
+        return replace(self, values={**self.values, **values})
+
+    def switched(self, effects: Iterable[str], *, on: bool) -> State:
+        """With effects switched on or off."""
+        names = frozenset(effects)
+        return replace(self, on=self.on | names if on else self.on - names)
+
+
+@dataclass(frozen=True)
+class Track:
+    """A state, those before it and those that were taken back; each step gives another track."""
+
+    present: State
+    past: tuple[State, ...] = field(default=(), repr=False)
+    future: tuple[State, ...] = field(default=(), repr=False)
+
+    def then(self, state: State) -> Track:
+        """One step on; what was taken back is gone. The same state again is no step."""
+        if state == self.present:
+            return self
+        return Track(state, (*self.past, self.present)[-_REMEMBERED:])
+
+    def undone(self) -> Track:
+        """One step back.
+
+        Raises
+        ------
+        RigctlError
+            there is none.
+        """
+        if not self.past:
+            raise RigctlError("there is nothing to undo")
+        return Track(self.past[-1], self.past[:-1], (self.present, *self.future))
+
+    def redone(self) -> Track:
+        """The step that was last taken back.
+
+        Raises
+        ------
+        RigctlError
+            there is none.
+        """
+        if not self.future:
+            raise RigctlError("there is nothing to redo")
+        return Track(self.future[0], (*self.past, self.present), self.future[1:])
