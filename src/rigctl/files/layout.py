@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from rigctl.errors import RigctlError
@@ -117,9 +118,7 @@ class Text:
             self._insert_line(last.end_mark.index, " " * value.start_mark.column + f"- {item}")
 
     def _root(self) -> Any:
-        from ruamel.yaml import YAML
-
-        return YAML(typ="safe", pure=True).compose(self.text)
+        return _composed(self.text)
 
     def _find(self, keys: Sequence[str]) -> Entry | None:
         value, found = self._root(), None
@@ -216,3 +215,11 @@ def _entries(node: Any) -> list[Entry]:
 def _is_empty(node: Any) -> bool:
     """A value that is not written at all."""
     return bool(node.id == "scalar" and node.start_mark.index == node.end_mark.index)
+
+
+@lru_cache(maxsize=1)
+def _composed(text: str) -> Any:
+    """The nodes of a text, with their positions; a change asks several times where things are."""
+    from ruamel.yaml import YAML
+
+    return YAML(typ="safe", pure=True).compose(text)
