@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rigctl.dataset.journal import Journal, JournalWriter, read_journal
+from rigctl.dataset.journal import Journal, JournalReader, JournalWriter, read_journal
 
 COLUMNS = ("time", "record", "position")
 rows = st.lists(st.tuples(*[st.floats(width=64)] * 3), max_size=40)
@@ -221,3 +221,35 @@ def test_a_journal_of_an_earlier_version_is_read(tmp_path: Path) -> None:
     assert content(found)[:, 0].tolist() == [0.0, 1.0, 2.0]
     assert (found.lost_bytes, found.lost_rows(3)) == (4, 0)
     assert found.facts is not None
+
+
+def test_a_reader_follows_a_writer_row_by_row_and_skips_what_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "samples.journal"
+    reader = JournalReader(path)
+    assert reader.poll() == []  # it need not be there yet
+    writer = JournalWriter(path, ["time", "x"], {"offset": 3.0})
+    assert reader.poll() == []
+    assert reader.facts is not None
+    assert reader.facts["offset"] == 3.0
+    seen: list[float] = []
+
+    def times(found: list[bytes]) -> list[float]:
+        return [time for payload in found for time, _ in struct.iter_unpack("<2d", payload)]
+
+    for row in range(50):
+        writer.append((float(row), 0.5))
+        writer.flush()
+        if row % 7 == 0:
+            seen += times(reader.poll())
+    assert seen + times(reader.poll()) == [float(row) for row in range(50)]
+    writer.close()
+    reader.close()
+    whole = bytearray(path.read_bytes())
+    frame = len(whole) - whole.rindex(b"\xa7RGJ")
+    whole[-frame - 3] ^= 0xFF  # in the payload of the last frame but one
+    path.write_bytes(whole[:-5])  # and the last one is still being written
+    late = JournalReader(path, most=10 * frame)
+    assert times(late.poll()) == [float(row) for row in range(40, 48)]
+    path.write_bytes(whole)
+    assert times(late.poll()) == [49.0]
+    late.close()

@@ -73,10 +73,10 @@ def _in_progress() -> Path:
     RigctlError
         there is none, or more than one.
     """
-    from rigctl.dataset.catalogue import run_folders, runs_folder
+    from rigctl.dataset.catalogue import newest_folders
     from rigctl.dataset.lock import in_progress
 
-    found = [folder for folder in run_folders(runs_folder())[-50:] if in_progress(folder)]
+    found = [folder for folder in newest_folders() if in_progress(folder)]
     if len(found) == 1:
         return found[0]
     raise RigctlError(

@@ -22,7 +22,7 @@ from rigctl.plan.measured import MeasuredValue
 SLOW: Final = 2.0  #: s without an answer of the disk, after which that is said
 STALLED: Final = 30.0  #: s, after which the run has to end
 _MOST: Final = 200_000  # rows and events that may wait in memory; about 100 MB of ten channels
-_LOOK: Final = 0.1  # s of the thread's sleep when nothing is to be done
+_LOOK: Final = 0.05  # s of the thread's sleep when nothing is to be done
 _IN_PLACE: Final = 0.5  # s between two looks whether the folder is still there
 _CLOSES_WITHIN: Final = 600.0  # s for the tables of a long run
 
@@ -181,6 +181,9 @@ class BackgroundWriter:
                     return
             if not self._tasks:
                 if self._ended:
+                    return
+                self._guarded(RunWriter.show)
+                if self._left_behind(self._writer):
                     return
                 self._wake.wait(_LOOK)
                 continue

@@ -105,6 +105,14 @@ def _list_local(folder: Path, where: str | None, last: int | None) -> list[RunSu
     return [_summary_of(folder, row) for row in rows]
 
 
+def newest_folders(runs: Path | None = None, count: int = 50) -> list[Path]:
+    """The folders of the newest runs of this computer, oldest first."""
+    folder = runs_folder(runs)
+    if not is_indexed(folder):
+        return run_folders(folder)[-count:]
+    return [place_of(folder, row) for row in ask(folder, lambda index: select(index, last=count))]
+
+
 @dataclass(frozen=True)
 class CataloguePage:
     """Some of the runs of this computer; `found` meet the condition, of `all` there are."""

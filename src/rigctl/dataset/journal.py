@@ -239,6 +239,84 @@ class Journal:
         return last.first_row + last.length // (8 * width) - self.rows(width)
 
 
+class JournalReader:
+    """Follows a journal while another program writes it, from near its end on.
+
+    Nothing of the writer's is waited for or locked. A frame that is still being written is read the next
+    time; a damaged one is left out.
+
+    Parameters
+    ----------
+    path: of the journal; it need not be there yet.
+    most: bytes at the end of what is there that are read at first.
+    """
+
+    def __init__(self, path: Path, most: int = 1 << 23) -> None:
+        self._path = path
+        self._most = most
+        self._file: BinaryIO | None = None
+        self._at = 0
+        self.facts: dict[str, Any] | None = None  #: the first frame; None before there is one
+
+    def poll(self, most: int = 1 << 21) -> list[bytes]:
+        """The payloads of the frames that have come since the last call, about `most` bytes of them.
+
+        Each holds whole rows of float64. A new file in the same place, of a run that goes on, is begun with.
+        """
+        if not self._open():
+            return []
+        found: list[bytes] = []
+        taken = 0
+        while taken < most and (payload := self._next()) is not None:
+            found.append(payload)
+            taken += len(payload)
+        return found
+
+    def close(self) -> None:
+        """Let the file go; idempotent."""
+        if self._file is not None:
+            self._file.close()
+        self._file, self.facts = None, None
+
+    def _open(self) -> bool:
+        try:
+            if self._file is not None and same_file(self._file, self._path):
+                return True
+            self.close()
+            self._file = self._path.open("rb")
+            if self._file.read(len(MAGIC)) != MAGIC:
+                self.close()
+                return False
+            first, payload = _read_frame(self._file, len(MAGIC))
+        except OSError:
+            self.close()
+            return False
+        if first is None or first.number != 0:
+            self.close()
+            return False
+        self.facts = json.loads(payload)
+        begins = first.start + first.length
+        size = os.fstat(self._file.fileno()).st_size
+        near = size - self._most
+        self._at = _next_marker(self._file, near, size) if near > begins else begins
+        return True
+
+    def _next(self) -> bytes | None:
+        file = self._file
+        assert file is not None  # noqa: S101 - it was opened just now
+        frame, payload = _read_frame(file, self._at)
+        if frame is None:
+            size = os.fstat(file.fileno()).st_size
+            after = _next_marker(file, self._at + 1, size)
+            if after >= size:
+                return None  # it is still being written
+            frame, payload = _read_frame(file, after)
+            if frame is None:
+                return None
+        self._at = frame.start + frame.length
+        return payload
+
+
 def read_journal(path: Path) -> Journal:
     """Find the whole frames of a journal, whatever lies between them.
 

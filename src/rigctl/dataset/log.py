@@ -145,6 +145,38 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
     return [_read_line(line, protected=place >= first) for place, line in enumerate(lines)]
 
 
+class LogReader:
+    """Follows a log while another program writes it, from near its end on.
+
+    Parameters
+    ----------
+    path: of the log; it need not be there yet.
+    most: bytes at the end of what is there that are read at first.
+    """
+
+    def __init__(self, path: Path, most: int = 1 << 18) -> None:
+        self._path = path
+        self._most = most
+        self._at: int | None = None
+
+    def poll(self) -> list[dict[str, Any]]:
+        """The whole lines that have come since the last call; a damaged one is left out."""
+        try:
+            with self._path.open("rb") as file:
+                if self._at is None:
+                    self._at = max(file.seek(0, os.SEEK_END) - self._most, 0)
+                    file.seek(self._at)
+                    self._at += len(file.readline()) if self._at else 0  # it may begin within a line
+                file.seek(self._at)
+                content = file.read(4 * self._most)
+        except OSError:
+            return []
+        whole = content[: content.rfind(b"\n") + 1]
+        self._at += len(whole)
+        lines = (_read_line(line, protected=True) for line in whole.split(b"\n")[:-1])
+        return [line for line in lines if line is not None]
+
+
 def _read_line(line: bytes, *, protected: bool) -> dict[str, Any] | None:
     if protected:
         found = _CRC.search(line)

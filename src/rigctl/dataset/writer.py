@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 #: how long a row or an event may wait in memory, s of wall time
 FLUSH_AFTER: Final = 0.5
+#: how soon somebody who reads along sees a row, where the writer has nothing else to do, s of wall time
+SEEN_AFTER: Final = 0.08
 #: how much of blocks may wait in memory
 _FLUSH_BYTES: Final = 1 << 21
 #: how often at most a record's end waits for the disk itself, and how often between records, s of wall time
@@ -244,6 +246,17 @@ class RunWriter:
         self._due = monotonic() + FLUSH_AFTER
         if sync:
             self._synced = monotonic()
+
+    def show(self) -> None:
+        """Hand on what has waited for a moment, for those who read along; less than a `flush` asks for.
+
+        Raises
+        ------
+        RigctlError
+            the disk is full or gone.
+        """
+        if self._journal.waiting and monotonic() >= self._due - FLUSH_AFTER + SEEN_AFTER:
+            self._flush_due()
 
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path:
         """End the session and make the run's tables; the folder is whole afterwards. Idempotent.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rigctl.dataset import RunWriter
+from rigctl.dataset import RunHeader, RunWriter
 from rigctl.dataset.finalise import recovered_history
 from rigctl.dataset.history import COMPLETE, History
 from rigctl.dataset.judgement import judge
@@ -54,9 +54,18 @@ def open_interrupted(folder: Path) -> Interrupted:
         raise RigctlError("the run was imported, not carried out", value=folder.name)
     if history.status == "finished":
         raise RigctlError("the run is finished; there is nothing to go on with", value=folder.name)
-    rig = _same_rig(history)
-    plan = _same_plan(history, rig)
-    return Interrupted(folder, plan, history, _done(history))
+    return Interrupted(folder, plan_of(history.header), history, _done(history))
+
+
+def plan_of(header: RunHeader) -> Plan:
+    """The plan that a run was begun with, from its files.
+
+    Raises
+    ------
+    RigctlError
+        they have changed since.
+    """
+    return _same_plan(header, _same_rig(header))
 
 
 def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
@@ -88,8 +97,8 @@ def _require_same_bench(before: Mapping[str, str], now: Mapping[str, str]) -> No
             )
 
 
-def _same_rig(history: History) -> Rig:
-    kept = history.header.rig
+def _same_rig(header: RunHeader) -> Rig:
+    kept = header.rig
     path = Path(kept.path)
     rig = load_rig(path)
     if rig.sha256 != kept.sha256:
@@ -97,14 +106,14 @@ def _same_rig(history: History) -> Rig:
     return rig
 
 
-def _same_plan(history: History, rig: Rig) -> Plan:
-    kept = history.header.procedure
+def _same_plan(header: RunHeader, rig: Rig) -> Plan:
+    kept = header.procedure
     path = Path(kept.path)
     procedure = load_procedure(path)
     if procedure.sha256 != kept.sha256:
         raise _changed("procedure", path)
-    plan = expand(procedure, rig, dict(history.header.arguments))
-    if plan.digest != history.header.plan_digest:
+    plan = expand(procedure, rig, dict(header.arguments))
+    if plan.digest != header.plan_digest:
         raise _changed("a procedure that it calls, or rigctl itself,", path)
     return plan
 

@@ -1,19 +1,321 @@
-"""Live."""
+"""The run in progress: watched by any number of windows, commanded by one."""
 
 from __future__ import annotations
 
+import asyncio
+import json
+import threading
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
 
+from starlette.concurrency import run_in_threadpool
+from starlette.routing import WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.files.write import to_json
+from rigctl.web.answer import Asked, get, post
+from rigctl.web.lease import Lease
 from rigctl.web.site import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
+    from rigctl.web.feed import Feed, Watcher
+
+#: s for which a look at the folders of the runs is taken as what there is
+_LOOK: Final = 1.0
+#: of the newest runs, among which those in progress are
+_NEWEST: Final = 50
+_WINDOWS: Final = (1.0, 900.0)
+_WIDTHS: Final = (50, 4000)
+
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """What the page asks for."""
-    return ()
+    live = Live(site)
+    return (
+        get("/api/live", live.runs),
+        get("/api/live/{run}", live.snapshot),
+        post("/api/live/lease", live.lease_asked),
+        post("/api/live/off", live.off),
+        post("/api/live/{run}/request", live.request),
+        WebSocketRoute("/api/live/stream", live.stream),
+    )
 
 
-PART = Part("live", "Live", "The run in progress.", routes)
+class Live:
+    """The runs in progress of one project."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self._lease = Lease()
+        self._feeds: dict[str, Feed] = {}
+        self._lock = threading.Lock()
+        self._found: tuple[float, list[Path]] = (-1e9, [])
+
+    # --- what a page asks for -----------------------------------------------------------------------------
+
+    def runs(self, asked: Asked) -> dict[str, Any]:
+        """The ids of the runs in progress, newest first, and who has the controls."""
+        found = [folder.name for folder in self._in_progress()]
+        return {"runs": found, "lease": self._lease.told(asked.viewer)}
+
+    def snapshot(self, asked: Asked) -> dict[str, Any]:
+        """The same as the socket tells, for a browser that has none."""
+        from rigctl.web.feed import about
+
+        feed = self._feed(asked.text("run"))
+        try:
+            after = float(asked.text("after", "-inf"))
+        except ValueError:
+            after = float("-inf")
+        window = float(asked.whole("window", 60, int(_WINDOWS[0]), int(_WINDOWS[1])))
+        width = asked.whole("width", 600, *_WIDTHS)
+        found = feed.snapshot(after, window, width)
+        return {**found, "run": about(feed.header), "lease": self._lease.told(asked.viewer)}
+
+    def lease_asked(self, asked: Asked) -> dict[str, Any]:
+        """Take the controls, take them over, or give them back."""
+        if asked.body.get("give") is True:
+            self._lease.give(asked.viewer)
+        else:
+            self._lease.take(asked.viewer, over=asked.body.get("over") is True)
+        return self._lease.told(asked.viewer)
+
+    def request(self, asked: Asked) -> dict[str, Any]:
+        """Pause, continue or abort a run, as the commands of these names do."""
+        from rigctl.runner.control import send
+        from rigctl.runner.requests import Request
+
+        wanted = asked.text("request")
+        try:
+            request = Request(wanted)
+        except ValueError:
+            raise RigctlError(
+                "unknown request", value=wanted, expected=", ".join(each.value for each in Request)
+            ) from None
+        folder = self._folder(asked.text("run"))
+        self._lease.take(asked.viewer, over=False)
+        return {"run": folder.name, "answer": send(folder, request)}
+
+    def off(self, asked: Asked) -> dict[str, Any]:
+        """Everything to the safe state, as `rigctl off` does: by any window, whoever has the controls."""
+        from rigctl.runner.access import Access, bench_options
+        from rigctl.runner.switch_off import switch_off
+
+        rig = self._bench(asked)
+        kind = rig.backend_named()
+        access = Access(runs=self._site.project.runs, backend=kind, options=bench_options(kind, rig))
+        done = switch_off(rig, access)
+        return {"rig": rig.name, "done": done.done, "confirmed": done.confirmed, "known_by": done.known_by}
+
+    async def stream(self, socket: WebSocket) -> None:
+        """Tell a window until it closes: JSON for what happens, float32 for samples."""
+        await socket.accept()
+        viewer = socket.query_params.get("viewer", "")[:64]
+        if not viewer:
+            await socket.close(1008, "a window needs a name")
+            return
+        self._lease.connected(viewer)
+        window = _Window(self, socket, viewer)
+        try:
+            await window.serve()
+        finally:
+            self._lease.disconnected(viewer)
+
+    # --- inside -------------------------------------------------------------------------------------------
+
+    def told(self, viewer: str) -> dict[str, object]:
+        """Who has the controls."""
+        return self._lease.told(viewer)
+
+    def ids(self) -> list[str]:
+        """The runs in progress, newest first."""
+        return [folder.name for folder in self._in_progress()]
+
+    def feed(self, run: str) -> Feed:
+        """The feed of a run; see `_feed`."""
+        return self._feed(run)
+
+    def _in_progress(self) -> list[Path]:
+        """Folders whose heartbeat is fresh: no lock is touched, which a run might need just then."""
+        from rigctl.dataset.catalogue import newest_folders
+        from rigctl.dataset.lock import read_state
+        from rigctl.web.feed import ENDED
+
+        with self._lock:
+            when, found = self._found
+            if monotonic() - when < _LOOK:
+                return found
+            found = []
+            if self._site.project.runs.is_dir():
+                for folder in reversed(newest_folders(self._site.project.runs, _NEWEST)):
+                    state = read_state(folder)
+                    if state is not None and state.fresh and state.fields.get("state") not in ENDED:
+                        found.append(folder)
+            self._found = (monotonic(), found)
+            return found
+
+    def _folder(self, run: str) -> Path:
+        from rigctl.dataset import find_run
+        from rigctl.web.runs import plain_id
+
+        self._site.require_project()
+        return find_run(plain_id(run), self._site.project.runs)
+
+    def _feed(self, run: str) -> Feed:
+        """The feed of a run, begun when the first window watches."""
+        from rigctl.dataset import RunHeader
+        from rigctl.dataset.run_json import read_info
+        from rigctl.web.feed import Feed
+
+        with self._lock:
+            found = self._feeds.get(run)
+            if found is not None and not found.over:
+                return found
+        folder = self._folder(run)
+        info = read_info(folder)
+        names = RunHeader.__dataclass_fields__
+        header = RunHeader.from_json({key: value for key, value in info.items() if key in names})
+        with self._lock:
+            self._feeds = {name: feed for name, feed in self._feeds.items() if not feed.over}
+            if run not in self._feeds:  # two windows may have come at once
+                self._feeds[run] = Feed(folder, header)
+            return self._feeds[run]
+
+    def _bench(self, asked: Asked) -> Any:
+        """The rig that is meant: that of a run, or the project's."""
+        from rigctl.rig import load_rig
+
+        self._site.require_project()
+        if "run" in asked.body:
+            from rigctl.dataset.run_json import read_info
+
+            kept = read_info(self._folder(asked.text("run")))["rig"]
+            path = Path(str(kept.get("path") or ""))
+        elif self._site.project.rig is not None:
+            path = self._site.project.rig
+        else:
+            raise RigctlError(
+                "which bench is meant is not known",
+                hint='rig = "rigs/NAME.yaml" in rigctl.toml says it',
+                exit_code=ExitCode.FAILED,
+            )
+        return load_rig(path)
+
+
+class _Window:
+    """One socket: reads what its window wants to see, and sends it."""
+
+    def __init__(self, live: Live, socket: WebSocket, viewer: str) -> None:
+        self._live = live
+        self._socket = socket
+        self._viewer = viewer
+        self._wanted: dict[str, Any] = {}
+        self._changed = asyncio.Event()
+        self._feed: Feed | None = None
+        self._watcher: Watcher | None = None
+        self._sent: dict[str, object] = {}
+
+    async def serve(self) -> None:
+        reader = asyncio.create_task(self._read())
+        sender = asyncio.create_task(self._send())
+        try:
+            await asyncio.wait({reader, sender}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (reader, sender):
+                task.cancel()
+                with suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+                    await task
+            self._leave()
+
+    async def _read(self) -> None:
+        """What the window wants: ``{"run", "window", "width"}``; anything else is left alone."""
+        with suppress(WebSocketDisconnect):
+            while True:
+                text = await self._socket.receive_text()
+                with suppress(ValueError, TypeError):
+                    wanted = json.loads(text)
+                    if isinstance(wanted, dict):
+                        self._wanted = wanted
+                        self._changed.set()
+
+    async def _send(self) -> None:
+        with suppress(WebSocketDisconnect):
+            await self._changed.wait()
+            look = 0.0
+            while True:
+                if self._wanted:
+                    wanted, self._wanted = self._wanted, {}
+                    await self._watch(wanted)
+                if monotonic() >= look:
+                    look = monotonic() + _LOOK
+                    await self._say("runs", await run_in_threadpool(self._live.ids))
+                    await self._say("lease", self._live.told(self._viewer))
+                await self._hand_on()
+                with suppress(asyncio.TimeoutError):
+                    await asyncio.wait_for(self._changed.wait(), _LOOK)
+                self._changed.clear()
+
+    async def _watch(self, wanted: dict[str, Any]) -> None:
+        from rigctl.web.feed import Watcher, about
+
+        run = wanted.get("run")
+        if not isinstance(run, str):
+            self._leave()
+            return
+        try:
+            feed = await run_in_threadpool(self._live.feed, run)
+        except (RigctlError, OSError) as problem:
+            await self._say("refused", str(problem))
+            return
+        if feed is not self._feed:
+            self._leave()
+            loop = asyncio.get_running_loop()
+            self._watcher = Watcher(lambda: _wake(loop, self._changed))
+            self._feed = feed
+            await self._say("run", await run_in_threadpool(about, feed.header))
+        assert self._watcher is not None  # noqa: S101 - made beside the feed
+        feed.join(
+            self._watcher,
+            _between(wanted.get("window"), 60.0, *_WINDOWS),
+            int(_between(wanted.get("width"), 600.0, *_WIDTHS)),
+        )
+
+    async def _hand_on(self) -> None:
+        if self._watcher is None:
+            return
+        told, batches = self._watcher.waiting()
+        for kind, what in told.items():
+            await self._socket.send_text(to_json({"kind": kind, kind: what}, indent=None))
+        for batch in batches:
+            await self._socket.send_bytes(batch)
+
+    async def _say(self, kind: str, what: object) -> None:
+        """Send something if it is new."""
+        if kind not in self._sent or self._sent[kind] != what:
+            self._sent[kind] = what
+            await self._socket.send_text(to_json({"kind": kind, kind: what}, indent=None))
+
+    def _leave(self) -> None:
+        if self._feed is not None and self._watcher is not None:
+            self._feed.leave(self._watcher)
+        self._feed = self._watcher = None
+
+
+def _wake(loop: asyncio.AbstractEventLoop, changed: asyncio.Event) -> None:
+    with suppress(RuntimeError):  # the server has ended
+        loop.call_soon_threadsafe(changed.set)
+
+
+def _between(given: object, otherwise: float, low: float, high: float) -> float:
+    if not isinstance(given, int | float) or given != given:  # noqa: PLR0124 - NaN
+        return otherwise
+    return min(max(float(given), low), high)
+
+
+PART = Part("live", "Live", "The run in progress, watched and commanded.", routes)

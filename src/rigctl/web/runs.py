@@ -109,7 +109,7 @@ class Catalogue:
         from rigctl.web.difference import difference
 
         self._site.require_project()
-        first, second = (open_run(_plain_id(asked.text(name)), self._runs) for name in ("first", "second"))
+        first, second = (open_run(plain_id(asked.text(name)), self._runs) for name in ("first", "second"))
         return difference(first, second)
 
     @property
@@ -120,10 +120,10 @@ class Catalogue:
         from rigctl.dataset import find_run
 
         self._site.require_project()
-        return find_run(_plain_id(asked.text("run")), self._runs)
+        return find_run(plain_id(asked.text("run")), self._runs)
 
 
-def _plain_id(text: str) -> str:
+def plain_id(text: str) -> str:
     """A run of this project by its id; a path would lead elsewhere.
 
     Raises

@@ -1,0 +1,407 @@
+"""A run in progress, read along for all windows that watch it.
+
+One thread for each run that is watched reads its journal, its log and its heartbeat, the files that are
+there anyway. The run knows nothing of it. What a window cannot take in time is left out for that window,
+oldest first.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset import journal, log
+from rigctl.dataset.lock import read_state
+from rigctl.errors import RigctlError
+from rigctl.web.decimation import Thinning, envelope
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from rigctl.dataset import RunHeader
+    from rigctl.live.steps import PlanPlaces
+    from rigctl.rig import Layout, Rig
+
+#: s between two looks at the journal: 20 Hz
+LOOK: Final = 0.05
+#: s between two looks at the heartbeat
+_STATE: Final = 0.2
+#: s of samples that a window which opens later is shown, and rows at most
+KEPT: Final = 900.0
+_MOST_ROWS: Final = 150_000
+#: events that are kept for it
+_MOST_EVENTS: Final = 300
+#: batches that may wait for a slow window: two seconds
+_MOST_WAITING: Final = 40
+#: s that a feed goes on when nobody watches
+_LINGER: Final = 15.0
+#: lines of the tree of steps
+_TREE: Final = 16
+ENDED: Final = ("finished", "failed", "aborted")
+#: what is not worth a line
+_SILENT: Final = ("run", "session", "step", "command")
+#: rows, columns, rows that are provisional, 1 to begin anew; s of the first row
+_HEAD: Final = struct.Struct("<HHHHd")
+_MOST_IN_ONE: Final = 60_000
+
+
+class Watcher:
+    """One window: how much it wants to see, and what waits for it.
+
+    Parameters
+    ----------
+    wake: called from another thread when there is something.
+    """
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        self._wake = wake
+        self._batches: deque[bytes] = deque()
+        self._told: dict[str, object] = {}
+        self._events: deque[Mapping[str, Any]] = deque(maxlen=_MOST_EVENTS)
+        self._thinning = Thinning(0.0)
+        self._lock = threading.Lock()
+        self.dropped = 0  #: batches left out, since it was slow
+
+    def begin(self, rows: NDArray[np.float64], window: float, width: int) -> None:
+        """Show `window` s of what there is, for a plot of `width` pixels, and go on from there."""
+        stretch = window / max(width, 1)
+        with self._lock:
+            self._batches.clear()
+            self._thinning = Thinning(stretch if stretch > 0.02 else 0.0)
+            if len(rows):
+                rows = rows[rows[:, 0] >= rows[-1, 0] - window]
+            thinned, provisional = self._thinning.take(rows)
+            self._batches.append(batch(thinned[-_MOST_IN_ONE:], provisional, anew=True))
+        self._wake()
+
+    def take(self, rows: NDArray[np.float64]) -> None:
+        """Hand new rows on; a window that does not take them in time loses the oldest."""
+        with self._lock:
+            thinned, provisional = self._thinning.take(rows)
+            self._batches.append(batch(thinned[-_MOST_IN_ONE:], provisional))
+            while len(self._batches) > _MOST_WAITING:
+                self._batches.popleft()
+                self.dropped += 1
+        self._wake()
+
+    def tell(self, kind: str, what: object) -> None:
+        """Hand something on of which only the newest counts."""
+        with self._lock:
+            self._told[kind] = what
+        self._wake()
+
+    def happened(self, events: list[Mapping[str, Any]]) -> None:
+        """Hand events on."""
+        with self._lock:
+            self._events.extend(events)
+        self._wake()
+
+    def waiting(self) -> tuple[dict[str, object], list[bytes]]:
+        """What has come since the last call: messages by kind, and batches of samples."""
+        with self._lock:
+            told, self._told = self._told, {}
+            if self._events:
+                told["events"] = list(self._events)
+                self._events.clear()
+            if self.dropped:
+                told["dropped"] = self.dropped
+                self.dropped = 0
+            batches = list(self._batches)
+            self._batches.clear()
+        return told, batches
+
+
+def batch(rows: NDArray[np.float64], provisional: int = 0, *, anew: bool = False) -> bytes:
+    """Rows as a browser reads them: a head, then each column as float32, time from the first row on."""
+    import numpy as np
+
+    first = float(rows[0, 0]) if len(rows) else 0.0
+    columns = rows.T.copy()
+    if len(rows):
+        columns[0] -= first
+    head = _HEAD.pack(len(rows), columns.shape[0], provisional, int(anew), first)
+    with np.errstate(over="ignore"):
+        return head + columns.astype("<f4").tobytes()
+
+
+@dataclass(frozen=True)
+class Columns:
+    """How the rows of a journal become those that are shown: time of the run, then display units."""
+
+    layout: Layout
+    factors: NDArray[np.float64]
+    offsets: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, layout: Layout) -> Columns:
+        """For a layout; the column of the record is left out."""
+        import numpy as np
+
+        from rigctl.units import parse_unit
+
+        names = [name for name in layout.columns if name != "record"]
+        units = [parse_unit(layout.unit(name)) for name in names]
+        offsets = [
+            0.0 if name in layout.differences else unit.offset
+            for name, unit in zip(names, units, strict=True)
+        ]
+        return cls(layout, np.array([unit.factor for unit in units]), np.array(offsets))
+
+    def shown(self, payload: bytes, offset: float) -> NDArray[np.float64]:
+        """The rows of a frame; `offset` is the run's time when its session began, s."""
+        import numpy as np
+
+        width = len(self.layout.columns)
+        rows = np.frombuffer(payload, dtype="<f8").reshape(-1, width)
+        kept = np.delete(rows, self.layout.columns.index("record"), axis=1)
+        shown = (kept - self.offsets) / self.factors
+        shown[:, 0] = kept[:, 0] + offset
+        return shown
+
+
+class Feed:
+    """One run that is watched."""
+
+    def __init__(self, folder: Path, header: RunHeader) -> None:
+        self.folder = folder
+        self.header = header
+        self._columns = Columns.of(header.layout)
+        self._journal = journal.JournalReader(folder / journal.NAME)
+        self._log = log.LogReader(folder / log.NAME)
+        self._rows: deque[NDArray[np.float64]] = deque()
+        self._count = 0
+        self._events: deque[Mapping[str, Any]] = deque(maxlen=_MOST_EVENTS)
+        self._state: dict[str, Any] = {}
+        self._places: PlanPlaces | None = None
+        self._tree: tuple[str, list[dict[str, Any]]] = ("", [])
+        self._watchers: list[Watcher] = []
+        self._asked = monotonic()
+        self._lock = threading.Lock()
+        self.over = False  #: nobody watches, and the thread has ended
+        threading.Thread(target=self._open_plan, name="plan", daemon=True).start()
+        self._thread = threading.Thread(target=self._work, name=f"feed {folder.name}", daemon=True)
+        self._thread.start()
+
+    def join(self, watcher: Watcher, window: float, width: int) -> None:
+        """Begin to tell a window; again to tell it of more or less time."""
+        with self._lock:
+            rows = self.rows(window)
+            if watcher not in self._watchers:
+                self._watchers.append(watcher)
+                watcher.happened(list(self._events))
+            watcher.begin(rows, window, width)
+            if self._state:
+                watcher.tell("state", self._state)
+        self._asked = monotonic()
+
+    def leave(self, watcher: Watcher) -> None:
+        """Tell a window nothing more."""
+        with self._lock, suppress(ValueError):
+            self._watchers.remove(watcher)
+        self._asked = monotonic()
+
+    def rows(self, window: float) -> NDArray[np.float64]:
+        """The last `window` s, shape (n, 1 + channels + commands)."""
+        import numpy as np
+
+        chosen: list[NDArray[np.float64]] = []
+        for block in reversed(list(self._rows)):
+            chosen.append(block)
+            if block[0, 0] < self._rows[-1][-1, 0] - window:
+                break
+        width = len(self.header.layout.columns) - 1
+        return np.concatenate(chosen[::-1]) if chosen else np.empty((0, width))
+
+    def snapshot(self, after: float, window: float, width: int) -> dict[str, Any]:
+        """What has come after a time, for a browser without sockets; it asks once a second."""
+        self._asked = monotonic()
+        rows = self.rows(window)
+        rows = envelope(rows[rows[:, 0] > after], window / max(width, 1))
+        return {"state": self._state, "events": list(self._events), "rows": rows}
+
+    # --- inside -------------------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        next_state = 0.0
+        while True:
+            began = monotonic()
+            with suppress(OSError, RigctlError, ValueError):
+                self._read_samples()
+                if began >= next_state:
+                    next_state = began + _STATE
+                    self._read_events()
+                    self._read_state()
+            with self._lock:
+                if not self._watchers and monotonic() - self._asked > _LINGER:
+                    self.over = True
+                    self._journal.close()
+                    return
+            threading.Event().wait(max(LOOK - (monotonic() - began), 0.005))
+
+    def _read_samples(self) -> None:
+        import numpy as np
+
+        payloads = self._journal.poll()
+        if not payloads:
+            return
+        offset = float((self._journal.facts or {}).get("offset", 0.0))
+        rows = self._columns.shown(b"".join(payloads), offset)
+        with self._lock:
+            self._rows.append(rows)
+            self._count += len(rows)
+            if len(self._rows) > 2000:  # many small blocks take more room than what is in them
+                joined = np.concatenate(list(self._rows))
+                self._rows = deque([joined])
+            newest = rows[-1, 0]
+            while len(self._rows) > 1 and (self._rows[0][-1, 0] < newest - KEPT or self._count > _MOST_ROWS):
+                self._count -= len(self._rows.popleft())
+            watchers = list(self._watchers)
+            for watcher in watchers:
+                watcher.take(rows)
+
+    def _read_events(self) -> None:
+        events = [_event(line) for line in self._log.poll() if line.get("kind") not in _SILENT]
+        if not events:
+            return
+        with self._lock:
+            self._events.extend(events)
+            for watcher in self._watchers:
+                watcher.happened(list(events))
+
+    def _read_state(self) -> None:
+        found = read_state(self.folder)
+        if found is None:
+            return
+        state = dict(found.fields)
+        state.pop("acknowledged", None)
+        ended = state.get("state") in ENDED
+        state |= {
+            "ended": ended,
+            # the heartbeat comes once a second; a run that has ended sends none
+            "silent": None if ended or found.fresh else round(found.age, 0),
+            "tree": self._outline(str(state.get("path") or "")),
+        }
+        if state != self._state:
+            with self._lock:
+                self._state = state
+                for watcher in self._watchers:
+                    watcher.tell("state", state)
+
+    def _outline(self, path: str) -> list[dict[str, Any]]:
+        from rigctl.live.steps import outline
+
+        if self._places is None:
+            return []
+        if self._tree[0] != path:
+            lines = outline(self._places, path, _TREE)
+            told = [
+                {"depth": line.depth, "label": line.label, "stage": line.stage.value, "note": line.note}
+                for line in lines
+            ]
+            self._tree = (path, told)
+        return self._tree[1]
+
+    def _open_plan(self) -> None:
+        """The plan's files may have changed since; then only the step in progress is named."""
+        from rigctl.live.steps import PlanPlaces
+        from rigctl.runner.relaunch import plan_of
+
+        with suppress(RigctlError, OSError):
+            self._places = PlanPlaces(plan_of(self.header))
+
+
+def _event(line: Mapping[str, Any]) -> dict[str, Any]:
+    """One line for a person."""
+    kind = str(line.get("kind", ""))
+    text = str(line.get("message") or "")
+    if kind == "record":
+        outcome = f", {line.get('outcome')}" if line.get("outcome") else ""
+        text = f"{line.get('state', '')} {line.get('record')} {line.get('name', '')}".rstrip() + outcome
+    elif kind == "measure":
+        text = _measure(line)
+    elif kind == "end":
+        text = ": ".join(str(part) for part in (line.get("status"), line.get("reason")) if part)
+    return {"time": line.get("time"), "kind": kind, "text": text, "passed": line.get("passed")}
+
+
+def _measure(line: Mapping[str, Any]) -> str:
+    from rigctl.units import show
+
+    value, unit = line.get("value"), str(line.get("unit") or "1")
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        return f"{line.get('name')}: no value"
+    return f"{line.get('name')} {show(value, unit, difference=bool(line.get('difference')))}"
+
+
+def about(header: RunHeader) -> dict[str, Any]:
+    """What a plot needs to know of a run: channels with their limits and set-points, and commands."""
+    rig = _rig(header)
+    layout = header.layout
+    roles = [] if rig is None else [rig.roles.set_pressure]
+    follows = {role.channel: role.actuator for role in roles if role is not None}
+    channels = [
+        {
+            "name": name,
+            "unit": layout.unit(name),
+            "limits": [] if rig is None else _limits(rig, name),
+            "set_point": follows.get(name),
+            "places": _places_of(rig, name),
+        }
+        for name in layout.channels
+    ]
+    commands = [
+        {"name": name, "unit": layout.unit(name), "kind": rig.actuators[name].kind if rig else ""}
+        for name in layout.commands
+    ]
+    return {
+        "run": header.id,
+        "procedure": header.procedure.name,
+        "rig": header.rig.name,
+        "backend": dict(header.backend),
+        "operator": header.operator,
+        "started": header.started.isoformat(timespec="seconds"),
+        "channels": channels,
+        "commands": commands,
+    }
+
+
+def _rig(header: RunHeader) -> Rig | None:
+    from rigctl.rig.load import parse_rig
+
+    try:
+        return parse_rig(header.rig.text, Path(header.rig.path))
+    except RigctlError:
+        return None
+
+
+def _places_of(rig: Rig | None, name: str) -> int:
+    from rigctl.live.readings import places
+
+    return 3 if rig is None else places(rig.channels[name])
+
+
+def _limits(rig: Rig, name: str) -> list[dict[str, Any]]:
+    from rigctl.units import parse_unit
+
+    channel = rig.channels[name]
+    unit = parse_unit(channel.unit)
+    return [
+        {
+            "name": key,
+            "bound": limit.bound,
+            "value": unit.from_si(limit.threshold, difference=channel.difference),
+            "action": limit.action,
+            "message": limit.message,
+        }
+        for key, limit in rig.limits.items()
+        if limit.channel == name and not limit.of_rate
+    ]

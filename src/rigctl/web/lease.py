@@ -1,0 +1,99 @@
+"""Who may command a run: one window at a time, seen by all, which another one can take over."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from time import monotonic
+from typing import Final
+
+from rigctl.errors import ExitCode, RigctlError
+
+#: s after which a window that is gone has given it back: a reload takes less
+_GONE: Final = 10.0
+
+
+@dataclass
+class _Window:
+    number: int
+    seen: float
+    open: int = 0  # its connections
+
+
+class Lease:
+    """The right to command, among the windows of one server.
+
+    Whoever commands when nobody has it gets it. To bring the bench into its safe state nobody needs it.
+    """
+
+    def __init__(self) -> None:
+        self._windows: dict[str, _Window] = {}
+        self._holder = ""
+        self._count = 0
+        self._lock = threading.Lock()
+
+    def connected(self, viewer: str) -> int:
+        """A window watches; its number."""
+        with self._lock:
+            window = self._window(viewer)
+            window.open += 1
+            return window.number
+
+    def disconnected(self, viewer: str) -> None:
+        """A window does not watch any longer."""
+        with self._lock:
+            window = self._window(viewer)
+            window.open = max(window.open - 1, 0)
+            window.seen = monotonic()
+            for name in [name for name in self._windows if not self._there(name)]:
+                del self._windows[name]
+
+    def take(self, viewer: str, *, over: bool) -> None:
+        """Get the right to command.
+
+        Raises
+        ------
+        RigctlError
+            another window has it, and `over` does not take it over.
+        """
+        with self._lock:
+            window = self._window(viewer)
+            window.seen = monotonic()
+            if self._holder not in ("", viewer) and self._there(self._holder) and not over:
+                raise RigctlError(
+                    f"window {self._windows[self._holder].number} has the controls",
+                    hint="'Take over' takes them away from it",
+                    exit_code=ExitCode.FAILED,
+                )
+            self._holder = viewer
+
+    def give(self, viewer: str) -> None:
+        """Give the right back; nothing happens to one that another window has."""
+        with self._lock:
+            if self._holder == viewer:
+                self._holder = ""
+
+    def told(self, viewer: str) -> dict[str, object]:
+        """What a window is told of it."""
+        with self._lock:
+            holder = self._holder if self._holder and self._there(self._holder) else ""
+            mine = self._windows.get(viewer)
+            return {
+                "holder": self._windows[holder].number if holder else None,
+                "mine": bool(holder) and holder == viewer,
+                "window": mine.number if mine else None,
+                "viewers": sum(window.open > 0 for window in self._windows.values()),
+            }
+
+    def _window(self, viewer: str) -> _Window:
+        if not viewer:
+            raise RigctlError("a window needs a name to command with")
+        found = self._windows.get(viewer)
+        if found is None:
+            self._count += 1
+            found = self._windows[viewer] = _Window(self._count, monotonic())
+        return found
+
+    def _there(self, viewer: str) -> bool:
+        window = self._windows.get(viewer)
+        return window is not None and (window.open > 0 or monotonic() - window.seen < _GONE)
