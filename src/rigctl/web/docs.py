@@ -1,19 +1,80 @@
-"""Docs."""
+"""Docs: the site of the documentation, as it was built, without a network."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
+from starlette.responses import Response
+
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.web.answer import Asked, get
 from rigctl.web.site import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
+#: by ending; a computer's own list of kinds may call a script a text, which browsers do not run
+_KINDS: Final = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+}
+_INLINE: Final = re.compile(r"<script(?![^>]*\bsrc=)[^>]*>(.*?)</script>", re.DOTALL)
 
-def routes(site: Site) -> Sequence[BaseRoute]:
-    """What the page asks for."""
-    return ()
+
+def site_folder() -> Path | None:
+    """The built site: in a wheel that carries it, or in a checkout where it was made; None elsewhere."""
+    for parts in (("site",), ("build", "site")):
+        folder = shipped(*parts)
+        if (folder / "index.html").is_file():
+            return folder
+    return None
+
+
+def routes(_: Site) -> Sequence[BaseRoute]:
+    """What the page asks for: whether the site is there, and its files."""
+    return (
+        get("/api/docs", lambda _: {"there": site_folder() is not None}),
+        get("/docs/{path:path}", page),
+    )
+
+
+def page(asked: Asked) -> Response:
+    """A file of the site.
+
+    Raises
+    ------
+    RigctlError
+        the site was not built, or has no such file.
+    """
+    folder, path = site_folder(), asked.text("path") or "index.html"
+    file = folder and (folder / path).resolve()
+    if folder is None or file is None or not file.is_relative_to(folder.resolve()) or not file.is_file():
+        raise RigctlError("the documentation has no such page", value=path)
+    content = file.read_bytes()
+    html = file.suffix == ".html"
+    headers = {"content-security-policy": policy(content.decode("utf-8"))} if html else {}
+    return Response(content, media_type=_KINDS.get(file.suffix, "text/plain; charset=utf-8"), headers=headers)
+
+
+def policy(html: str) -> str:
+    """What a page of the site may do: its own scripts run, those in the page by their hashes."""
+    hashes = {hashlib.sha256(script.encode("utf-8")).digest() for script in _INLINE.findall(html)}
+    allowed = " ".join(sorted(f"'sha256-{base64.b64encode(one).decode('ascii')}'" for one in hashes))
+    return (
+        f"default-src 'none'; script-src 'self' {allowed}; style-src 'self' 'unsafe-inline'; "
+        f"img-src 'self' data:; font-src 'self'; connect-src 'self'; worker-src 'self'; base-uri 'none'; "
+        f"form-action 'none'; frame-ancestors 'self'"
+    )
 
 
 PART = Part("docs", "Docs", "How to work with rigctl.", routes)

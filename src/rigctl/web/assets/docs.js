@@ -1,5 +1,14 @@
-import { h } from "./lib.js";
+// The site of the documentation in a frame: it has a navigation and a search of its own.
+import { api, h } from "./lib.js";
 
 export const show = async (place) => {
-  place.replaceChildren(h("p", { class: "note" }, "Nothing is shown here yet."));
+  const { there } = await api("/api/docs");
+  if (!there) {
+    place.replaceChildren(
+      h("p", { class: "statement warn" }, "This installation has no documentation in it."),
+      h("p", {}, "In a checkout ", h("code", {}, "make site"), " builds it; a wheel that ", h("code", {}, "make wheel"), " has made carries it."),
+    );
+    return;
+  }
+  place.replaceChildren(h("iframe", { class: "docs", src: "/docs/index.html", title: "Documentation" }));
 };

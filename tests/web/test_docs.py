@@ -1,0 +1,46 @@
+"""The site of the documentation, served: read, searched, and nothing beside it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from web.serving import Served, Window
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def built() -> None:
+    """The site where a checkout has it."""
+    subprocess.run([sys.executable, ROOT / "tools" / "make_site.py"], check=True)
+
+
+def test_a_page_is_found_by_its_words_and_read(window: Window) -> None:
+    page = window.open("/docs")
+    site = page.frame_locator("iframe.docs")
+    site.locator("h1", has_text="Documentation").wait_for()
+    site.get_by_role("textbox", name="Search").fill("hysteresis of the valve")
+    found = site.locator(".md-search-result__link").first
+    found.wait_for()
+    found.click()
+    site.locator("h1").wait_for()
+    frame = next(one for one in page.frames if "/docs/" in one.url)
+    assert frame.url.startswith(f"{window.served.base}/docs/")
+    assert not frame.url.endswith("index.html")
+
+
+@pytest.mark.parametrize(
+    "path", ["../mkdocs.yml", "..%2f..%2fpyproject.toml", "%2fetc/passwd", "nothing.html", ""]
+)
+def test_only_the_site_is_served(path: str, served: Served, cookie: str) -> None:
+    status, _, text = served.ask("GET", f"/docs/{path}", cookie=cookie)
+    assert (status, "<title>" in text) == ((200, True) if path == "" else (status, False))
+    assert status in ((200,) if path == "" else (400, 404))
+
+
+def test_it_is_not_read_without_being_let_in(served: Served) -> None:
+    assert served.ask("GET", "/docs/index.html")[0] == 401
