@@ -31,7 +31,7 @@ _SECTIONS = {
 _BY_NAME = {
     *("channels", "parameters", "tests", "beside", "outputs", "actuators", "assume"),
     *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots", "settings"),
-    *("weights", "probabilities", "gains", "expected", "error"),
+    *("weights", "probabilities", "gains", "expected", "error", "sizes"),
 }
 
 

@@ -55,6 +55,35 @@ def test_a_bound_beside_a_limit_that_lies_inside_says_nothing() -> None:
         assert nested_at(fitted(bound, 0.0, True), power, "leak") == ""
 
 
+@pytest.mark.parametrize(
+    ("static", "correlation", "nested"),
+    [
+        (150.0, 0.0, False),  # 70 N more at the start, known to 14 N
+        (100.0, 0.0, True),  # 20 N, known to 14 N
+        (100.0, 0.98, False),  # the same, where the two are known together and their difference to 2 N
+        (80.0000001, 0.0, True),  # held apart by their order alone
+    ],
+)
+def test_a_drag_at_the_start_that_is_no_more_than_while_sliding_is_coulomb_s(
+    static: float, correlation: float, nested: bool
+) -> None:
+    unknowns = (
+        Unknown("stribeck_friction.force", 80.0, 0.0, 2e3),
+        Unknown("stribeck_friction.static_force", 200.0, 0.0, 4e3),
+    )
+    off = 100.0 * correlation
+    fit: Any = SimpleNamespace(
+        problem=SimpleNamespace(shared=unknowns),
+        values=np.array([80.0, static]),
+        std={one.name: 10.0 for one in unknowns},
+        at_bound=frozenset(),
+        solution=SimpleNamespace(covariance=np.array([[100.0, off], [off, 100.0]])),
+    )
+    stribeck = find_effect("stribeck_friction", "hydraulic_cylinder")
+    found = nested_at(fit, stribeck, "coulomb_friction")
+    assert found == ("static_force equal to its force" if nested else "")
+
+
 def test_a_law_with_two_parameters_tied_is_the_simpler_one() -> None:
     stribeck, coulomb = (
         find_effect(name, "hydraulic_cylinder") for name in ("stribeck_friction", "coulomb_friction")

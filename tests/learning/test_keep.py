@@ -26,6 +26,8 @@ PROMISES = st.builds(
     ).map(tuple),
     duration=NUMBERS,
     records=st.lists(TEXTS, max_size=2).map(tuple),
+    aim=st.sampled_from(["discrimination", "precision"]),
+    sharpened=st.lists(st.fixed_dictionaries({"parameter": NAMES, "after": NUMBERS}), max_size=2).map(tuple),
 )
 OUTCOMES = st.builds(
     CameOut,
@@ -35,6 +37,7 @@ OUTCOMES = st.builds(
     told=st.booleans(),
     kept=st.booleans(),
     statement=TEXTS,
+    sizes=st.dictionaries(NAMES, NUMBERS, max_size=2),
 )
 ROUNDS = st.builds(
     Round,
@@ -60,6 +63,27 @@ TASK = Task("campaign.yaml", "m.yaml", 1, arguments={"supply": "30 bar"}, bench=
 @given(ROUNDS)
 def test_a_round_is_read_as_it_was_written(one: Round) -> None:
     assert Round.read(one.document()) == one
+
+
+def test_a_learning_of_an_earlier_version_is_read() -> None:
+    """Its promises knew no aim, its outcomes no sizes, and its task no precision."""
+    promise = Promised({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
+    out = CameOut("leak", {}, {}, told=True, kept=True, statement="leak is told apart")
+    document = Round(2, "round-2.yaml", promised=promise, came_out=out).document()
+    for part, names in (("promised", ("aim", "sharpened")), ("came_out", ("sizes",))):
+        for name in names:
+            del document[part][name]
+    assert Round.read(document) == Round(2, "round-2.yaml", promised=promise, came_out=out)
+    task = TASK.document()
+    del task["precision"]
+    assert Task.read(task) == TASK
+
+
+def test_what_is_adequate_goes_on_only_for_a_better_known_size(tmp_path: Path) -> None:
+    kept = Kept.create(tmp_path, TASK, "stroke")
+    kept.close(Learned((), Ended.ADEQUATE, "m.yaml", 1, 0.0, "why"))
+    Kept.find(tmp_path).reopen(precision=0.1)
+    assert Kept.find(tmp_path).task.precision == 0.1
 
 
 def test_what_is_kept_is_found_again(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,11 +11,11 @@ from typing import Any, cast
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.design.refusals import NothingLeft, TooLittleTime
-from rigctl.design.result import DesignResult
+from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
+from rigctl.design.result import DesignResult, Sharpened
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
-from rigctl.learning import learn
+from rigctl.learning import learn, outcome
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner
 from rigctl.learning.result import Ended, Round
@@ -85,6 +85,7 @@ class MadeBench:
     status: Sequence[str] = ("finished",) * 9
     seconds: float = 600.0
     measured: list[int] = field(default_factory=list)
+    precise: list[tuple[str, ...]] = field(default_factory=list)  #: whose sizes each design was asked for
 
     def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:
         return cast("Plan", SimpleNamespace(name=procedure.stem))
@@ -97,10 +98,14 @@ class MadeBench:
         return RunResult(status, reason, ExitCode.DONE, folder, 1, self.seconds)
 
 
-def verdict(of: Verdict, *names: str, doubt: str = "") -> Any:
-    """A diagnosis."""
-    fit = SimpleNamespace(errors={}, chi2_reduced=1.0, problem=SimpleNamespace(model=None))
+def verdict(
+    of: Verdict, *names: str, doubt: str = "", unconfirmed: tuple[str, ...] = (), width: float = 0.05
+) -> Any:
+    """A diagnosis; of a model with a leak, its conductance known to `width` (95 %)."""
+    fit = SimpleNamespace(errors={}, chi2_reduced=1.0, problem=SimpleNamespace(model=LEAKY), width=width)
     return SimpleNamespace(
+        unconfirmed=unconfirmed,
+        best=SimpleNamespace(fit=fit),
         verdict=of,
         effects=names[:1],
         classes=(names,) if names else (),
@@ -111,16 +116,24 @@ def verdict(of: Verdict, *names: str, doubt: str = "") -> Any:
     )
 
 
-def design(separable: bool = True) -> Any:
-    rivals = [SimpleNamespace(name=name, weight=0.5) for name in ("leak", "drift")]
+#: half widths of a leak's conductance, before a round for its precision and after
+SHARPER = Sharpened("leak.conductance", "m^3", 3e-16, 1e-16)
+
+
+def design(
+    separable: bool = True, *, names: tuple[str, ...] = ("leak", "drift"), sharpened: Any = None
+) -> Any:
+    rivals = [SimpleNamespace(name=name, weight=1.0 / len(names)) for name in names]
     return SimpleNamespace(
+        aim="discrimination" if sharpened is None else "precision",
+        sharpened=() if sharpened is None else (sharpened,),
         separable=separable,
         sensor=None if separable else SimpleNamespace(channels=("flow",)),
         rivals=rivals,
         outlooks=[],
         records=[SimpleNamespace(settings={"oil": "60 degC"})],
         separation=12.0,
-        after=0.9,
+        after=0.9 if separable else 0.1,
         duration=500.0,
         procedure="procedure: next\n",
         statement="designed" if separable else "Not to be told apart on this bench",
@@ -131,9 +144,14 @@ def gate(last: Any) -> Any:
     return SimpleNamespace(open=last.verdict is Verdict.OUTSIDE_LIBRARY)
 
 
+LEAKY = SimpleNamespace(effects={"leak": {}})
 UNSURE = verdict(Verdict.AMBIGUOUS, "leak", "drift")
 SURE = verdict(Verdict.ADEQUATE)
 OTHER = verdict(Verdict.AMBIGUOUS, "spring", "load")
+#: nothing is like it, and it does not predict what it was not fitted on
+UNCONFIRMED = verdict(Verdict.AMBIGUOUS, "leak", unconfirmed=("leak",))
+CONFIRM = design(names=("leak",), sharpened=SHARPER)
+VAGUE = verdict(Verdict.ADEQUATE, width=0.4)
 
 
 @dataclass
@@ -162,7 +180,8 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
             now = said[max(len(bench.measured), 1) - 1]
             return SimpleNamespace(first=now, last=now, steps=())
 
-        def designed(*_: Any, **__: Any) -> Any:
+        def designed(*_: Any, **how: Any) -> Any:
+            bench.precise.append(tuple(how["precise"]))
             one = wanted.pop(0)
             if isinstance(one, Exception):
                 raise one
@@ -173,8 +192,14 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(learn, "improve", improved)
         monkeypatch.setattr(learn, "design_experiment", designed)
         monkeypatch.setattr(
-            learn, "gate_of", lambda last: SimpleNamespace(open=last.verdict is Verdict.OUTSIDE_LIBRARY)
+            learn,
+            "gate_of",
+            lambda last: SimpleNamespace(
+                open=last.verdict is Verdict.OUTSIDE_LIBRARY or bool(last.unconfirmed)
+            ),
         )
+        monkeypatch.setattr(learn, "relative_width", lambda fit, _: fit.width)
+        monkeypatch.setattr(outcome, "known_to", lambda fit, names: dict.fromkeys(names, 1e-16))
         monkeypatch.setattr(learn.Learner, "_open_runs", lambda _: [])
         whole = Task("campaign.yaml", str(own_copy(tmp_path)), 1, **task)
         bench = MadeBench(tmp_path, status)
@@ -220,6 +245,51 @@ def test_every_ending_says_why(stand: Any, ended: Ended, verdicts: list[Any], mo
     assert learned.statement
     assert (learned.exit_code is ExitCode.FAILED) is (ended is Ended.STOPPED)
     assert (Kept.find(here.kept.folder.parents[1]).learned is None) is (ended is Ended.STOPPED)
+
+
+def test_what_does_not_predict_what_it_was_not_fitted_on_is_asked_once_more(stand: Any) -> None:
+    """After a designed round its rival is gone, and the few records of that kind decide alone whether it
+    predicts them: more of them are taken before anything is said to be outside the library."""
+    sure = [UNSURE, UNCONFIRMED, SURE]
+    here = stand(sure, designs=[design(), CONFIRM])
+    learned = here.learner.learn()
+    assert learned.ended is Ended.ADEQUATE
+    assert here.bench.measured == [1, 2, 3]
+    assert learned.rounds[2].promised.aim == "precision"
+
+    here = stand([UNSURE, UNCONFIRMED, UNCONFIRMED], designs=[design(), CONFIRM])
+    learned = here.learner.learn()
+    assert learned.ended is Ended.OUTSIDE_LIBRARY  # it was asked once, and still does not
+    assert here.bench.measured == [1, 2, 3]
+
+    blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
+    assert stand([UNCONFIRMED], designs=[blunt]).learner.learn().ended is Ended.OUTSIDE_LIBRARY
+
+
+def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:
+    here = stand([VAGUE, VAGUE, SURE], designs=[CONFIRM, CONFIRM], precision=0.1)
+    learned = here.learner.learn()
+    assert learned.ended is Ended.ADEQUATE
+    assert here.bench.measured == [1, 2, 3]
+    assert here.bench.precise == [("leak",), ("leak",)]
+    out = learned.rounds[-1].came_out
+    assert out.sizes == {"leak.conductance": 1e-16}
+    assert out.statement == (
+        "leak.conductance is known to ± 1e-16 m^3 (95 %), ± 1e-16 was expected, ± 3e-16 before"
+    )
+    assert stand([VAGUE]).learner.learn().ended is Ended.ADEQUATE  # nobody asked for its size
+    blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
+    learned = stand([VAGUE], designs=[blunt], precision=0.1).learner.learn()
+    assert learned.ended is Ended.ADEQUATE  # no record would tell it better
+
+
+def test_where_no_condition_can_be_set_the_sensor_is_named(stand: Any) -> None:
+    nothing = NothingToSet("no condition of the rig 'pump' can be set", hint="With flow the records so far …")
+    nothing.sensors = ("flow",)
+    learned = stand([UNSURE], designs=[nothing]).learner.learn()
+    assert learned.ended is Ended.NOT_SEPARABLE
+    assert learned.sensor == ("flow",)
+    assert learned.statement == "no condition of the rig 'pump' can be set. With flow the records so far …"
 
 
 def test_a_sensor_is_named_where_no_record_does_it(stand: Any) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import pytest
 
-from rigctl.validation.designed.rates import design_rates
+from rigctl.validation.designed.picture import calibration_svg
+from rigctl.validation.designed.rates import Promises, design_rates, promises
 from rigctl.validation.designed.trial import TWINS, DesignTrial, design_trials
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.hidden_effects import find_hidden
@@ -51,15 +54,49 @@ def test_only_the_truth_alone_counts(added: tuple[str, ...], alone: int, wrong: 
     assert rate("one designed set", "another one is named", made) == (wrong, 1)
 
 
-def test_a_promise_is_counted_where_it_was_made() -> None:
-    kept = outcome(probability=0.85, winner="leak", told=True)
-    broken = outcome(probability=0.82, winner="drift", told=True)
-    sure = outcome(probability=1.0, winner="leak", told=True)
+def at_random(**learnt: Any) -> DesignOutcome:
+    """With two records at random in the place of a designed set."""
+    return replace(outcome(**learnt), scenario=DesignTrial(("leak",), 20.0, taken=2, draw=1))
+
+
+def test_each_pair_is_counted_by_what_it_was_promised() -> None:
+    kept = outcome(chances={"drift": 0.85, "spring": 1.0}, apart=("drift", "spring"))
+    broken = at_random(chances={"drift": 0.95, "spring": 0.1}, apart=("spring",))
     never = outcome(probability=None)
-    made = (kept, broken, sure, never)
-    assert rate("promised with 80% to 90%", "came out", *made) == (1, 2)
-    assert rate("promised with 90% to 100%", "came out", *made) == (1, 1)
-    assert rate("the campaign leaves a class", "records are proposed", *made) == (3, 4)
+    low, high = promises((kept, broken, never))
+    assert (low.low, low.mean, low.came_out, low.pairs) == (0.0, 0.1, 1, 1)
+    assert (high.low, high.mean) == (0.8, pytest.approx((0.85 + 1.0 + 0.95) / 3.0))
+    assert (high.came_out, high.pairs) == (2, 3)
+    assert high.rate.met is None  # three pairs say nothing of a rate
+    many = [kept] * 12 + [broken] * 12
+    (high,) = [one for one in promises(many) if one.high == 1.0]
+    assert high.rate.met is False  # 67 % came out of 93 %
+    assert high.rate.at_least == pytest.approx(high.mean - 0.1)
+    assert rate("the campaign leaves a class", "records are proposed", kept, broken, never) == (1, 2)
+
+
+def test_records_at_random_are_counted_beside_and_not_among_designed_ones() -> None:
+    named = at_random(added=("leak",))
+    assert rate("one to four records at random", "the truth alone is named", named, at_random()) == (1, 2)
+    assert rate("one designed set", "the truth alone is named", outcome(added=("leak",)), named) == (1, 1)
+    trials = design_trials()
+    assert sum(bool(one.taken) for one in trials[:40]) == 20
+    assert {one.taken for one in trials} == {0, 1, 2, 3, 4}
+
+
+def test_a_design_is_held_against_the_median_of_what_the_bench_can_make() -> None:
+    made = [outcome(of_first=d, of_random=10.0) for d in (39.0, 41.0, 400.0)]
+    assert rate("D of the first designed record", "4 times a random one's", *made, outcome()) == (2, 3)
+
+
+def test_the_picture_has_a_point_for_each_bin_where_it_was_promised() -> None:
+    found = [Promises(0.0, 0.2, 0.1, 1, 20), Promises(0.8, 1.0, 0.9, 19, 20)]
+    svg = calibration_svg(found)
+    root = ET.fromstring(svg)
+    points = [one for one in root.iter() if one.tag.endswith("circle")]
+    assert [float(one.attrib["cx"]) for one in points] == [pytest.approx(96.0), pytest.approx(352.0)]
+    assert float(points[0].attrib["cy"]) > float(points[1].attrib["cy"])
+    assert "19 of 20" in svg
 
 
 def test_learning_may_end_with_a_class_that_nothing_here_tells_apart() -> None:

@@ -30,7 +30,14 @@ from rigctl.analysis.separability import softened
 from rigctl.analysis.simpler_law import simpler_does
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.size_scatter import SizeScatter
-from rigctl.analysis.text import against_identity, drift_text, evidence_for, verdict_text, whether_at_all
+from rigctl.analysis.text import (
+    against_identity,
+    drift_text,
+    evidence_for,
+    failed_checks,
+    verdict_text,
+    whether_at_all,
+)
 from rigctl.dataset.run import Run
 from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD
@@ -121,6 +128,7 @@ def diagnose_comparison(
     seen = _seen(search, ranking) if not best.candidates else None
     after = search.at(best) if best.candidates else None
     named = verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
+    only_unpredicted = named and not close and not undriven and len(against) == 1
     classes = classes_of(best, rivals) if named else ()
     levels = _levels(search, best, classes, checks, left, laws, scatters) if named else ()
     evidence += [one.statement for one in levels if one.statement]
@@ -157,6 +165,7 @@ def diagnose_comparison(
         levels=levels,
         laws=laws,
         outside=departures(best.fit),
+        unconfirmed=failed_checks(checks) if only_unpredicted else (),
     )
 
 
@@ -225,8 +234,7 @@ def _verdict(
         return Verdict.ADEQUATE
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
-    failed = _failed(checks)
-    if failed and left is not None and len(best.candidates) > 1:
+    if failed_checks(checks) and left is not None and len(best.candidates) > 1:
         # several effects that neither explain all of it nor predict what they were not fitted on make up
         # together for one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
@@ -243,11 +251,6 @@ def _against(
 ) -> list[str]:
     """Why the best set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
     return against_identity(best, checks, left, search.none.chi2 - best.chi2)
-
-
-def _failed(checks: Mapping[str, CrossValidation | None]) -> bool:
-    """Whether an effect does not predict what it was not fitted on."""
-    return any(check is not None and check.folds >= 2 and not check.passed for check in checks.values())
 
 
 def _levels(

@@ -176,6 +176,8 @@ class Diagnosis:
     outside: where the model with `effects` leaves the ranges over which their laws were learned.
     next_experiment: what to measure next, as a program reads it; None where nobody asked, or nothing is left.
     bootstrap: intervals of the parameters of the model with `effects`; None where nobody asked.
+    unconfirmed: those of `effects` that do not predict what they were not fitted on, where nothing else
+        speaks against them: more records may settle it.
     """
 
     runs: tuple[str, ...]
@@ -206,6 +208,7 @@ class Diagnosis:
     outside: tuple[Departure, ...] = ()
     next_experiment: Mapping[str, Any] | None = None
     bootstrap: Bootstrap | None = None
+    unconfirmed: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:

@@ -152,6 +152,11 @@ def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
         qualified_name = qualified(effect.name, name)
         if law != other or qualified_name not in known:
             continue
+        if isinstance(limit, str):
+            lower = qualified(effect.name, limit)
+            if lower in known and _within_chance(fit, lower, qualified_name):
+                return f"{name} equal to its {limit}"
+            continue
         unknown, value = known[qualified_name]
         beyond = (
             unknown.lower if limit <= unknown.lower else unknown.upper if limit >= unknown.upper else None
@@ -164,6 +169,20 @@ def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
         if stopped or abs(value - limit) <= AT_LIMIT * fit.std.get(qualified_name, 0.0):
             return f"{name} {limit:g}"
     return ""
+
+
+def _within_chance(fit: FitResult, one: str, other: str) -> bool:
+    """Whether two unknowns are not told to differ; those held apart by their order alone are equal."""
+    names = [unknown.name for unknown in fit.problem.shared]
+    places = [names.index(name) for name in (one, other)]
+    first, second = (float(value) for value in fit.values[places])
+    if math.isclose(first, second, rel_tol=1e-6):
+        return True
+    if fit.solution is None:
+        return False
+    (of_one, both), (_, of_other) = fit.solution.covariance[np.ix_(places, places)]
+    variance = float(of_one + of_other - 2.0 * both)
+    return bool(abs(second - first) <= AT_LIMIT * math.sqrt(max(variance, 0.0)))
 
 
 def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:

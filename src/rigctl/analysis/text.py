@@ -194,9 +194,16 @@ def against_identity(
     return reasons
 
 
+def failed_checks(checks: Mapping[str, CrossValidation | None]) -> tuple[str, ...]:
+    """The effects that do not predict what they were not fitted on."""
+    return tuple(
+        name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed
+    )
+
+
 def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
     """Which effects failed the check by leaving out; "" for none."""
-    failed = [name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed]
+    failed = failed_checks(checks)
     if not failed:
         return ""
     does = "does not predict what it was" if len(failed) == 1 else "do not predict what they were"

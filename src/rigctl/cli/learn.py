@@ -49,6 +49,14 @@ def learn(
         int | None,
         typer.Option("--max-rounds", metavar="N", min=1, help="At most so many, the first included; 5."),
     ] = None,
+    precision: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SHARE",
+            help="Go on until every added size is known to within this share, as a 95 % interval: 10 %.",
+            show_default=False,
+        ),
+    ] = None,
     run: Annotated[
         list[str] | None,
         typer.Option(
@@ -114,8 +122,9 @@ def learn(
     from rigctl.project import find_project
 
     time = None if budget is None else read_budget(budget)
+    wanted = None if precision is None else read_share(precision)
     if resume:
-        kept = _resumed(procedure, model, time, rounds)
+        kept = _resumed(procedure, model, time, rounds, wanted)
     else:
         said = {"serial_number": serial_number, "part": part, "notes": notes}
         bench = {
@@ -127,7 +136,8 @@ def learn(
             "device": {name: text for name, text in said.items() if text},
         }
         given = {name: value for name, value in bench.items() if value}
-        kept = _begun(procedure, model, rig, arg or [], run or [], given, time, rounds, hold_out or "")
+        asked = (given, time, rounds, hold_out or "", wanted)
+        kept = _begun(procedure, model, rig, arg or [], run or [], *asked)
     person = _person(operator)
 
     def ask(proposal: Round, design: DesignResult) -> bool:
@@ -150,7 +160,32 @@ def learn(
     raise typer.Exit(int(learned.exit_code))
 
 
-def _resumed(procedure: Path | None, model: Path | None, time: float | None, rounds: int | None) -> Kept:
+def read_share(text: str) -> float:
+    """A share between none and all: ``10 %`` or ``0.1``.
+
+    Raises
+    ------
+    RigctlError
+        it is none.
+    """
+    from rigctl.units import read_si
+
+    try:
+        found = read_si(text, "1")
+    except RigctlError:
+        found = 0.0
+    if not 0.0 < found < 1.0:
+        raise RigctlError("--precision: no share", value=text, expected="e.g. 10 %")
+    return found
+
+
+def _resumed(
+    procedure: Path | None,
+    model: Path | None,
+    time: float | None,
+    rounds: int | None,
+    precision: float | None,
+) -> Kept:
     from rigctl.learning.keep import Kept
     from rigctl.project import find_project
 
@@ -159,7 +194,7 @@ def _resumed(procedure: Path | None, model: Path | None, time: float | None, rou
             "--resume: procedure and model are those it began with", expected="rigctl learn --resume"
         )
     kept = Kept.find(find_project().root)
-    kept.reopen(budget=time, rounds=rounds)
+    kept.reopen(budget=time, rounds=rounds, precision=precision)
     return kept
 
 
@@ -173,6 +208,7 @@ def _begun(
     time: float | None,
     rounds: int | None,
     hold_out: str,
+    precision: float | None,
 ) -> Kept:
     """A new learning; everything that can be wrong is found before a folder is made."""
     from rigctl.cli.plans import open_plan, read_assignments
@@ -203,6 +239,7 @@ def _begun(
         budget=time,
         rounds=rounds or _ROUNDS,
         hold_out=hold_out,
+        precision=precision,
     )
     return Kept.create(find_project().root, task, plan.name)
 

@@ -116,12 +116,15 @@ def _carried_out(
         found = _outcomes(planted, carry_out_planted, path, PlantedTrial.read, workers, resume=resume)
         return planted_figures(found), path
     if tier is TierName.DESIGN:
-        from rigctl.validation.designed.rates import design_figures
+        from rigctl.files.write import write_text
+        from rigctl.validation.designed.picture import calibration_svg
+        from rigctl.validation.designed.rates import design_figures, promises
         from rigctl.validation.designed.trial import DesignTrial, design_trials
         from rigctl.validation.designed.work import carry_out_design
 
         designed = design_trials()[:first]
         learnt = _outcomes(designed, carry_out_design, path, DesignTrial.read, workers, resume=resume)
+        write_text(out / "promises.svg", calibration_svg(tuple(promises(learnt))))
         return design_figures(learnt), path
     from rigctl.validation.rates import figures
     from rigctl.validation.scenario import Scenario

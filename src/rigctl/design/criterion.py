@@ -14,6 +14,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.levels import LEAST_SEPARATION
 from rigctl.design.information import Evidence
 from rigctl.design.power import Gain, enough, enough_seen, seen, threshold_of, told_apart
 from rigctl.design.result import NONE
@@ -27,6 +28,8 @@ Pair: TypeAlias = tuple[int, int]
 
 #: D at draws of what is right scatters about D at the fits: what a search relies on is this part of it
 _SURE = 1.0 / 1.5
+#: just below the D at which a verdict's separation is expected
+_NOT_TOLD = 0.999 * (2.0 * LEAST_SEPARATION) ** 2
 #: what the mean over the rivals counts beside the least
 _OTHERS = 0.1
 
@@ -149,8 +152,16 @@ class Discrimination:
             for truth, rivals in self.rivals_of.items()
         }
 
+    def so_far(self, pair: Pair) -> float:
+        """D₀ of the data so far; of two that a diagnosis does not tell apart, less than what a verdict asks
+        for: by chance they may be less apart than is expected of two such rivals."""
+        truth, rival = pair
+        expected = float(self.known.distances[truth, rival])
+        names = frozenset((self.question.rivals[truth].name, self.question.rivals[rival].name))
+        return min(expected, _NOT_TOLD) if names in self.question.alike else expected
+
     def _enough(self, truth: int, rival: int, distances: Floats) -> float:
-        margin, so_far = self.margins.margin(truth, rival), float(self.known.distances[truth, rival])
+        margin, so_far = self.margins.margin(truth, rival), self.so_far((truth, rival))
         return enough(margin, so_far, self.margins.threshold(truth, distances))
 
     def promise(self, evidence: Evidence) -> float:
@@ -175,7 +186,7 @@ class Discrimination:
         return told_apart(
             gained,
             self.margins.margin(truth, rival),
-            float(self.known.distances[truth, rival]),
+            self.so_far(pair),
             self.margins.threshold(truth, distances),
         )
 
@@ -235,21 +246,19 @@ class Detection:
 
 @dataclass(frozen=True)
 class Precision:
-    """Ds: the logarithm of the ratio of the volumes that the effects' parameters are known to."""
+    """Ds: the logarithm of the ratio of the volumes that the parameters in question are known to."""
 
     question: Question
     known: Known
 
     @cached_property
     def places(self) -> list[int]:
-        """Of the effects' parameters among the common unknowns."""
-        rival = self.question.rivals[0]
-        columns = {column for candidate in rival.trial.candidates for column in candidate.columns}
-        names = [unknown.name for unknown in rival.fit.problem.shared]
-        return [k for k, name in enumerate(names) if name in columns]
+        """Of the parameters in question among the common unknowns."""
+        names = [unknown.name for unknown in self.question.rivals[0].fit.problem.shared]
+        return [k for k, name in enumerate(names) if name in self.question.columns]
 
     def covariance(self, evidence: Evidence | None = None) -> Floats:
-        """Of the effects' parameters, scaled, now or with new records."""
+        """Of the parameters in question, scaled, now or with new records."""
         known = self.known.information[0]
         whole = known if evidence is None else known + evidence.information[0]
         return np.asarray(np.linalg.inv(whole), dtype=float)[np.ix_(self.places, self.places)]

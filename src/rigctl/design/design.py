@@ -17,6 +17,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.search import OnProgress
 from rigctl.dataset.run import Run
 from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
+from rigctl.design.information import Evidence
 from rigctl.design.procedure_text import Writer, called_so_far
 from rigctl.design.promise import DRAWS, Draws, Promise, as_refitted, promised
 from rigctl.design.recipe import Stage, lines_of
@@ -25,13 +26,14 @@ from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
 from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
-from rigctl.design.rivals import Question, question_of, require_names
+from rigctl.design.rivals import Question, nothing_left, question_of, require_names
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.sensors import best_sensor, sensor_sets
+from rigctl.design.size import half_width, unit_of
 from rigctl.design.so_far import Known, known_so_far
 from rigctl.design.table_rows import design_rows
-from rigctl.design.words import added, header, reason, repeats_with, statement
+from rigctl.design.words import HALF, added, header, reason, repeats_with, statement
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
@@ -40,11 +42,11 @@ from rigctl.units import parse_unit
 
 #: records in a set when nobody says how many
 MOST_RECORDS = 4
-#: of sets that reach less, the most telling one is looked for, however long it takes
-_POOR = 0.5
-_OF_TABLES = "of a table rows are designed where effects are to be told apart"
-#: quantile of a normal distribution, of an interval that holds 95 %
-_HALF_WIDTH = 1.96
+#: of records at random, candidates that are tried for each at the most
+_TRIES = 50
+_OF_TABLES = (
+    "Of a table rows are designed where effects are to be told apart; 'rigctl diagnose' says what else to do"
+)
 
 
 @one_thread()
@@ -55,6 +57,7 @@ def design_experiment(
     budget: float | None = None,
     records: int | None = None,
     separate: tuple[str, str] | None = None,
+    precise: Collection[str] = (),
     sensors: bool = False,
     seed: int = 0,
     hold_out: str | None = None,
@@ -70,6 +73,7 @@ def design_experiment(
     budget: of the rig's time, s; without one only `records` counts.
     records: at most so many; `MOST_RECORDS` when left out.
     separate: the names of the two to be told apart, instead of all that the diagnosis leaves.
+    precise: effects of the model whose sizes are to be known better, instead of what the diagnosis leaves.
     sensors: look at the channels that the bench could have, too.
     seed: of candidates and draws: the same seed gives the same design.
     hold_out, only, excluded: as of `rigctl.analysis.diagnosis.diagnose`.
@@ -87,13 +91,11 @@ def design_experiment(
     found = diagnosis or diagnose(
         runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=tell
     )
-    question = question_of(found, separate)
+    question = question_of(found, separate, precise)
     measured = found.before.fit.problem.measurements
     if measured.table:
         if question.aim != "discrimination":
-            raise NothingLeft(
-                _OF_TABLES, value=found.model, hint="'rigctl diagnose' says what else to measure"
-            )
+            raise nothing_left(found, _OF_TABLES)
         return design_rows(found, question, records or MOST_RECORDS)
     rig = measured.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
@@ -102,13 +104,32 @@ def design_experiment(
     try:
         chosen = design.chosen(records or MOST_RECORDS, budget, tell)
     except NothingToSet as error:
-        error.hint = design.sensor_instead() or error.hint
-        raise
+        raise design.sensor_instead(error) from None
     made = design.result(found, chosen)
     if not sensors and (made.separable or made.aim != "discrimination"):
         return made
     tell("Looking at the sensors that the bench could have")
     return design.with_sensors(made, chosen)
+
+
+@one_thread()
+def random_experiment(
+    runs: Sequence[Run], diagnosis: Diagnosis, *, records: int = MOST_RECORDS, seed: int = 0
+) -> DesignResult:
+    """Records at random points of all that the bench can do, and what they promise: a design's yardstick.
+
+    They stay clear of every limit as designed ones do.
+
+    Raises
+    ------
+    RigctlError
+        nothing is left to tell apart, or the bench's conditions cannot be set.
+    """
+    question = question_of(diagnosis)
+    rig = question.rivals[0].fit.problem.measurements.rig
+    assert rig is not None  # noqa: S101 - data with a course in time are of a bench
+    design = _Design.on(question, rig, rig_reference(runs, rig), seed)
+    return design.result(diagnosis, design.at_random(records))
 
 
 def with_next_experiment(
@@ -142,6 +163,7 @@ class _Design:
     draws: Draws
     seed: int
     pool: list[Proposal] = field(default_factory=list)
+    first: tuple[Evidence, ...] = ()
 
     @classmethod
     def on(cls, question: Question, rig: Rig, reference: str, seed: int) -> _Design:
@@ -177,6 +199,7 @@ class _Design:
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
         tell("Simulating candidates with every rival")
         self.pool = first_candidates(workshop, schemes, self.seed)
+        self.first = tuple(one.evidence for one in self.pool)
         self._require_time(budget)
         tell("Improving the best records")
         limit = math.inf if budget is None else budget
@@ -187,8 +210,27 @@ class _Design:
             search = replace(search, criterion=self.criterion)
             found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
             self._refit(found)
+        return self._in_order(found)
+
+    def _in_order(self, found: Sequence[Proposal]) -> list[Proposal]:
+        """In the order that takes the rig least."""
         order = self.clock.quickest([one.recipe for one in found]).order if found else ()
-        return workshop.one_after_the_other([found[k] for k in order])
+        return self.workshop.one_after_the_other([found[k] for k in order])
+
+    def at_random(self, records: int) -> list[Proposal]:
+        """So many records at random points of all schemes, or fewer where hardly any stays clear."""
+        schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
+        rng = np.random.default_rng(self.seed)
+        found: list[Proposal] = []
+        for _ in range(_TRIES * records):
+            scheme = schemes[int(rng.integers(len(schemes)))]
+            (made,) = self.workshop.propose([(scheme, rng.uniform(size=len(scheme.free)).tolist())])
+            if made is not None and not self._refused([made]):
+                found.append(made)
+            if len(found) == records:
+                break
+        self._refit(found)
+        return self._in_order(found)
 
     def _refit(self, found: Sequence[Proposal]) -> bool:
         """Take down what a real refit leaves of the distances; whether that is far less than looked for."""
@@ -204,21 +246,25 @@ class _Design:
         cheap, telling = (
             self._promise(replace(search, per_minute=one, exchange=False).best_set()) for one in (True, False)
         )
-        return cheap >= _POOR or cheap >= telling
+        # of sets that reach less, the most telling one is looked for, however long it takes
+        return cheap >= HALF or cheap >= telling
 
     def _acceptable(self, search: Search) -> list[Proposal]:
         """The best set of records that stay clear of every limit for every draw, and that the rig takes."""
         while True:
             found = search.best_set()
-            refused = [
-                one
-                for one in found
-                if not self.draws.keeps_clear(self.stage.rig, one)
-                or forecast(self.writer, [one.recipe]) is None
-            ]
+            refused = self._refused(found)
             if not refused:
                 return found
             search = search.without(refused)
+
+    def _refused(self, found: Sequence[Proposal]) -> list[Proposal]:
+        """Those that come near a limit for some draw, or that the rig does not take."""
+        return [
+            one
+            for one in found
+            if not self.draws.keeps_clear(self.stage.rig, one) or forecast(self.writer, [one.recipe]) is None
+        ]
 
     def _require_time(self, budget: float | None) -> None:
         if budget is None or not self.pool:
@@ -257,6 +303,7 @@ class _Design:
             procedure="",
             statement="",
             sharpened=self._sharpened(chosen),
+            of_random=self._of_random(),
             notes=(self._tried(),),
             diagnosis=diagnosis,
         )
@@ -267,12 +314,14 @@ class _Design:
         with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
         return f"{self.workshop.tried} records were simulated {with_each}"
 
-    def sensor_instead(self) -> str:
-        """Which sensor would tell the rivals apart where no condition can be set; "" where none would."""
-        if not isinstance(self.criterion, Discrimination):
-            return ""
-        best = best_sensor(sensor_sets(self.criterion, self.equipment, self._so_far))
-        return "" if best is None else repeats_with(best)
+    def sensor_instead(self, refused: NothingToSet) -> NothingToSet:
+        """Say which sensor would tell the rivals apart where no condition can be set, if one would."""
+        if isinstance(self.criterion, Discrimination):
+            best = best_sensor(sensor_sets(self.criterion, self.equipment, self._so_far))
+            if best is not None:
+                refused.hint = repeats_with(best)
+                refused.sensors = best.channels if best.probability >= HALF else ()
+        return refused
 
     @property
     def _so_far(self) -> list[MeasuredRecord]:
@@ -360,6 +409,10 @@ class _Design:
         whole = [one + together(others) if others else one for one in repeats]
         return max((self.criterion.separation(one) - base for one in whole), default=0.0)
 
+    def _of_random(self) -> float:
+        """The median of what the candidates are worth that a search began with, one record each."""
+        return float(np.median([self.criterion.separation(one) for one in self.first])) if self.first else 0.0
+
     def _predictions(self, proposal: Proposal) -> tuple[Prediction, ...]:
         scene = self.workshop.scene(proposal)
         measurements = self.question.rivals[0].fit.problem.measurements
@@ -379,22 +432,15 @@ class _Design:
         if not isinstance(self.criterion, Precision) or not chosen:
             return ()
         rival = self.question.rivals[0]
-        factor = math.sqrt(rival.overdispersion) * _HALF_WIDTH
+        factor = math.sqrt(rival.overdispersion)
         before, after = (np.sqrt(np.diag(self.criterion.covariance(one))) for one in (None, together(chosen)))
         names = [unknown.name for unknown in rival.fit.problem.shared]
-        units = {
-            column: candidate.parameter(column).unit
-            for candidate in rival.trial.candidates
-            for column in candidate.columns
-        }
-        return tuple(
-            Sharpened(
-                names[k],
-                units[names[k]],
-                *(
-                    factor * float(ends[at]) * rival.sizes[k] / parse_unit(units[names[k]]).factor
-                    for ends in (before, after)
-                ),
-            )
+        stds = [
+            (names[k], *(factor * float(ends[at]) * rival.sizes[k] for ends in (before, after)))
             for at, k in enumerate(self.criterion.places)
+        ]
+        model = rival.fit.problem.model
+        return tuple(
+            Sharpened(name, unit_of(model, name), *(half_width(model, name, std) for std in two))
+            for name, *two in stds
         )

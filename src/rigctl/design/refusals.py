@@ -14,4 +14,11 @@ class NothingLeft(RigctlError):
 
 
 class NothingToSet(RigctlError):
-    """Nothing on a rig sets the conditions of a record."""
+    """Nothing on a rig sets the conditions of a record.
+
+    Attributes
+    ----------
+    sensors: channels that would tell the rivals apart in the records so far, taken again.
+    """
+
+    sensors: tuple[str, ...] = ()

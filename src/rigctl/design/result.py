@@ -269,6 +269,8 @@ class DesignResult:
     sensor: the one worth most where no record reaches a probability of a half, or that was asked for.
     sensors: every set that was looked at, the cheapest first.
     sharpened: of aim ``precision``, the parameters.
+    of_random: what the median of the records is worth that the search began with, as `separation`: any
+        that the bench can make, one at a time.
     statement: in words; `notes` a sentence each.
     """
 
@@ -287,6 +289,7 @@ class DesignResult:
     sensor: SensorSet | None = None
     sensors: tuple[SensorSet, ...] = ()
     sharpened: tuple[Sharpened, ...] = ()
+    of_random: float = 0.0
     notes: tuple[str, ...] = ()
     diagnosis: Diagnosis | None = field(default=None, repr=False)
 
@@ -327,6 +330,7 @@ class DesignResult:
             "rivals": [one.document() for one in self.rivals],
             "outlooks": [one.document() for one in self.outlooks],
             "sharpened": [one.document() for one in self.sharpened],
+            "separation_of_random": self.of_random,
             "notes": list(self.notes),
             "statement": self.statement,
         }

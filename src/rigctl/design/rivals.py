@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate, candidates, data_ranges
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Verdict
 from rigctl.analysis.levels import ODDS
 from rigctl.analysis.power import hidden_at_typical_size
@@ -45,12 +47,15 @@ class Rival:
     trial: the set of effects, refitted.
     mbic: its criterion.
     weight: its probability among the rivals.
+    noise: χ² for each degree of freedom that the noise is judged by; that of its own fit when left out. Of an
+        effect at its usual size, which is not fitted, it is that of the model without.
     """
 
     name: str
     trial: RefittedSet = field(repr=False)
     mbic: float
     weight: float
+    noise: float | None = None
 
     @property
     def fit(self) -> FitResult:
@@ -60,7 +65,7 @@ class Rival:
     @property
     def overdispersion(self) -> float:
         """χ² for each degree of freedom, no less than 1."""
-        return max(1.0, self.fit.chi2_reduced)
+        return max(1.0, self.fit.chi2_reduced if self.noise is None else self.noise)
 
     @property
     def sizes(self) -> Floats:
@@ -104,39 +109,55 @@ class Question:
     rivals: the most probable first.
     pairs: (truth, rival) places of the rivals that are to be told apart.
     library: K, how many effects were looked through.
+    columns: of aim ``precision``, the unknowns that are to be known better.
+    alike: pairs of names that the data so far do not tell apart, as the diagnosis says.
     """
 
     aim: Aim
     rivals: tuple[Rival, ...]
     pairs: tuple[tuple[int, int], ...]
     library: int
+    columns: tuple[str, ...] = ()
+    alike: frozenset[frozenset[str]] = frozenset()
 
 
-def question_of(diagnosis: Diagnosis, separate: tuple[str, str] | None = None) -> Question:
+def question_of(
+    diagnosis: Diagnosis, separate: tuple[str, str] | None = None, precise: Collection[str] = ()
+) -> Question:
     """What a diagnosis leaves open.
+
+    Parameters
+    ----------
+    separate: two names to be told apart instead.
+    precise: effects that the model has, whose sizes are to be known better instead.
 
     Raises
     ------
     NothingLeft
         nothing.
     RigctlError
-        `separate` names no effect of the library.
+        `separate` names no effect of the library, or `precise` none of the model's.
     """
     if separate is not None:
         return _asked(diagnosis, separate)
+    return _sizes_of(diagnosis, precise) if precise else _left_open(diagnosis)
+
+
+def _left_open(diagnosis: Diagnosis) -> Question:
+    """What follows from the verdict."""
     classes = [names for names in diagnosis.classes if len(names) > 1]
     if classes:
         return _between(diagnosis, "discrimination", {name for names in classes for name in names})
-    if diagnosis.verdict is Verdict.MISSING_EFFECT and _leads(diagnosis):
-        best = _rival_of(diagnosis, diagnosis.effects[0], diagnosis.best)
-        return Question("precision", (best,), (), _library(diagnosis))
+    if diagnosis.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) and _leads(diagnosis):
+        return _size_of_best(diagnosis)
     if diagnosis.verdict is Verdict.ADEQUATE:
         return _unseen(diagnosis)
     likely = [one.effect for one in diagnosis.ranking if one.probability > 1.0 / ODDS]
     tried = {name for trial in diagnosis.trials for name in trial.effects}
-    return _between(
-        diagnosis, "discrimination", {*diagnosis.best.effects, *(n for n in likely if n in tried)}
-    )
+    names = {*diagnosis.best.effects, *(n for n in likely if n in tried)}
+    if diagnosis.verdict is Verdict.AMBIGUOUS and len(names) < 2:
+        return _size_of_best(diagnosis)  # it has no rival: what is left to ask is whether it predicts
+    return _between(diagnosis, "discrimination", names)
 
 
 def require_names(model: Model, separate: tuple[str, str]) -> None:
@@ -155,6 +176,38 @@ def require_names(model: Model, separate: tuple[str, str]) -> None:
         raise RigctlError("an effect cannot be told from itself", value=separate[0], expected="two names")
 
 
+def _size_of_best(diagnosis: Diagnosis) -> Question:
+    """How large what has won is: its parameters, as the data so far and the model with it know them."""
+    best = _rival_of(diagnosis, " + ".join(diagnosis.best.effects), diagnosis.best)
+    free = {unknown.name for unknown in best.fit.problem.shared}
+    columns = tuple(
+        column for candidate in best.trial.candidates for column in candidate.columns if column in free
+    )
+    return Question("precision", (best,), (), _library(diagnosis), columns)
+
+
+def _sizes_of(diagnosis: Diagnosis, names: Collection[str]) -> Question:
+    """How large effects are that the model has already."""
+    fitted = diagnosis.before.fit
+    model = fitted.problem.model
+    for name in names:
+        if name not in model.effects:
+            raise unknown_name("effect of this model", name, model.effects)
+    columns = tuple(
+        unknown.name
+        for unknown in fitted.problem.shared
+        if unknown.name.partition(".")[0] in names and "." in unknown.name
+    )
+    if not columns:
+        raise NothingLeft(
+            f"nothing of {' and '.join(names)} is fitted, so that no record tells its size better",
+            value=diagnosis.model,
+            hint="'fit: true' beside a parameter in the model file lets it be fitted",
+        )
+    rival = _rival_of(diagnosis, " + ".join(names), plain(fitted))
+    return Question("precision", (rival,), (), _library(diagnosis), columns)
+
+
 def _leads(diagnosis: Diagnosis) -> bool:
     of = {one.effect: one.probability for one in diagnosis.ranking}
     return all(of.get(name, 0.0) >= _WON for name in diagnosis.effects)
@@ -166,7 +219,7 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
     found.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
     rivals = _weighed(found)
     if len(rivals) < 2 or not names:
-        raise _nothing_left(diagnosis)
+        raise nothing_left(diagnosis)
     open_names = {*names} | ({NONE} if diagnosis.verdict is not Verdict.AMBIGUOUS else set())
     pairs = [
         (i, j)
@@ -174,7 +227,13 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
         for j, other in enumerate(rivals)
         if i != j and {one.name, other.name} <= open_names and one.trial is not other.trial
     ]
-    return Question(aim, rivals, tuple(pairs), _library(diagnosis))
+    return Question(aim, rivals, tuple(pairs), _library(diagnosis), alike=_alike(diagnosis))
+
+
+def _alike(diagnosis: Diagnosis) -> frozenset[frozenset[str]]:
+    return frozenset(
+        frozenset(pair) for names in diagnosis.classes for pair in combinations(sorted(names), 2)
+    )
 
 
 def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
@@ -184,7 +243,8 @@ def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
         trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name)
         found.append(_rival_of(diagnosis, name, trial))
     rivals = _weighed(found, least=_LEAST_WEIGHT)
-    return Question("discrimination", rivals, ((0, 1), (1, 0)), _library(diagnosis))
+    pairs = ((0, 1), (1, 0))
+    return Question("discrimination", rivals, pairs, _library(diagnosis), alike=_alike(diagnosis))
 
 
 def _unseen(diagnosis: Diagnosis) -> Question:
@@ -195,21 +255,24 @@ def _unseen(diagnosis: Diagnosis) -> Question:
     names = [one.effect for one in scores if one.effect in hidden and one.effect not in silent]
     found = [_rival_of(diagnosis, NONE, plain(diagnosis.before.fit))]
     for name in names[: MOST_RIVALS - 1]:
-        trial = _at_usual_size(diagnosis, name)
+        trial = at_usual_size(diagnosis.before, name)
         if trial is not None:
-            found.append(_rival_of(diagnosis, name, trial))
+            found.append(replace(_rival_of(diagnosis, name, trial), noise=found[0].overdispersion))
     if len(found) < 2:
-        raise _nothing_left(diagnosis)
+        raise nothing_left(diagnosis)
     share = 1.0 / (len(found) - 1)
     rivals = tuple(replace(one, weight=0.0 if one.name == NONE else share) for one in found)
     return Question("detection", rivals, tuple((k, 0) for k in range(1, len(rivals))), _library(diagnosis))
 
 
-def _nothing_left(diagnosis: Diagnosis) -> NothingLeft:
+def nothing_left(
+    diagnosis: Diagnosis, hint: str = "'--separate A,B' designs for two effects of your choice"
+) -> NothingLeft:
+    """The refusal of a diagnosis that leaves nothing open."""
     return NothingLeft(
         f"nothing is left to tell apart: {diagnosis.title.lower()}",
         value=diagnosis.model,
-        hint="'--separate A,B' designs for two effects of your choice",
+        hint=hint,
     )
 
 
@@ -221,7 +284,7 @@ def _trial_of(diagnosis: Diagnosis, name: str) -> RefittedSet:
     if beside:
         samples, library = _price(diagnosis)
         return min(beside, key=lambda one: one.mbic(samples, library))
-    chosen = [one for one in _candidates(diagnosis) if one.name == name]
+    chosen = [one for one in _candidates(diagnosis.before) if one.name == name]
     fitted = [refit(diagnosis.before.fit, [one]) for one in chosen]
     good = [one for one in fitted if one is not None]
     if not good:
@@ -237,13 +300,14 @@ def _without(diagnosis: Diagnosis, names: Collection[str]) -> RefittedSet:
     return min([plain(diagnosis.before.fit), *kept], key=lambda one: one.mbic(samples, library))
 
 
-def _at_usual_size(diagnosis: Diagnosis, name: str) -> RefittedSet | None:
+def at_usual_size(before: ModelComparison, name: str) -> RefittedSet | None:
     """An effect at its usual size in the model as it was fitted, not refitted: nothing is seen of it.
 
-    None where the model has no value there.
+    Unknowns that the fit left out, as they act on nothing that was measured, are what the model says here
+    too. None where the model has no value there.
     """
-    candidate = {one.name: one for one in reversed(_candidates(diagnosis))}[name]
-    fitted = diagnosis.before.fit
+    candidate = {one.name: one for one in reversed(_candidates(before))}[name]
+    fitted = before.fit
     sizes = {column.partition(".")[2]: candidate.parameter(column).start for column in candidate.columns}
     shapes = {column.partition(".")[2]: value for column, value in candidate.shapes.items()}
     try:
@@ -251,6 +315,8 @@ def _at_usual_size(diagnosis: Diagnosis, name: str) -> RefittedSet | None:
     except RigctlError:
         return None
     known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
+    free = [one for one in problem.shared if one.name in known or one.name in candidate.columns]
+    problem = problem.with_shared(free)
     values = np.array([known.get(unknown.name, unknown.start) for unknown in problem.shared])
     simulated = problem.simulate(values, fitted.local)
     if not simulated.ok:
@@ -275,8 +341,7 @@ def _weighed(found: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ...]:
     return tuple(replace(one, weight=one.weight / total) for one in kept)
 
 
-def _candidates(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
-    before = diagnosis.before
+def _candidates(before: ModelComparison) -> tuple[Candidate, ...]:
     model = before.fit.problem.model
     return candidates(model, before.excluded, data_ranges(model.family, before.whole.measurements))
 

@@ -1,7 +1,7 @@
 """What may be varied: recipes of one kind as functions of a few free numbers, built from records so far.
 
 A bench that moves is told in the order that it was told before, and in orders that begin or end elsewhere;
-one that is set to levels is given staircases of them.
+one that is set to levels is given staircases of them, and slow ramps where they are continuous.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ _SHORTER, _LONGER = 0.5, 2.0
 _ROUNDING = 0.05
 #: levels of a staircase
 _LEVELS = 4
+#: steps of a ramp, there and back each
+_RAMP = 6
 #: of a level's range, and of a time's digits: what is written is what is simulated
 _PARTS = 100.0
 #: the moves of a record, and those of others that a bench which can make them can make too
@@ -203,6 +206,11 @@ def _level_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[
     rate = max(_rate(record) for record in records)
     time = _time("dwell", _SHORTER * dwell / _LEVELS, dwell)
     yield _staircase(stage, levels, point, time, rate, rest=dwell if levels else 0.0)
+    continuous = [one for one in levels if stage.rig.actuators[one.name].kind != "switch"]
+    if continuous:
+        whole = _LEVELS * dwell / (2.0 * _RAMP)
+        time = _time("dwell", _SHORTER * whole / _LEVELS, whole)
+        yield _ramp(stage, continuous, point, time, rate, rest=dwell)
 
 
 def _staircase(
@@ -218,6 +226,32 @@ def _staircase(
         return Recipe(steps, rate, *point, before=stairs[0], rest=rest)
 
     return Scheme("staircase", (*point, *free, time), build)
+
+
+def _ramp(
+    stage: Stage, levels: Sequence[Free], point: Sequence[Free], time: Free, rate: float, rest: float
+) -> Scheme:
+    """From one level to another and back, in small equal steps; levels that switch stay as they are safe."""
+    free = [replace(one, name=f"{one.name} {end}") for end in ("begin", "top", "end") for one in levels]
+    along = np.linspace(0.0, 1.0, _RAMP + 1)[1:]
+
+    def build(values: Mapping[str, float]) -> Recipe:
+        ends = [{one.name: values[f"{one.name} {end}"] for one in levels} for end in ("begin", "top", "end")]
+        stairs = [
+            {one.name: _on_the_way(one, begin[one.name], to[one.name], float(share)) for one in levels}
+            for begin, to in pairwise(ends)
+            for share in along
+        ]
+        steps = tuple(Step("set", values["dwell"], stair) for stair in stairs)
+        before = values.get("temperature"), values.get("pressure")
+        return Recipe(steps, rate, *before, before=ends[0], rest=rest)
+
+    return Scheme("ramp", (*point, *free, time), build)
+
+
+def _on_the_way(level: Free, begin: float, to: float, share: float) -> float:
+    """Of a ramp, as it would be written."""
+    return min(max(rounded(begin + share * (to - begin), level.unit, level.step), level.low), level.high)
 
 
 def _levels(stage: Stage) -> list[Free]:

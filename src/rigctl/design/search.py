@@ -106,6 +106,11 @@ class Workshop:
             self._shown[id(proposal)] = (proposal, found)
         return self._shown[id(proposal)][1]
 
+    def forget(self) -> None:
+        """What was made so far: it may be proposed again."""
+        self._made.clear()
+        self._shown.clear()
+
     def refuse(self, proposal: Proposal) -> None:
         """Never make it again."""
         self._made[_key(proposal.recipe)] = None

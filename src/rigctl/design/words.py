@@ -94,15 +94,17 @@ def _detection(found: DesignResult) -> str:
 
 
 def _precision(found: DesignResult) -> str:
-    name = " and ".join(found.rivals[0].effects)
+    names = found.rivals[0].effects
+    name = " and ".join(names or found.rivals[0].name.split(" + "))
+    begun = f"{name} {'is' if len(names) < 2 else 'are'} what is missing; " if names else ""
     if not found.records:
-        return f"{name} is what is missing, and no record that this bench can make tells its size better"
+        return f"{begun}no record that this bench can make tells the size of {name} better"
     gains = ", ".join(
         f"{one.name.partition('.')[2]} ± {one.before:.3g} {one.unit} becomes ± {one.after:.3g} {one.unit}"
         for one in found.sharpened
     )
     tells = "tells" if len(found.records) == 1 else "tell"
-    return f"{name} is what is missing; {_amount(found)} {tells} its size better: {gains} (95 %)"
+    return f"{begun}{_amount(found)} {tells} the size of {name} better: {gains} (95 %)"
 
 
 def _amount(found: DesignResult) -> str:

@@ -177,7 +177,8 @@ class Effect:
     confused_with: effects that do nearly the same to the data.
     instead_of: effects that say the same in another way: a model has one or the other.
     needs: what the data must hold for the effect to show at all.
-    becomes: parameter, value and the effect that this one is there: a law that is nested in it.
+    becomes: parameter, its value there (or the parameter that it is equal to there), and the effect that this
+        one is then: a law that is nested in it.
     base: base physics instead: the family's parameters and the values that take it away; such an effect is in
         every model and has no terms of its own.
     own_family: the family itself where its name alone does not find it: a user's, from a file.
@@ -200,7 +201,7 @@ class Effect:
     confused_with: tuple[str, ...] = ()
     instead_of: tuple[str, ...] = ()
     needs: str | None = None
-    becomes: tuple[tuple[str, float, str], ...] = ()
+    becomes: tuple[tuple[str, float | str, str], ...] = ()
     base: Mapping[str, float] = field(default_factory=dict)
     own_family: ModelFamily | None = None
     valid: tuple[ValidRange, ...] = ()
@@ -288,7 +289,8 @@ def problems(effect: Effect, family: ModelFamily) -> list[str]:
         if parameter.at_least is not None:
             found += _wrong_order(effect, parameter)
     known = {parameter.name for parameter in effect.parameters}
-    found += [f"becomes: unknown parameter {name!r}" for name, _, _ in effect.becomes if name not in known]
+    named = [name for one, at, _ in effect.becomes for name in (one, at) if isinstance(name, str)]
+    found += [f"becomes: unknown parameter {name!r}" for name in named if name not in known]
     return found
 
 

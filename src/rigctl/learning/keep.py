@@ -32,6 +32,8 @@ class Task:
     bench: how the bench is reached: backend, port, seed, hidden effects, as they were given.
     runs: data that were there already; the first round is not carried out then.
     budget: s of the rig's time, None for as much as it takes; `rounds` at most.
+    precision: the largest 95 % half width of an added size, as a share of it, with which learning is content;
+        None for any.
     """
 
     procedure: str
@@ -44,6 +46,7 @@ class Task:
     budget: float | None = None
     rounds: int = 5
     hold_out: str = ""
+    precision: float | None = None
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -171,12 +174,15 @@ class Kept:
             self.write()
         return learned
 
-    def reopen(self, *, budget: float | None = None, rounds: int | None = None) -> None:
-        """Go on with what was cut off, declined, or out of time or rounds.
+    def reopen(
+        self, *, budget: float | None = None, rounds: int | None = None, precision: float | None = None
+    ) -> None:
+        """Go on with what was cut off, declined, or out of time or rounds; with what is adequate, where its
+        sizes are to be known better.
 
         Parameters
         ----------
-        budget, rounds: in place of those of the task.
+        budget, rounds, precision: in place of those of the task.
 
         Raises
         ------
@@ -184,7 +190,8 @@ class Kept:
             it came to an end of which more rounds change nothing.
         """
         ended = None if self.learned is None else Ended(self.learned["ended"])
-        if ended is not None and ended not in _GOES_ON:
+        sharper = ended is Ended.ADEQUATE and precision is not None
+        if ended is not None and ended not in _GOES_ON and not sharper:
             raise RigctlError(
                 f"this learning has ended: {ended.value.replace('_', ' ')}",
                 value=self.folder.name,
@@ -195,6 +202,7 @@ class Kept:
             self.task,
             budget=self.task.budget if budget is None else budget,
             rounds=self.task.rounds if rounds is None else rounds,
+            precision=self.task.precision if precision is None else precision,
         )
         self.write()
 

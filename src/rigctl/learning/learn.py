@@ -13,8 +13,10 @@ from rigctl.analysis.improve import Improvement, improve
 from rigctl.analysis.search import OnProgress
 from rigctl.dataset import Run, find_run, open_run
 from rigctl.design.design import design_experiment
-from rigctl.design.refusals import NothingLeft, TooLittleTime
+from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
 from rigctl.design.result import DesignResult
+from rigctl.design.size import relative_width
+from rigctl.design.words import HALF
 from rigctl.discovery.gate import gate_of
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import Bench, seconds_of
@@ -26,6 +28,8 @@ from rigctl.plan import Plan
 
 #: asked before a round: what would be measured, and why; the answer is whether it is to be
 Ask = Callable[[Round, DesignResult], bool]
+#: a round that narrows no interval to less than this share is not worth the rig's time
+_NOTICEABLY = 0.95
 
 
 @dataclass
@@ -44,6 +48,8 @@ class Learner:
     working: entered around each stretch of analysis, told what is being done; a run and a question have the
         terminal to themselves.
     on_round: told of each round that has been judged.
+    designer: what designs the next records.
+    worth: the least probability that a round promises.
     """
 
     kept: Kept
@@ -52,6 +58,8 @@ class Learner:
     ask: Ask
     working: Callable[[], AbstractContextManager[OnProgress]] = lambda: nullcontext(lambda _: None)
     on_round: Callable[[Round], None] = lambda _: None
+    designer: Callable[..., DesignResult] | None = None
+    worth: float = HALF
 
     def learn(self) -> Learned:
         """Go on until there is no further round.
@@ -150,12 +158,15 @@ class Learner:
             design = self._design(last, judged.number)
         except TooLittleTime as problem:
             return self._ended(Ended.BUDGET, problem.what)
-        except NothingLeft as problem:
-            return self._ended(Ended.NOT_SEPARABLE, problem.what)
-        if not design.separable:
-            channels = () if design.sensor is None else design.sensor.channels
-            return self._ended(Ended.NOT_SEPARABLE, design.statement, channels)
-        return self._proposed(design)
+        except (NothingToSet, NothingLeft) as problem:
+            sensors = problem.sensors if isinstance(problem, NothingToSet) else ()
+            said = f"{problem.what}. {problem.hint}" if sensors else problem.what
+            return self._ended(_without_records(last), said, sensors)
+        promising = bool(design.records) and design.after >= self.worth
+        if promising and (design.aim != "precision" or _sharpens(design)):
+            return self._proposed(design)
+        channels = () if design.sensor is None else design.sensor.channels
+        return self._ended(_without_records(last), design.statement, channels)
 
     def _exhausted(self, judged: Round) -> Learned | None:
         """How learning ended where no further round is allowed."""
@@ -169,10 +180,11 @@ class Learner:
         """The next records; with the sensor that the bench could have where no record does it."""
         with self.working() as on_progress:
             on_progress("Designing the next records")
-            return design_experiment(
+            return (self.designer or design_experiment)(
                 self._open_runs(),
                 last.before.fit.problem.model,
                 budget=self._time_left,
+                precise=self._to_be_sized(last) if last.verdict is Verdict.ADEQUATE else (),
                 seed=number,
                 hold_out=self.kept.task.hold_out or None,
                 diagnosis=last,
@@ -196,16 +208,42 @@ class Learner:
     def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
         """How learning ended where no further record is worth asking for."""
         if last.verdict is Verdict.ADEQUATE and not last.doubt:
-            return self._ended(Ended.ADEQUATE, last.statement)
+            vague = bool(self._to_be_sized(last))
+            return None if vague else self._ended(Ended.ADEQUATE, last.statement)
         if last.doubt:
             return self._ended(
                 Ended.NOT_DECIDED, f"these data cannot tell whether anything is missing: {last.doubt}"
             )
         if judged.came_out is not None and not judged.came_out.kept:
             return self._ended(Ended.OUTSIDE_LIBRARY, judged.came_out.statement)
-        if gate_of(last).open:
+        if gate_of(last).open and not self._may_yet_predict(last):
             return self._ended(Ended.OUTSIDE_LIBRARY, last.statement)
         return None
+
+    def _may_yet_predict(self, last: Diagnosis) -> bool:
+        """Whether more records may settle what is missing: one round is made for what is named and does not
+        predict what it was not fitted on, as that may be for want of records of the kind that tells it."""
+        asked = {
+            name
+            for one in self.kept.rounds
+            if one.judged and one.promised is not None and one.promised.aim == "precision"
+            for rival in one.promised.rivals
+            for name in rival.split(" + ")
+        }
+        return bool(last.unconfirmed) and not set(last.unconfirmed) <= asked
+
+    def _to_be_sized(self, last: Diagnosis) -> tuple[str, ...]:
+        """The effects whose size is not known as well as was asked for: those that were added, or, where none
+        was, all that the model has."""
+        wanted, model = self.kept.task.precision, last.before.fit.problem.model
+        if wanted is None:
+            return ()
+        added = {name for one in self.kept.rounds for name, _ in one.added}
+        return tuple(
+            name
+            for name in model.effects
+            if (name in added or not added) and relative_width(last.before.fit, [name]) > wanted
+        )
 
     # --- what is common to them -----------------------------------------------------------------------------
 
@@ -216,6 +254,18 @@ class Learner:
         rounds = tuple(self.kept.rounds)
         version = current_version(Path(self.kept.task.model)).number
         return Learned(rounds, why, self.kept.task.model, version, self.kept.spent, statement, sensor)
+
+
+def _without_records(last: Diagnosis) -> Ended:
+    """How learning ends where no record that this bench can make is worth taking."""
+    if last.verdict is Verdict.ADEQUATE:
+        return Ended.ADEQUATE
+    return Ended.OUTSIDE_LIBRARY if gate_of(last).open else Ended.NOT_SEPARABLE
+
+
+def _sharpens(design: DesignResult) -> bool:
+    """Whether records tell a size noticeably better."""
+    return any(one.after < _NOTICEABLY * one.before for one in design.sharpened)
 
 
 def require_time(plan: Plan, budget: float | None) -> None:

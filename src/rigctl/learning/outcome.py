@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.design.result import NONE, DesignResult
+from rigctl.design.size import known_to
 from rigctl.learning.result import CameOut, Promised
 
 
@@ -20,6 +21,8 @@ def promise_of(design: DesignResult) -> Promised:
         records=tuple(
             ", ".join(f"{name} {value}" for name, value in one.settings.items()) for one in design.records
         ),
+        aim=design.aim,
+        sharpened=tuple(one.document() for one in design.sharpened),
     )
 
 
@@ -34,6 +37,8 @@ def what_came_out(promised: Promised, found: Diagnosis) -> CameOut:
     ----------
     found: the diagnosis of the same model on the data with those of the round.
     """
+    if promised.aim == "precision":
+        return _sized(promised, found)
     scores = _scores(found)
     here = {name: scores[name] for name in promised.rivals if name in scores}
     winner = _winner(promised, found, here)
@@ -52,6 +57,30 @@ def what_came_out(promised: Promised, found: Diagnosis) -> CameOut:
     return CameOut(
         winner, gains, expected, told=told, kept=True, statement=_said(winner, gains, expected, told)
     )
+
+
+def _sized(promised: Promised, found: Diagnosis) -> CameOut:
+    """How well the sizes are known now, beside what was promised.
+
+    They are those of effects that the model has, or of the one that these data name. Where the diagnosis
+    names another one beside which these are not, or nothing at all, the bench answered otherwise.
+    """
+    names = [name for one in promised.rivals for name in one.split(" + ")]
+    model = found.before.fit.problem.model
+    there = found.before.fit if all(name in model.effects for name in names) else found.best.fit
+    sizes = known_to(there, [one["parameter"] for one in promised.sharpened])
+    kept = bool(sizes) and (there is found.before.fit or set(names) <= set(found.effects))
+    if not kept:
+        named = " + ".join(found.effects) or "nothing that was among them"
+        said = f"the bench answered otherwise than {' and '.join(names)} would: it asks for {named}"
+        return CameOut("", {}, {}, told=False, kept=False, statement=said)
+    said = ", ".join(
+        f"{one['parameter']} is known to ± {sizes[one['parameter']]:.3g} {one['unit']} (95 %), "
+        f"± {one['after']:.3g} was expected, ± {one['before']:.3g} before"
+        for one in promised.sharpened
+        if one["parameter"] in sizes
+    )
+    return CameOut(" + ".join(names), {}, {}, told=True, kept=True, statement=said, sizes=sizes)
 
 
 def _scores(found: Diagnosis) -> Mapping[str, float]:

@@ -31,6 +31,8 @@ class Ended(StrEnum):
 class Promised:
     """What a designed round was promised to tell, as it stood before anything was measured.
 
+    Of one that is to tell a size better, there are no rivals that it could tell apart.
+
     Attributes
     ----------
     rivals: names, the most probable first, with the weights that they had.
@@ -39,6 +41,9 @@ class Promised:
     outlooks: of each ordered pair (truth, rival): margin so far, D and probability.
     duration: s of the rig's time.
     records: what was to be measured, in words.
+    aim: as of the design.
+    sharpened: of aim ``precision``, each parameter with its unit and the half widths of its 95 % interval
+        before and after, as of the design.
     """
 
     rivals: Mapping[str, float]
@@ -47,6 +52,8 @@ class Promised:
     outlooks: tuple[Mapping[str, Any], ...]
     duration: float
     records: tuple[str, ...]
+    aim: str = "discrimination"
+    sharpened: tuple[Mapping[str, Any], ...] = ()
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -57,6 +64,8 @@ class Promised:
             "outlooks": [dict(one) for one in self.outlooks],
             "duration": self.duration,
             "records": list(self.records),
+            "aim": self.aim,
+            "sharpened": [dict(one) for one in self.sharpened],
         }
 
     @classmethod
@@ -69,6 +78,8 @@ class Promised:
             outlooks=tuple(document["outlooks"]),
             duration=float(document["duration"]),
             records=tuple(document["records"]),
+            aim=document.get("aim", "discrimination"),
+            sharpened=tuple(document.get("sharpened", ())),
         )
 
 
@@ -84,6 +95,8 @@ class CameOut:
     told: whether the winner is told from all the others now.
     kept: whether the bench answered as one of the rivals said; False sends a user to `rigctl discover`.
     statement: in words.
+    sizes: of a round for precision, the half width that each parameter is known to now, in the units of
+        `Promised.sharpened`.
     """
 
     winner: str
@@ -92,6 +105,7 @@ class CameOut:
     told: bool
     kept: bool
     statement: str
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -102,6 +116,7 @@ class CameOut:
             "told_apart": self.told,
             "kept": self.kept,
             "statement": self.statement,
+            "sizes": dict(self.sizes),
         }
 
     @classmethod
@@ -114,6 +129,7 @@ class CameOut:
             told=bool(document["told_apart"]),
             kept=bool(document["kept"]),
             statement=document["statement"],
+            sizes=dict(document.get("sizes", {})),
         )
 
 

@@ -102,6 +102,10 @@ class Learnt:
     left: the classes of more than one that the first campaign left.
     probability, separation: promised of the first designed round; None where none was carried out.
     winner, told, kept, gains, expected: what came of it, as of `rigctl.learning.result.CameOut`.
+    chances: of the first designed round, the probability that what is hidden is told from each rival.
+    apart: those that it is told from, where it is named.
+    of_random: what the median of the records is worth that the design began with; `of_first` its first one.
+    sensor: that would tell what is left apart.
     """
 
     ended: str = ""
@@ -115,12 +119,18 @@ class Learnt:
     kept: bool = True
     gains: Mapping[str, float] = field(default_factory=dict)
     expected: Mapping[str, float] = field(default_factory=dict)
+    chances: Mapping[str, float] = field(default_factory=dict)
+    apart: tuple[str, ...] = ()
+    of_random: float | None = None
+    of_first: float | None = None
+    sensor: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Learnt:
-        """What `document` was made of, also after a way through JSON."""
+        """What `document` was made of, also after a way through JSON; older ones have less in them."""
         left = tuple(tuple(names) for names in document["left"])
-        return cls(**{**document, "added": tuple(document["added"]), "left": left})
+        several = {name: tuple(document.get(name, ())) for name in ("added", "apart", "sensor")}
+        return cls(**{**document, **several, "left": left})
 
 
 @dataclass(frozen=True)

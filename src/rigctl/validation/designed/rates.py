@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Learnt
 
 #: promised probabilities that are counted together
-BINS = ((0.5, 0.6), (0.6, 0.7), (0.7, 0.8), (0.8, 0.9), (0.9, 1.0))
+BINS = ((0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
+#: a share of so many pairs or more may be this far from the mean of what they were promised
+_ENOUGH, _APART = 20, 0.10
+#: D of a designed record over the median of any that the bench can make
+_BETTER = 4.0
 
 
 def design_figures(outcomes: Sequence[DesignOutcome]) -> Figures:
@@ -19,26 +24,74 @@ def design_figures(outcomes: Sequence[DesignOutcome]) -> Figures:
 
 def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
     """All rates of the tier, with their targets."""
-    made = [outcome for outcome in outcomes if outcome.counts]
+    every = [outcome for outcome in outcomes if outcome.counts]
+    made = [one for one in every if not one.scenario.taken]
     open_before = [one for one in made if _of(one).left]
     designed = [one for one in open_before if _of(one).probability is not None]
     whole = [one for one in made if one.scenario.rounds > 2]
+    at_random = [one for one in every if one.scenario.taken and _of(one).probability is not None]
+    compared = [one for one in designed if _of(one).of_random]
     found = [
         rate_of("the campaign leaves a class", "records are proposed", open_before, _proposed),
         rate_of("one designed set", "the truth alone is named", designed, _alone, at_least=0.80),
         rate_of("one designed set", "another one is named", designed, _wrong, at_most=0.01),
-        *_promises(designed),
+        rate_of("one to four records at random", "the truth alone is named", at_random, _alone),
+        rate_of("one to four records at random", "another one is named", at_random, _wrong, at_most=0.01),
+        rate_of("D of the first designed record", "4 times a random one's", compared, _telling, at_least=0.5),
+        *(one.rate for one in promises(every)),
         rate_of("learning to its end", "adequate, the truth or its class", whole, _learnt, at_least=0.90),
         rate_of("learning to its end", "something wrong is added", whole, _wrong, at_most=0.01),
     ]
     return tuple(rate for rate in found if rate.trials)
 
 
-def _promises(designed: Sequence[DesignOutcome]) -> Iterator[Rate]:
-    """Of what was promised with a probability, how much came out."""
+@dataclass(frozen=True)
+class Promises:
+    """Pairs that were promised to be told apart with about one probability.
+
+    Attributes
+    ----------
+    low, high: of the probabilities.
+    mean: what was promised, on average.
+    came_out, pairs: how many of how many were told apart.
+    """
+
+    low: float
+    high: float
+    mean: float
+    came_out: int
+    pairs: int
+
+    @property
+    def rate(self) -> Rate:
+        """With what the share may differ from the mean by, where there are enough of them."""
+        enough = self.pairs >= _ENOUGH
+        return Rate(
+            f"a pair promised with {self.low:.0%} to {self.high:.0%}, {self.mean:.0%} on average",
+            "told apart",
+            self.came_out,
+            self.pairs,
+            at_least=max(self.mean - _APART, 0.0) if enough else None,
+            at_most=min(self.mean + _APART, 1.0) if enough else None,
+        )
+
+
+def promises(outcomes: Sequence[DesignOutcome]) -> Iterator[Promises]:
+    """Of each pair of what is hidden and a rival, what was promised and what came out; in bins.
+
+    Designed and random records together: few designs promise little.
+    """
+    pairs = [
+        (chance, rival in _of(one).apart)
+        for one in outcomes
+        if one.counts
+        for rival, chance in _of(one).chances.items()
+    ]
     for low, high in BINS:
-        among = [one for one in designed if low <= (_of(one).probability or 0.0) < high + (high == 1.0)]
-        yield rate_of(f"promised with {low:.0%} to {high:.0%}", "came out", among, _came_out)
+        among = [(chance, told) for chance, told in pairs if low <= chance < high + (high == 1.0)]
+        if among:
+            mean = sum(chance for chance, _ in among) / len(among)
+            yield Promises(low, high, mean, sum(told for _, told in among), len(among))
 
 
 def _of(outcome: DesignOutcome) -> Learnt:
@@ -49,8 +102,8 @@ def _proposed(outcome: DesignOutcome) -> bool:
     return _of(outcome).probability is not None
 
 
-def _came_out(outcome: DesignOutcome) -> bool:
-    return _of(outcome).told and _of(outcome).winner in outcome.scenario.truth
+def _telling(outcome: DesignOutcome) -> bool:
+    return (_of(outcome).of_first or 0.0) >= _BETTER * (_of(outcome).of_random or 0.0)
 
 
 def _alone(outcome: DesignOutcome) -> bool:
@@ -73,10 +126,10 @@ def _learnt(outcome: DesignOutcome) -> bool:
 
 
 def _confusion(outcomes: Sequence[DesignOutcome]) -> dict[str, dict[str, int]]:
-    """By what was hidden, what was added."""
+    """By what was hidden, what was added; of designed records."""
     table: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
-        if outcome.counts:
+        if outcome.counts and not outcome.scenario.taken:
             row = table.setdefault(" + ".join(sorted(outcome.scenario.truth)), {})
             said = (
                 "failed" if outcome.failure else " + ".join(sorted(_of(outcome).added)) or _of(outcome).ended

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from rigctl.validation.scenario import Scenario, Wanted
 
 #: λ of what is hidden in the first campaign: between hardly seen and told from its twins
 SIZES = (10.0, 20.0, 40.0)
-_SEEDS = 3
+_SEEDS, _FIRST_SEED = 3, 70_000
+#: sets of records at random for each first campaign, the first of one record
+_DRAWS = 4
 #: effects that the published campaign leaves in a class with others at one of these sizes, or nearly
 TWINS = (
     "valve_leakage",
@@ -46,17 +49,22 @@ class DesignTrial:
     ----------
     hidden: one or two effects; `size` the λ of each in the first campaign, in sigmas.
     rounds: at most, the first included.
+    taken: how many records at random points are taken instead of a designed set; 0 for the designed set.
+    draw: of these.
     """
 
     hidden: tuple[str, ...]
     size: float
     rounds: int = 2
     seed: int = 0
+    taken: int = 0
+    draw: int = 0
 
     @property
     def name(self) -> str:
         """All of it in one line, unique."""
-        return f"{' '.join(self.hidden)} {self.size:g} {self.rounds} rounds seed {self.seed}"
+        told = f"{' '.join(self.hidden)} {self.size:g} {self.rounds} rounds seed {self.seed}"
+        return f"{told} random {self.taken} draw {self.draw}" if self.taken else told
 
     @property
     def truth(self) -> tuple[str, ...]:
@@ -87,10 +95,23 @@ class DesignTrial:
 
 
 def design_trials() -> tuple[DesignTrial, ...]:
-    """Every twin at every size; in an order in which a part is a fair sample of all."""
-    found = [*_twins(), *_learnt()]
-    order = np.random.default_rng(0).permutation(len(found))
-    return tuple(found[int(i)] for i in order)
+    """Every twin at every size, and as many with records at random in the place of a designed set; in an
+    order in which a part is a fair sample of all."""
+    designed, at_random = _mixed([*_twins(), *_learnt()], 0), _mixed([*_at_random()], 1)
+    both = zip_longest(designed, at_random)
+    return tuple(one for pair in both for one in pair if one is not None)
+
+
+def _mixed(found: Sequence[DesignTrial], seed: int) -> list[DesignTrial]:
+    return [found[int(k)] for k in np.random.default_rng(seed).permutation(len(found))]
+
+
+def _at_random() -> Iterator[DesignTrial]:
+    """First campaigns again, gone on with by one to four records at random points."""
+    for one in _twins():
+        if one.seed == _FIRST_SEED:
+            for draw in range(_DRAWS):
+                yield replace(one, taken=1 + draw, draw=draw)
 
 
 def _twins() -> Iterator[DesignTrial]:
@@ -98,7 +119,7 @@ def _twins() -> Iterator[DesignTrial]:
     for name in TWINS:
         for size in SIZES:
             for seed in range(_SEEDS):
-                yield DesignTrial((name,), size, seed=70_000 + seed)
+                yield DesignTrial((name,), size, seed=_FIRST_SEED + seed)
 
 
 def _learnt() -> Iterator[DesignTrial]:

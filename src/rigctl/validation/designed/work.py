@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias, cast
 
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.dataset import Run
+from rigctl.design.design import random_experiment
+from rigctl.design.result import DesignResult
 from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
 from rigctl.files.shipped import shipped
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner
-from rigctl.learning.result import Learned
+from rigctl.learning.result import Learned, Round
+from rigctl.model import Model
 from rigctl.validation.designed.trial import PRESSURES, TEMPERATURES, DesignTrial
 from rigctl.validation.live_bench import SeparateBench
 from rigctl.validation.outcome import Learnt, TrialOutcome, Verdict
@@ -26,6 +32,8 @@ DesignOutcome: TypeAlias = TrialOutcome[DesignTrial]
 @switched_off()
 def carry_out_design(trial: DesignTrial) -> DesignOutcome:
     """Hide, measure, diagnose, design, measure what was designed, and say what came of the promise.
+
+    Of a trial with records at random these are measured in the place of designed ones, whatever they promise.
 
     Raises
     ------
@@ -45,7 +53,7 @@ def carry_out_design(trial: DesignTrial) -> DesignOutcome:
     if not all(each.reached for each in amplitudes):
         return replace(made, untested="no amplitude has the size wanted")
     with TemporaryDirectory() as folder:
-        learned = _learned(trial, made.amplitudes, Path(folder))
+        learned, designs = _learned(trial, made.amplitudes, Path(folder))
     first, last = learned.rounds[0], [one for one in learned.rounds if one.judged][-1]
     return replace(
         made,
@@ -53,12 +61,15 @@ def carry_out_design(trial: DesignTrial) -> DesignOutcome:
         effects=(*learned.added, *(name for name in last.effects if name not in learned.added)),
         classes=tuple(names for one in learned.rounds for names in one.classes),
         first=first.effects[0] if first.effects else None,
-        learnt=_learnt(learned),
+        learnt=_learnt(trial, learned, designs),
         seconds=time.process_time() - began,
     )
 
 
-def _learned(trial: DesignTrial, amplitudes: tuple[float, ...], folder: Path) -> Learned:
+def _learned(
+    trial: DesignTrial, amplitudes: tuple[float, ...], folder: Path
+) -> tuple[Learned, list[DesignResult]]:
+    """The learning, and each round's design."""
     model = folder / "model.yaml"
     model.write_bytes(shipped("models", "hl32-textbook.yaml").read_bytes())
     runs = folder / "runs"
@@ -75,13 +86,44 @@ def _learned(trial: DesignTrial, amplitudes: tuple[float, ...], folder: Path) ->
     )
     campaign = trial.scenario.campaign(amplitudes)
     bench = SeparateBench(campaign, shipped("rigs", "hl32-bench.yaml"), runs)
-    return Learner(Kept.create(folder, task, "design"), bench, runs, lambda *_: True).learn()
+    designs: list[DesignResult] = []
+
+    def yes(_: Round, design: DesignResult) -> bool:
+        designs.append(design)
+        return True
+
+    learner = Learner(Kept.create(folder, task, "design"), bench, runs, yes)
+    if trial.taken:
+        learner = replace(learner, designer=_at_random(trial), worth=0.0)
+    return learner.learn(), designs
 
 
-def _learnt(learned: Learned) -> Learnt:
+def _at_random(trial: DesignTrial) -> Callable[..., DesignResult]:
+    """Takes records at random points, of as many as the trial says."""
+
+    def records(runs: Sequence[Run], model: Model, *, diagnosis: Diagnosis, **_: object) -> DesignResult:
+        return random_experiment(runs, diagnosis, records=trial.taken, seed=1000 * trial.seed + trial.draw)
+
+    return records
+
+
+def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult]) -> Learnt:
     first = learned.rounds[0]
     promised, came_out = learned.promises[0] if learned.promises else (None, None)
+    chances: dict[str, float] = {}
+    apart: tuple[str, ...] = ()
+    (truth, *more) = trial.hidden
+    if promised is not None and came_out is not None and not more:
+        chances = {one["rival"]: one["probability"] for one in promised.outlooks if one["truth"] == truth}
+        (after,) = [one for one in learned.rounds if one.promised is promised]
+        with_it = {name for names in after.classes if truth in names for name in names}
+        apart = tuple(name for name in chances if truth in with_it and name not in with_it)
     return Learnt(
+        chances=chances,
+        apart=apart,
+        of_random=designs[0].of_random if designs else None,
+        of_first=designs[0].records[0].separation if designs else None,
+        sensor=learned.sensor,
         ended=learned.ended.value,
         rounds=len([one for one in learned.rounds if one.judged]),
         added=learned.added,

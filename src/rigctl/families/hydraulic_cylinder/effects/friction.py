@@ -122,6 +122,7 @@ STRIBECK_FRICTION = Effect(
     states=(_bending(),),
     looks_like="As Coulomb friction, with a jerk at the start; shows at slow speeds only.",
     confused_with=("coulomb_friction", "pressure_friction"),
+    becomes=(("static_force", "force", "coulomb_friction"),),
     needs="slow motion",
 )
 

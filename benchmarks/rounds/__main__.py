@@ -1,0 +1,63 @@
+"""Ten thousand rounds that a design may propose, carried out: ``python -m benchmarks.rounds``.
+
+On every rig that comes with rigctl, after a few records of its simulated bench: records at random points of
+all that may be varied, each carried out with one of the explanations as the truth. Counted are those in which
+an interlock of the runner trips; `tests/design/test_rounds.py` carries out a few of the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.record import keep, table
+from rigctl.files.shipped import shipped
+from rigctl.validation.designed.rounds import Tally
+from rigctl.validation.designed.shipped_benches import BENCHES, proposer
+
+HERE = Path(__file__).parent
+
+
+def main() -> None:
+    """Carry them out, print what came of them, and keep it beside this file."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rounds", type=int, default=10_000, help="on all rigs together")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    each = -(-given.rounds // len(BENCHES))
+    rows = [("rig", "rounds", "not let through", "no solution", "tripped", "processor s")]
+    results: dict[str, object] = {"rounds": given.rounds, "seed": given.seed}
+    tripped = 0
+    for name in BENCHES:
+        began = time.process_time()
+        with tempfile.TemporaryDirectory() as folder:
+            found = proposer(name, Path(folder)).carry_out(each, given.seed)
+        seconds = time.process_time() - began
+        rows.append((name, *_counts(found), f"{seconds:.0f}"))
+        results[name] = {
+            "carried_out": found.carried_out,
+            "refused": found.refused,
+            "failed": found.failed,
+            "tripped": [f"{one.alarm.name}: {one.settings}; {'; '.join(one.steps)}" for one in found.tripped],
+            "seconds": seconds,
+        }
+        tripped += len(found.tripped)
+        print(" ".join(rows[-1]), flush=True)
+    table("Rounds that a design may propose, carried out", rows)
+    missing = {path.stem for path in shipped("rigs").glob("*.yaml")} - set(BENCHES)
+    print(f"rigs that are not among them: {', '.join(sorted(missing)) or 'none'}")
+    print(f"kept in {keep(HERE, results, 'numpy', 'scipy')}")
+    sys.exit(1 if tripped else 0)
+
+
+def _counts(found: Tally) -> tuple[str, ...]:
+    return str(found.carried_out), str(found.refused), str(found.failed), str(len(found.tripped))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""How promises were kept, as a picture: the share of pairs that were told apart over what was promised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rigctl.validation.designed.rates import Promises
+
+_SIDE, _LEFT, _TOP = 320.0, 64.0, 20.0
+_WIDTH, _HEIGHT = _LEFT + _SIDE + 24.0, _TOP + _SIDE + 56.0
+
+
+def calibration_svg(found: Sequence[Promises]) -> str:
+    """A square with the diagonal; each bin a point with its 95 % bounds and the number of its pairs."""
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" '
+        f'width="{_WIDTH:g}" height="{_HEIGHT:g}" font-family="sans-serif" font-size="12">',
+        "<title>Share of pairs told apart over the promised probability</title>",
+        f'<rect width="{_WIDTH:g}" height="{_HEIGHT:g}" fill="#ffffff"/>',
+        *_axes(),
+        f'<path d="M{_x(0):g},{_y(0):g} L{_x(1):g},{_y(1):g}" stroke="#999999" stroke-dasharray="4 4"/>',
+    ]
+    for one in found:
+        parts += _point(one)
+    return "\n".join([*parts, "</svg>", ""])
+
+
+def _axes() -> Iterator[str]:
+    yield (
+        f'<rect x="{_x(0):g}" y="{_y(1):g}" width="{_SIDE:g}" height="{_SIDE:g}" fill="none" stroke="#333"/>'
+    )
+    for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        yield (
+            f'<text x="{_x(share):g}" y="{_y(0) + 18:g}" text-anchor="middle" fill="#333333">'
+            f"{share:.0%}</text>"
+        )
+        yield (
+            f'<text x="{_x(0) - 8:g}" y="{_y(share) + 4:g}" text-anchor="end" fill="#333">{share:.0%}</text>'
+        )
+    yield (
+        f'<text x="{_x(0.5):g}" y="{_y(0) + 42:g}" text-anchor="middle" fill="#111111">'
+        "promised probability that a pair is told apart</text>"
+    )
+    yield (
+        f'<text transform="translate(16,{_y(0.5):g}) rotate(-90)" text-anchor="middle" fill="#111111">'
+        "share that was told apart</text>"
+    )
+
+
+def _point(one: Promises) -> Iterator[str]:
+    rate = one.rate
+    x, y = _x(one.mean), _y(rate.value)
+    yield f'<path d="M{x:.1f},{_y(rate.low):.1f} V{_y(rate.high):.1f}" stroke="#0072b2" stroke-width="1.5"/>'
+    yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="#0072b2"/>'
+    side, anchor = (8.0, "start") if one.mean < 0.8 else (-8.0, "end")
+    yield (
+        f'<text x="{x + side:.1f}" y="{y + 16:.1f}" text-anchor="{anchor}" fill="#111111">'
+        f"{one.came_out} of {one.pairs}</text>"
+    )
+
+
+def _x(share: float) -> float:
+    return _LEFT + share * _SIDE
+
+
+def _y(share: float) -> float:
+    return _TOP + (1.0 - share) * _SIDE

@@ -1,0 +1,176 @@
+"""Whether designed rounds keep a bench inside its limits: records that a search may propose, carried out.
+
+Nothing is designed for: what is drawn is anything that the search would let through. The bench follows one of
+the explanations, its parameters within what the data so far leave open, its sensors noisy, and the runner's
+own interlocks look at every reading. They share no code with what keeps proposals clear of the limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.refit import plain
+from rigctl.design.promise import drawn
+from rigctl.design.recipe import Recipe, Stage, lines_of
+from rigctl.design.result import NONE
+from rigctl.design.rivals import Rival, at_usual_size
+from rigctl.design.scheme import Scheme, schemes_of, stage_of
+from rigctl.design.search import Proposal, Workshop
+from rigctl.design.so_far import known_so_far
+from rigctl.design.virtual_records import Outlines
+from rigctl.engine.simulate import simulate
+from rigctl.errors import RigctlError
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.rig import Rig
+from rigctl.runner.interlocks import Alarm, Interlocks
+
+Floats = NDArray[np.float64]
+
+#: candidates that are looked at together
+_AT_ONCE = 64
+
+
+@dataclass(frozen=True)
+class Tripped:
+    """A round in which an interlock tripped: where, and what was done."""
+
+    alarm: Alarm
+    settings: str
+    steps: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Tally:
+    """What came of many rounds.
+
+    Attributes
+    ----------
+    carried_out: rounds.
+    refused: candidates that were not let through.
+    failed: rounds in which the bench's equations had no solution.
+    tripped: those in which an interlock tripped.
+    """
+
+    carried_out: int
+    refused: int
+    failed: int
+    tripped: tuple[Tripped, ...]
+
+
+@dataclass(frozen=True)
+class Proposer:
+    """All that may be proposed on a bench after some data."""
+
+    rig: Rig
+    stage: Stage
+    schemes: tuple[Scheme, ...]
+    workshop: Workshop
+
+    @classmethod
+    def after(cls, compared: ModelComparison, rig: Rig, effects: Sequence[str]) -> Proposer:
+        """With the model as it was fitted and each of these effects at its usual size as explanations.
+
+        Effects that have no value here are left out.
+        """
+        fitted = compared.fit
+        found = [(NONE, plain(fitted)), *((name, at_usual_size(compared, name)) for name in effects)]
+        trials = [(name, trial) for name, trial in found if trial is not None]
+        noise = max(1.0, fitted.chi2_reduced)
+        rivals = tuple(Rival(name, trial, 0.0, 1.0 / len(trials), noise) for name, trial in trials)
+        stage = stage_of(fitted, rig)
+        schemes = schemes_of(stage, fitted.problem.records)
+        return cls(rig, stage, schemes, Workshop(rivals, known_so_far(rivals), stage))
+
+    def carry_out(self, rounds: int, seed: int) -> Tally:
+        """So many records at random points of all schemes, each carried out once."""
+        rng = np.random.default_rng(seed)
+        carried_out, refused, failed, tripped = 0, 0, 0, list[Tripped]()
+        for proposal in self._proposals(rng):
+            if carried_out == rounds:
+                break
+            if proposal is None:
+                refused += 1
+                continue
+            carried_out += 1
+            try:
+                alarms = self._alarms(proposal.recipe, rng)
+            except RigctlError:
+                failed += 1
+                continue
+            steps = lines_of(proposal.recipe, self.rig)
+            tripped += [Tripped(one, str(proposal.recipe.settings(self.rig)), steps) for one in alarms]
+        return Tally(carried_out, refused, failed, tuple(tripped))
+
+    def _proposals(self, rng: np.random.Generator) -> Iterator[Proposal | None]:
+        while True:
+            schemes = [self.schemes[int(k)] for k in rng.integers(len(self.schemes), size=_AT_ONCE)]
+            points = [(one, rng.uniform(size=len(one.free)).tolist()) for one in schemes]
+            yield from self.workshop.propose(points)
+            self.workshop.forget()
+
+    def _alarms(self, recipe: Recipe, rng: np.random.Generator) -> list[Alarm]:
+        """What the interlocks say while the levels hold before the record, and in it."""
+        place = int(rng.integers(len(self.workshop.rivals)))
+        rival = self.workshop.rivals[place]
+        values = drawn(rival, self.workshop.known.covariances[place], int(rng.integers(2**31)), 1)[0]
+        watches, clock, found = Interlocks(self.rig), 0.0, list[Alarm]()
+        for times, readings in self._courses(rival, values, recipe, rng):
+            for time, row in zip(times, self._rows(times + clock, readings), strict=True):
+                found += [one for one in watches.check([time + clock, -1.0, *row]) if one.active]
+            clock += float(times[-1]) + 1.0 / recipe.rate
+        return [one for one in found if not one.name.endswith(" noise")]
+
+    def _courses(
+        self, rival: Rival, values: Floats, recipe: Recipe, rng: np.random.Generator
+    ) -> Iterator[tuple[Floats, Floats]]:
+        """(times, readings) of what holds before the record, if anything does, and of the record."""
+        measurements = rival.fit.problem.measurements
+        course = self.stage.course(recipe)
+        if recipe.rest > 0.0:
+            before = self.stage.standing_course(recipe).record(measurements)
+            outputs = self._answered(rival, values, before, rng)
+            yield before.times, outputs
+            course = replace(
+                course, readings=dict(zip(measurements.outputs, outputs[-1].tolist(), strict=True))
+            )
+        record = course.record(measurements)
+        yield record.times, self._answered(rival, values, record, rng)
+
+    def _answered(
+        self, rival: Rival, values: Floats, record: MeasuredRecord, rng: np.random.Generator
+    ) -> Floats:
+        """(n, outputs) readings with their noise; what a record has of its own lies where it may lie."""
+        outlines = Outlines(rival, [record])
+        problem = outlines.problem
+        own = np.array(
+            [
+                one.unknown.start
+                + (one.unknown.prior.std * rng.standard_normal() if one.unknown.prior is not None else 0.0)
+                for one in problem.local[0]
+            ]
+        )
+        courses = simulate(problem.compiled, [problem.excitation(0, values, own)])
+        if not courses.ok:
+            raise RigctlError(f"the bench cannot be simulated: {courses.summary()}")
+        outputs = outlines.seen(courses.outputs[0])
+        sigma = problem.noise.sigma_at(outputs, record.times)
+        return np.asarray(outputs + sigma * rng.standard_normal(outputs.shape))
+
+    def _rows(self, times: Floats, readings: Floats) -> Floats:
+        """(n, columns) as the recorder has them; channels that the model says nothing of read what they did
+        in the data so far, or the middle of their range."""
+        outputs = self.workshop.rivals[0].fit.problem.measurements.outputs
+        layout = self.rig.layout
+        rows = np.zeros((times.size, len(layout.columns) - 2))
+        for k, name in enumerate(layout.channels):
+            if name in outputs:
+                rows[:, k] = readings[:, outputs.index(name)]
+            else:
+                ends = self.rig.channels[name].range or (0.0, 0.0)
+                rows[:, k] = 0.5 * (float(ends[0]) + float(ends[1]))
+        return rows

@@ -1,0 +1,24 @@
+"""Whatever a search may propose on a shipped rig, carried out: no interlock trips.
+
+The ten thousand rounds of `python -m benchmarks.rounds`, a few of each kind of rig.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigctl.files.shipped import shipped
+from rigctl.validation.designed.shipped_benches import BENCHES, proposer
+
+
+def test_every_shipped_rig_is_among_them() -> None:
+    assert set(BENCHES) == {path.stem for path in shipped("rigs").glob("*.yaml")}
+
+
+@pytest.mark.parametrize("rig", ["hl32-bench", "heater-board", "oil-circuit-modbus"])
+def test_no_round_that_may_be_proposed_trips_an_interlock(rig: str, tmp_path: Path) -> None:
+    tally = proposer(rig, tmp_path).carry_out(12, seed=7)
+    assert tally.carried_out == 12
+    assert (tally.failed, tally.tripped) == (0, ())
