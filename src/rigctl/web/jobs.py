@@ -1,22 +1,27 @@
 """What takes long: each piece of work in a process of its own, watched, stopped, its result kept.
 
-The work is a function of a module, given what it needs as plain values, and a `Report` to say how far it is.
-It begins with nothing of the server's: it opens runs and models itself, and what it returns is made JSON.
+The work is a command of rigctl, or a function of a module that is given what it needs as plain values and a
+`Report` to say how far it is. It begins with nothing of the server's: it opens runs and models itself, and
+what it returns is made JSON.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import shlex
+import subprocess
+import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from multiprocessing.connection import Connection
 from pathlib import Path
 from secrets import token_hex
+from tempfile import TemporaryDirectory
 from time import monotonic
-from typing import Any, Final, Literal
+from typing import IO, Any, Final, Literal
 
 from rigctl.errors import ExitCode, RigctlError
 
@@ -99,6 +104,7 @@ class Jobs:
         self._folder = folder
         self._jobs: dict[str, Job] = {}
         self._processes: dict[str, Any] = {}
+        self._scratch: TemporaryDirectory[str] | None = None
         self._lock = threading.Lock()
 
     def start(self, name: str, command: str, work: Work, *arguments: Any) -> Job:
@@ -114,12 +120,7 @@ class Jobs:
             so much is being worked on that more would only be slower.
         """
         with self._lock:
-            if sum(job.state == "working" for job in self._jobs.values()) >= _MOST_WORKING:
-                raise RigctlError(
-                    f"{_MOST_WORKING} pieces of work are in progress",
-                    hint="Wait for one of them, or stop it",
-                    exit_code=ExitCode.FAILED,
-                )
+            self._require_room()
             job = Job(name, command)
             context = multiprocessing.get_context("spawn")
             ours, theirs = context.Pipe(duplex=False)
@@ -132,6 +133,42 @@ class Jobs:
             self._forget()
         threading.Thread(target=self._watch, args=(job, ours), name=f"job {job.id}", daemon=True).start()
         return job
+
+    def start_command(self, name: str, arguments: Sequence[str]) -> Job:
+        """Begin a command of rigctl, whose answer is the result: ``--json`` is added to it.
+
+        Raises
+        ------
+        RigctlError
+            as `start`.
+        """
+        with self._lock:
+            self._require_room()
+            job = Job(name, "rigctl " + shlex.join(arguments))
+            process = subprocess.Popen(  # noqa: S603 - this program, no shell
+                [sys.executable, "-m", "rigctl", *arguments, "--json"],
+                cwd=self._folder,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                encoding="utf-8",
+                errors="replace",
+            )
+            self._jobs[job.id], self._processes[job.id] = job, _Command(process)
+            self._forget()
+        threading.Thread(
+            target=self._watch_command, args=(job, process), name=f"job {job.id}", daemon=True
+        ).start()
+        return job
+
+    @property
+    def scratch(self) -> Path:
+        """A folder of this user's alone for what work writes; removed when the server ends."""
+        with self._lock:
+            if self._scratch is None:
+                self._scratch = TemporaryDirectory(prefix="rigctl-", ignore_cleanup_errors=True)
+            return Path(self._scratch.name)
 
     def find(self, job_id: str) -> Job:
         """A piece of work by its id.
@@ -164,6 +201,41 @@ class Jobs:
         for job_id in list(self._processes):
             with suppress(RigctlError):
                 self.stop(job_id)
+        if self._scratch is not None:
+            self._scratch.cleanup()
+
+    def _require_room(self) -> None:
+        if sum(job.state == "working" for job in self._jobs.values()) >= _MOST_WORKING:
+            raise RigctlError(
+                f"{_MOST_WORKING} pieces of work are in progress",
+                hint="Wait for one of them, or stop it",
+                exit_code=ExitCode.FAILED,
+            )
+
+    def _watch_command(self, job: Job, process: subprocess.Popen[str]) -> None:
+        """Take what a command says until it ends."""
+        assert process.stdout is not None  # noqa: S101 - opened as pipes
+        assert process.stderr is not None  # noqa: S101
+        said: list[str] = []
+
+        def listen(lines: IO[str]) -> None:
+            for line in lines:
+                if line.strip():
+                    said.append(line.strip())
+                    job.text = said[-1]
+
+        listener = threading.Thread(target=listen, args=(process.stderr,), daemon=True)
+        listener.start()
+        answer = process.stdout.read()
+        code = process.wait()
+        listener.join(_GRACE)
+        for stream in (process.stdout, process.stderr):
+            stream.close()
+        with self._lock:
+            job.seconds = monotonic() - job.since
+            if job.state == "working":
+                _settle(job, code, answer, said)
+            self._processes.pop(job.id, None)
 
     def _watch(self, job: Job, pipe: Connection) -> None:
         """Take what a process says until it ends."""
@@ -176,11 +248,7 @@ class Jobs:
         with self._lock:
             job.seconds = monotonic() - job.since
             if job.state == "working":
-                job.state = "died"
-                job.error = RigctlError(
-                    f"the process that worked on it has ended without a word (code {process.exitcode})",
-                    hint="It may have run out of memory, or somebody has ended it; begin it again",
-                ).as_dict()
+                job.state, job.error = "died", _death(process.exitcode)
             self._processes.pop(job.id, None)
 
     def _take(self, job: Job, said: tuple[Any, ...]) -> None:
@@ -200,6 +268,48 @@ class Jobs:
         ended = [job.id for job in self._jobs.values() if job.state != "working"]
         for job_id in ended[: max(len(self._jobs) - _MOST_KEPT, 0)]:
             del self._jobs[job_id]
+
+
+class _Command:
+    """A command with the methods of a process of `multiprocessing`."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self.terminate, self.kill = process.terminate, process.kill
+
+    def is_alive(self) -> bool:
+        """Whether it goes on."""
+        return self._process.poll() is None
+
+    def join(self, timeout: float) -> None:
+        """Wait for its end, so many s at most."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout)
+
+
+def _settle(job: Job, code: int, answer: str, said: Sequence[str]) -> None:
+    """What came of a command, from its exit code and its words."""
+    import json
+
+    try:
+        found = json.loads(answer)
+    except ValueError:
+        found = None
+    if isinstance(found, dict) and "error" in found:
+        job.state, job.error = "failed", found["error"]
+    elif isinstance(found, dict):
+        job.state, job.result, job.share = "done", answer, 1.0
+    elif code < 0 or not said:
+        job.state, job.error = "died", _death(code)
+    else:
+        job.state, job.error = "failed", RigctlError(said[-1]).as_dict()
+
+
+def _death(code: int | None) -> dict[str, Any]:
+    return RigctlError(
+        f"the process that worked on it has ended without a word (code {code})",
+        hint="It may have run out of memory, or somebody has ended it; begin it again",
+    ).as_dict()
 
 
 def _end(process: Any) -> None:

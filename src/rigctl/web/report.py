@@ -1,19 +1,108 @@
-"""Report."""
+"""The page of one or more runs, as `rigctl report` makes it, inside this one."""
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
+from starlette.responses import HTMLResponse, Response
+
+from rigctl.errors import RigctlError
+from rigctl.web.answer import Asked, get, post
+from rigctl.web.runs import plain_id
 from rigctl.web.site import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
+#: runs on one page
+_MOST: Final = 20
+_POLICY: Final = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]*)"')
+
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """What the page asks for."""
-    return ()
+    pages = Pages(site)
+    return (
+        get("/api/report/models", pages.models),
+        post("/api/report", pages.make),
+        get("/report/made/{job}", pages.show),
+    )
+
+
+class Pages:
+    """The reports that were made since the server began."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+
+    def models(self, asked: Asked) -> dict[str, Any]:
+        """The project's model files."""
+        root = self._site.require_project()
+        return {"models": project_files(root, "models")}
+
+    def make(self, asked: Asked) -> dict[str, Any]:
+        """Begin to make a page; it is shown under the id of the work."""
+        root = self._site.require_project()
+        runs = [plain_id(run) for run in asked.texts("runs")]
+        if not 0 < len(runs) <= _MOST:
+            raise RigctlError("runs: how many is wrong", value=str(len(runs)), expected=f"1 to {_MOST}")
+        told = [*runs]
+        for model in asked.texts("models"):
+            told += ["--model", inside(root, model).relative_to(root).as_posix()]
+        if asked.body.get("diagnose") is True:
+            told.append("--diagnose")
+        page = self._site.jobs.scratch / f"{len(list(self._site.jobs.scratch.iterdir()))}.html"
+        while page.exists():
+            page = page.with_name(f"{page.stem}+.html")
+        page.touch(0o600)
+        job = self._site.jobs.start_command("Report", ["report", *told, "-o", str(page), "--force"])
+        job.command = " ".join(["rigctl report", *told])
+        return job.document()
+
+    def show(self, asked: Asked) -> Response:
+        """A page that was made, under its own policy and without this server's rights.
+
+        It is sandboxed: its scripts run, but not as this server's pages, so that whatever should be wrong
+        with it reaches neither the cookie nor a command.
+        """
+        import json
+
+        job = self._site.jobs.find(asked.text("job"))
+        if job.result is None:
+            raise RigctlError("the page is not made yet")
+        made = json.loads(job.result).get("page")
+        page = Path(str(made)).resolve()
+        if not page.is_relative_to(self._site.jobs.scratch.resolve()):
+            raise RigctlError("this work has made no page")
+        text = page.read_text(encoding="utf-8")
+        found = _POLICY.search(text)
+        policy = html.unescape(found.group(1)) if found else "default-src 'none'"
+        sealed = f"{policy}; frame-ancestors 'self'; sandbox allow-scripts allow-downloads allow-popups"
+        return HTMLResponse(text, headers={"content-security-policy": sealed})
+
+
+def project_files(root: Path, folder: str) -> list[str]:
+    """The YAML files of a folder of the project, relative to its root."""
+    there = root / folder
+    return [path.relative_to(root).as_posix() for path in sorted(there.glob("*.yaml")) if path.is_file()]
+
+
+def inside(root: Path, name: str) -> Path:
+    """A file of the project by its path from the root.
+
+    Raises
+    ------
+    RigctlError
+        it leads out of the project, or there is no such file.
+    """
+    path = (root / name).resolve()
+    if "\0" in name or not path.is_relative_to(root.resolve()) or not path.is_file():
+        raise RigctlError("the project has no such file", value=name)
+    return root.resolve() / path.relative_to(root.resolve())
 
 
 PART = Part("report", "Report", "What one or more runs have shown.", routes)

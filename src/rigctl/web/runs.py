@@ -131,7 +131,7 @@ def plain_id(text: str) -> str:
     RigctlError
         it is none.
     """
-    if not text or text.startswith(".") or set(text) & set("/\\:\0"):
+    if not text or text[0] in ".-" or set(text) & set("/\\:\0"):
         raise RigctlError("this is no id of a run", value=text)
     return text
 

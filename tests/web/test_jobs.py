@@ -1,0 +1,64 @@
+"""Work in processes of its own: its result, its mistakes, its end by others, and its death."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.web.jobs import Job, Jobs
+from web.watched import wait_for
+from web.work import dying, endless, faulty, measured, mistaken
+
+
+@pytest.fixture(scope="module")
+def jobs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Jobs]:
+    made = Jobs(tmp_path_factory.mktemp("work"))
+    yield made
+    made.close()
+
+
+def ended(job: Job) -> Job:
+    wait_for(lambda: job.state != "working")
+    return job
+
+
+def test_what_work_returns_is_kept(jobs: Jobs) -> None:
+    folder = str(jobs._folder.resolve())
+    job = ended(jobs.start("Measure", "rigctl measure", measured, folder))
+    told = jobs.find(job.id).document()
+    assert told["state"] == "done"
+    assert told["result"] == {"here": True, "nan": None}
+    assert told["partial"] == {"so far": 1}
+    assert told["share"] == 1.0
+
+
+def test_mistakes_faults_and_deaths_are_said(jobs: Jobs) -> None:
+    wrong, broken, dead = (jobs.start("x", "x", work) for work in (mistaken, faulty, dying))
+    assert ended(wrong).state == "failed"
+    assert (wrong.error or {})["nearest"] == "y"
+    assert "ZeroDivisionError" in str((ended(broken).error or {})["what"])
+    assert ended(dead).state == "died"
+    assert "ended without a word" in str((dead.error or {})["what"])
+
+
+def test_work_is_stopped_and_no_more_is_begun_than_is_good(jobs: Jobs) -> None:
+    first = [jobs.start("x", "x", endless) for _ in range(3)]
+    with pytest.raises(RigctlError, match="3 pieces of work"):
+        jobs.start("x", "x", endless)
+    for job in first:
+        assert jobs.stop(job.id).state == "stopped"
+    wait_for(lambda: not jobs._processes)
+
+
+def test_a_command_answers_refuses_or_dies(jobs: Jobs) -> None:
+    listed = jobs.start_command("Runs", ["runs", "list"])
+    wrong = jobs.start_command("Runs", ["runs", "show", "nothing"])
+    killed = jobs.start_command("Runs", ["runs", "list"])
+    jobs._processes[killed.id].kill()
+    assert ended(listed).document()["result"] == {"runs": []}
+    assert listed.command == "rigctl runs list"
+    assert ended(wrong).state == "failed"
+    assert (wrong.error or {})["value"] == "nothing"
+    assert ended(killed).state == "died"
