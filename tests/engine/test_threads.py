@@ -31,3 +31,20 @@ def test_work_within_such_work_waits_for_no_thread() -> None:
 def test_one_thread_is_the_callers_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
     assert in_threads(lambda _: threading.current_thread(), range(3)) == [threading.current_thread()] * 3
+
+
+def test_nothing_is_begun_after_a_failure_and_nothing_goes_on_afterwards() -> None:
+    begun, failed = [], threading.Event()
+
+    def work(k: int) -> None:
+        begun.append(k)
+        if k == 1:
+            failed.set()
+            raise ValueError(k)
+        assert failed.wait(30.0)
+
+    with pytest.raises(ValueError, match="1"):
+        in_threads(work, range(100), 2)
+    ended = len(begun)
+    assert in_threads(lambda k: k, range(2), 2) == [0, 1]
+    assert len(begun) == ended <= 3

@@ -8,9 +8,10 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
-from typing import TypeVar
+from itertools import count
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -31,7 +32,48 @@ def in_threads(work: Callable[[T], R], items: Sequence[T], workers: int | None =
     threads = min(len(items), workers or _cores())
     if threads <= 1 or getattr(_here, "inside", False):
         return [work(item) for item in items]
-    return list(_pool(os.getpid(), threads).map(work, items))
+    share = _Share(work, items)
+    helpers = [_pool(os.getpid(), threads - 1).submit(share.work_off) for _ in range(threads - 1)]
+    _here.inside = True
+    try:
+        share.work_off()
+    finally:
+        share.stop()
+        _here.inside = False
+        wait([helper for helper in helpers if not helper.cancel()])
+    return share.all_done()
+
+
+class _Share(Generic[T, R]):
+    """Items that several threads take one after the other, each the next that none has taken.
+
+    A thread is told once that there is work, not for every item: items of a millisecond would wait for that.
+    """
+
+    def __init__(self, work: Callable[[T], R], items: Sequence[T]) -> None:
+        self._work = work
+        self._items = items
+        self._next = count()  # taking the next is one step of the interpreter
+        self._done: dict[int, R] = {}
+        self._failed: dict[int, Exception] = {}
+
+    def work_off(self) -> None:
+        """Work until nothing is left, or an item has failed."""
+        while (index := next(self._next)) < len(self._items) and not self._failed:
+            try:
+                self._done[index] = self._work(self._items[index])
+            except Exception as failure:  # noqa: BLE001 - raised where the results are wanted
+                self._failed[index] = failure
+
+    def stop(self) -> None:
+        """Leave what no thread has taken yet."""
+        self._next = count(len(self._items))
+
+    def all_done(self) -> list[R]:
+        """The results in order; raises what the first failed item has raised."""
+        if self._failed:
+            raise self._failed[min(self._failed)]
+        return [self._done[index] for index in range(len(self._items))]
 
 
 @cache
