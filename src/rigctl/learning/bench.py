@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rigctl.dataset import list_runs
+from rigctl.errors import RigctlError
 from rigctl.plan import Plan
 from rigctl.planning import preview
 from rigctl.procedure import expand, load_procedure
@@ -19,6 +20,8 @@ from rigctl.runner.session import RunResult
 
 #: characters of a run's id that say when it began
 _STAMP = 15
+#: how runs ended that are gone on with
+_GOES_ON = ("unclosed", "interrupted", "aborted")
 #: makes of a launch one with somebody who answers and looks on, for as long as the run takes
 Attended = Callable[[Launch, Plan], AbstractContextManager[Launch]]
 
@@ -69,7 +72,8 @@ class LaunchedBench:
 
 
 def cut_off(plan: Plan, runs: Path, since: str) -> Interrupted | None:
-    """The last run of a plan since then, where its program left it behind: a kill, a power cut.
+    """The last run of a plan since then, where its program left it behind, or somebody ended it: a kill, a
+    power cut, Ctrl-C. One that failed is not gone on with: what it failed of may have spoilt it before.
 
     Parameters
     ----------
@@ -78,8 +82,17 @@ def cut_off(plan: Plan, runs: Path, since: str) -> Interrupted | None:
     for summary in reversed(list_runs(runs)):
         if summary.id[:_STAMP] < since[:_STAMP]:
             return None
-        if summary.status in ("unclosed", "interrupted") and isinstance(summary.folder, Path):
-            before = open_interrupted(summary.folder)
-            if before.plan.digest == plan.digest:
+        if summary.status in _GOES_ON and isinstance(summary.folder, Path):
+            before = _same(summary.folder, plan)
+            if before is not None:
                 return before
     return None
+
+
+def _same(folder: Path, plan: Plan) -> Interrupted | None:
+    """A run that can go on, of this plan; None where its files are others now."""
+    try:
+        before = open_interrupted(folder)
+    except RigctlError:
+        return None
+    return before if before.plan.digest == plan.digest else None

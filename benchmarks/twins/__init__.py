@@ -1,0 +1,1 @@
+"""The ambiguous twins of the published bench, learnt by `rigctl learn` alone."""
