@@ -26,7 +26,7 @@ def test_a_model_agrees_once_it_is_fitted() -> None:
     assert fitted["after"]["heldout_rmse"]["position"] < 1.3 * fitted["after"]["noise"]["position"]
 
     two = ["--model", f"{other}@1", "--model", other, "--no-fit"]
-    compared = answer("compare", "latest", *two)
+    compared = answer("compare", "latest", *two, "-v")
     first, second = compared["models"]
     assert (first["model"], first["adequate"]) == ("other@1", False)
     assert (second["model"], second["adequate"]) == ("other", True)
@@ -35,13 +35,13 @@ def test_a_model_agrees_once_it_is_fitted() -> None:
     assert first["slots"][0]["log_evidence"] >= first["slots"][-1]["log_evidence"]
     assert set(first["slots"][0]) == {"slot", "meaning", "log_evidence", "share_of_error", "when", "alike"}
     assert set(second["channels"]) == {"oil_temperature", "supply_pressure", "position"}
-    told = call("compare", "latest", *two).stdout
+    told = call("compare", "latest", *two, "-v").stdout
     for words in ("other@1 does not agree", "other agrees", "p of plane test", "adequate"):
         assert words in told
 
 
 def test_one_model_is_told_with_its_noise_and_its_places() -> None:
-    told = call("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC")
+    told = call("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC", "-v")
     assert told.exit_code == 0
     for words in (
         "does not agree",

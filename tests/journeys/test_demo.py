@@ -49,14 +49,20 @@ def test_the_demo_asks_the_bench_what_it_hides_and_adds_it(
     designed = learned["rounds"][1]
     assert designed["promised"]["probability"] > 0.8
     assert designed["came_out"]["told_apart"]
-    assert Path(told["model"]).stem == told["run"]
+    assert Path(told["model"]) == Path("whole/models/hl32-demo.yaml")
 
     history = answer("model", "history", told["model"])
     assert [version["kind"] for version in history["versions"]] == ["start", "add"]
     page = Path(told["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
-    assert "promised, and what came out" in page
-    assert "How the error fell" in page
+    assert "<h1>hl32-demo.yaml, version 2</h1>" in page
+    for words in ("promised, and what came out", "How the systematic error falls", "position, version 1"):
+        assert words in page
+    assert f"{told['run']} agrees" not in page  # a model is never called by a run
+    end = page[page.index('<section id="hidden">') :]
+    assert f"hidden: {told['hidden'].replace('_', ' ')}, conductance" in end
+    assert f"found: {told['hidden'].replace('_', ' ')}, conductance (" in end
+    assert end.count("<section") == 1
 
 
 def test_demo_again_makes_another_run_and_overwrites_nothing(

@@ -58,7 +58,7 @@ def test_what_is_hidden_is_found_added_and_the_error_falls() -> None:
 
 
 def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
-    shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1")
+    shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1", "-v")
     for words in (
         "valve_leakage",
         "probability",

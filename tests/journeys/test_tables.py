@@ -97,7 +97,7 @@ def test_the_published_viscosities_beside_vogels_law(viscosity: str) -> None:
 
 
 def test_a_table_is_told_by_its_conditions_in_its_own_units(viscosity: str) -> None:
-    shown = told("compare", viscosity, "--model", OIL)
+    shown = told("compare", viscosity, "--model", OIL, "-v")
     for words in ("agrees with the 13 values", "80 degC", "[cSt]", "as in its file", "vogel", "0.72 %"):
         assert words in shown
     assert not re.search(r"line \d", shown)

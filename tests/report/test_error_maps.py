@@ -13,14 +13,20 @@ from rigctl.report.analysis.maps import channel_maps
 
 def marked(fit: FitResult) -> list[int]:
     """How many conditions are marked, channel by channel."""
-    maps = channel_maps(cast("ModelComparison", SimpleNamespace(fit=fit)), "map")
+    channels = fit.problem.measurements.outputs
+    maps = channel_maps(cast("ModelComparison", SimpleNamespace(fit=fit)), "map", channels=channels)
     return [sum(any(row) for row in one.strong) for one in maps]
 
 
 def test_noise_that_remembers_is_not_marked() -> None:
     for seed in range(10):
-        assert marked(made_fit(made_noise(0.9), seed)) == [0, 0]
+        assert marked(made_fit(made_noise(0.9), seed)) == [0, 0, 0, 0]
 
 
 def test_what_is_missing_is_marked_on_its_channel() -> None:
-    assert marked(made_fit(made_noise(0.9), 1, lambda place, times: 0.1 * (times % 7.0))) == [RECORDS, 0]
+    assert marked(made_fit(made_noise(0.9), 1, lambda place, times: 0.1 * (times % 7.0))) == [
+        RECORDS,
+        RECORDS,
+        0,
+        0,
+    ]

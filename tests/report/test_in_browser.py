@@ -4,19 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
+import numpy as np
 import pytest
+from markupsafe import Markup
 
+from made_fit import made_fit, made_noise
 from report.browser import Browser
 from report.conftest import RunMaker
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.dataset import Run
 from rigctl.report import write_report
+from rigctl.report.analysis.answer import Told, answer_section
+from rigctl.report.analysis.maps import channel_maps
+from rigctl.report.answer import Answer
+from rigctl.report.heat_map import heat_map_table
 from rigctl.report.page import page
 from rigctl.report.run_data import read_run
+from rigctl.report.section import Section
 from rigctl.report.write import assemble
 
 HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
+AXE = Path(str(files("axe_playwright_python"))) / "axe.min.js"
 ALL_DRAWN = "[...document.querySelectorAll('.plot')].every(p => p.querySelector('.main-svg'))"
 UNFOLD = "document.querySelectorAll('details.fold').forEach(one => { one.open = true; })"
 RECORD_DRAWN = "document.querySelector('#record-plot .main-svg')"
@@ -156,6 +169,40 @@ def test_a_narrow_screen_does_not_scroll_sideways(quiet: Browser, campaign_page:
     quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
     assert quiet.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+@pytest.fixture(scope="module")
+def answer_page(published: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page with an answer: the fall of an error, an overlay, maps, a wide table."""
+    off = made_fit(made_noise(), 3, lambda place, times: 0.1 * np.sin(times / 9.0))
+    after = replace(off, outputs=tuple(one - [[0.0, 0.01]] for one in off.outputs))
+    answer = Answer("warn", "An effect is missing", "something is there", (("how sure", "very"),))
+    top = answer_section(
+        answer, Told(("before", "after"), (after, off), {"position": 20.0}), about="own.yaml"
+    )
+    maps = channel_maps(cast("ModelComparison", SimpleNamespace(fit=off)), "map")
+    body = Markup().join(heat_map_table(one) for one in maps)
+    where = Section("where", "Where it fails", body, folded=True, hint="maps")
+    return write_report(
+        [published], tmp_path_factory.mktemp("answer") / "page.html", sections=[top, where]
+    ).page
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1400, False), (420, True)])
+@pytest.mark.parametrize("which", ["campaign_page", "answer_page"])
+def test_nothing_stands_in_the_way_of_those_who_read_otherwise(
+    quiet: Browser, request: pytest.FixtureRequest, which: str, width: int, dark: bool
+) -> None:
+    """By axe-core: names, roles, contrast, regions that keys can scroll."""
+    quiet.open(request.getfixturevalue(which), width=width, height=9000, dark=dark)
+    quiet.evaluate(UNFOLD)
+    assert quiet.wait(ALL_DRAWN)
+    assert quiet.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    quiet.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
+    quiet.evaluate("axe.run({resultTypes: ['violations']}).then(found => { window.found = found; }); 0")
+    assert quiet.wait("window.found")
+    serious = "found.violations.filter(one => ['serious', 'critical'].includes(one.impact))"
+    assert quiet.evaluate(f"{serious}.map(one => one.id + ': ' + one.nodes[0].html.slice(0, 200))") == []
 
 
 def test_hostile_texts_are_shown_and_do_nothing(quiet: Browser, make_run: RunMaker, tmp_path: Path) -> None:

@@ -24,7 +24,8 @@ from rigctl.report.interactive import embed
 from rigctl.report.page import page, policy
 from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section
-from rigctl.report.sections.outcome import readable, statement, summarise
+from rigctl.report.sections.outcome import readable, safety, statement, summarise
+from rigctl.report.signals import end_to_end, overview_plot
 from rigctl.report.write import assemble
 from rigctl.rig import load_rig
 
@@ -212,6 +213,52 @@ def test_missed_limits_and_failed_records_are_counted(published_data: RunData) -
     html = html_of(replace(published_data, records=records))
     assert "27 of 28 records are complete" in html
     assert "timed out" in html
+
+
+@pytest.mark.parametrize(
+    ("status", "unconfirmed", "said"),
+    [
+        ("failed", None, "Safe: every output was put into its safe state"),
+        ("failed", "heater", "Not confirmed safe: heater may still be on"),
+        ("finished", "heater", "Not confirmed safe: heater may still be on"),
+        ("interrupted", None, "Nothing was recorded of how the outputs were left"),
+        ("finished", None, ""),
+        ("running", None, ""),
+    ],
+)
+def test_a_run_that_broke_off_says_what_is_safe(
+    published_data: RunData, status: str, unconfirmed: str | None, said: str
+) -> None:
+    info = {**published_data.info, "status": status, "unconfirmed": unconfirmed, "reason": "late"}
+    data = replace(published_data, info=info)
+    assert safety(data).startswith(said)
+    assert bool(said) == bool(safety(data))
+    first = assemble([data])[0]
+    assert safety(data) in str(first.body)
+
+
+def test_records_of_a_logger_that_begins_anew_lie_side_by_side(published_data: RunData) -> None:
+    """Every record of an imported log may begin at 0 s."""
+    first, second = (record.rows for record in published_data.records[:2])
+    rows = np.r_[first, second]
+    count = first.stop - first.start
+    time = np.concatenate(
+        [published_data.time[part] - published_data.time[part.start] for part in (first, second)]
+    )
+    records = tuple(
+        replace(record, start=0.0, end=float(time[-1]), rows=slice(place * count, (place + 1) * count))
+        for place, record in enumerate(published_data.records[:2])
+    )
+    signals = {name: replace(one, values=one.values[rows]) for name, one in published_data.signals.items()}
+    data = replace(published_data, time=time, records=records, signals=signals)
+    plot = overview_plot(data, points=10_000, key="o")
+    assert plot.x_title == "the records one after the other [s]"
+    for panel in plot.panels:
+        for trace in panel.traces:
+            assert np.all(np.diff(trace.x) > 0.0)
+    assert plot.spans[0].end < plot.spans[1].start
+    assert dict(summarise(data).figures)["duration"] == "7.49\N{NO-BREAK SPACE}s"
+    assert not end_to_end(published_data)[1].any()
 
 
 def test_simulated_data_is_called_so(published_data: RunData) -> None:

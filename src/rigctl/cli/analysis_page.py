@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison, ModelComparison
     from rigctl.dataset import Run
     from rigctl.model import Model
+    from rigctl.report.analysis.answer import Told
     from rigctl.report.section import Section
 
 #: so many earlier versions of a model are fitted again for a page: the first and the newest
@@ -76,6 +77,31 @@ def compare_with_versions(
     return found, [
         replace(one, name=f"version {number}") for one, number in zip(versions, numbers, strict=bool(before))
     ]
+
+
+def told_of_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any) -> Told:
+    """A model's version `first` and its head fitted to the same runs; the head alone where it is that.
+
+    Parameters
+    ----------
+    choice: as of `rigctl.analysis.fitting.read_runs`.
+
+    Raises
+    ------
+    RigctlError
+        as `rigctl.analysis.fitting.fit_to_data`.
+    """
+    from rigctl.analysis.fitting import fit_to_data, read_runs
+    from rigctl.model.history.save import load_version
+    from rigctl.model.history.store import current_version
+    from rigctl.report.analysis.answer import Told
+    from rigctl.report.systematic import left_of_fit
+
+    numbers = list(dict.fromkeys((first, current_version(path).number)))
+    models = [load_version(path, number) for number in numbers]
+    data = read_runs(models[0], runs, **choice)
+    fits = tuple(fit_to_data(model, data) for model in models)
+    return Told(tuple(f"version {number}" for number in numbers), fits, left_of_fit(fits[-1]))
 
 
 def _versions_with_errors(path: Path) -> list[int]:

@@ -150,7 +150,7 @@ def compare(
         told = {"rivals": [one.document() for one in rivals]} if rivals else {}
         print_json({**found.document(), **told})
     else:
-        show_comparison(found)
+        show_comparison(found, verbose=verbose)
         show_fmu_rivals(rivals)
         _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
 

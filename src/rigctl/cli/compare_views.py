@@ -11,9 +11,11 @@ from rigctl.analysis.adequacy import chance
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.fmu_rival import FmuRival
 from rigctl.analysis.localisation import Place
+from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.table_views import show_rows
 from rigctl.cli.tables import console, table
 from rigctl.model.validity import Departure
+from rigctl.report.answer import models_answer
 from rigctl.report.bars import draw_bar
 from rigctl.report.numbers import resolved
 
@@ -32,6 +34,8 @@ _KINDS = {
 }
 _MOST = {"condition": 5, "state": 3, "stretch": 3, "cell": 5}
 _BAR = 16
+#: of what the values of a table say, told without being asked
+_MOST_FINDINGS = 2
 
 
 def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
@@ -50,8 +54,46 @@ def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
         out.print(shown)
 
 
-def show_comparison(found: Comparison) -> None:
-    """The statement of each model, and the figures behind it."""
+def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
+    """The statement of each model and what is asked next; with `verbose` the figures behind it."""
+    if verbose:
+        _show_evidence(found)
+        return
+    for model in found.models[:-1]:
+        show_statement(model)
+    last = found.models[-1]
+    more = [
+        *counted(len(routine(found.notes)), "note on the data", "notes on the data"),
+        "every test and place",
+    ]
+    show_answer(models_answer(found.models), title="-", more=more)
+    for model in found.models:
+        show_departures(model.outside)
+        for band in model.curve_bands:
+            console().print(f"  {escape(band.statement)}.", soft_wrap=True)
+    show_unusual(found.notes)
+    for finding in last.findings[:_MOST_FINDINGS]:
+        console().print(f"  {escape(finding)}.", soft_wrap=True)
+
+
+#: how the notes begin, or what is in those, that every comparison has of how its data were taken
+_ROUTINE = ("Noise: ", "assumed of ", "Commands were written down", " masked: ")
+
+
+def routine(notes: Sequence[str]) -> list[str]:
+    """The notes that say no more than how the data were taken; each answer would repeat them."""
+    return [note for note in notes if any(part in note for part in _ROUTINE)]
+
+
+def show_unusual(notes: Sequence[str]) -> None:
+    """The other notes: what a reader has to know before a verdict is believed."""
+    for note in notes:
+        if note not in routine(notes):
+            console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+
+
+def _show_evidence(found: Comparison) -> None:
+    """The statement of each model, and every figure behind it."""
     out = console()
     for model in found.models:
         show_statement(model)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _PROCEDURE = Path("procedures") / "campaign.yaml"
 _MODEL = Path("models") / "hl32-textbook.yaml"
+#: what its copy is called; of further demos in a folder with a number behind it
+_DEMO = "hl32-demo"
 #: what the bench may hide, so weakly that the campaign cannot tell it from others; the seed chooses, so that
 #: a reader of this file does not know either
 _HIDDEN = (
@@ -67,13 +69,14 @@ def demo(
     run, seconds = _simulate(directory, seed, None if plain else _HIDDEN[seed % len(_HIDDEN)])
     console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
     _show_strokes(console, run)
-    page = directory / f"{run.id}.html"
     told: dict[str, object] = {"project": str(directory), "run": run.id}
     if plain:
+        page = directory / f"{run.id}.html"
         size = _write_page(run, page)
     else:
         hidden = _HIDDEN[seed % len(_HIDDEN)]
-        model = _own_model(directory, run)
+        model = _own_model(directory)
+        page = directory / f"{model.stem}.html"
         compared = _compare(model, run, console)
         learned = _learn(directory, model, run, seed, hidden, console)
         first = learned.rounds[0]
@@ -85,7 +88,7 @@ def demo(
             "hidden": hidden.partition(":")[0],
             "learned": learned.document(),
         }
-        size = _write_story(directory, learned, page, compared, model)
+        size = _write_story(directory, learned, page, compared, model, hidden)
     console.print(
         f"[bold]{3 if plain else 6}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
     )
@@ -97,13 +100,20 @@ def demo(
         console.print(f"\nNext: open it, then  cd {escape(str(directory))} && rigctl check {_PROCEDURE}")
 
 
-def _own_model(directory: Path, run: Run) -> Path:
-    """A copy of the textbook model for this run: another demo begins with the textbook again."""
+def _own_model(directory: Path) -> Path:
+    """A copy of the textbook model, ``hl32-demo.yaml``: another demo begins with the textbook again."""
+    from itertools import count
+
     from rigctl.files.write import write_new
 
-    path = directory / _MODEL.parent / f"{run.id}.yaml"
-    write_new(path, (directory / _MODEL).read_bytes())
-    return path
+    for number in count(1):
+        path = directory / _MODEL.parent / (f"{_DEMO}-{number}.yaml" if number > 1 else f"{_DEMO}.yaml")
+        try:
+            write_new(path, (directory / _MODEL).read_bytes())
+        except FileExistsError:
+            continue
+        return path
+    raise AssertionError("there is always a number that is free")
 
 
 def _compare(path: Path, run: Run, console: Console) -> Comparison:
@@ -157,20 +167,46 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
     learned = Learner(kept, bench, runs, proposed, working=telling, on_round=judged).learn()
     console.print(f"[bold]5[/] What came of it, judged also where the fit never looked ({_HELD_OUT})")
     console.print(f"  {escape(learned.statement)}", soft_wrap=True)
-    found = ", ".join(learned.added) or learned.ended.value.replace("_", " ")
+    found = _found(learned, model)
     console.print(f"  hidden: {escape(hidden)}; found: [bold]{escape(found)}[/]", soft_wrap=True)
     return learned
 
 
-def _write_story(directory: Path, learned: Learned, page: Path, compared: Comparison, model: Path) -> int:
-    """The page: what was learnt, how the error fell, and where the textbook model failed."""
+def _found(learned: Learned, model: Path) -> str:
+    """What was added, each with its size, as it is written behind ``--with``; else how it ended."""
+    from rigctl.model import load_model
+    from rigctl.units import parse_unit, with_uncertainty
+
+    effects = load_model(model).effects
+    parts = []
+    for name in learned.added:
+        sizes = []
+        for key, one in effects[name].items():
+            unit = parse_unit(one.unit or "1")
+            sizes.append(
+                f"{key}={with_uncertainty(one.si / unit.factor, (one.std or 0.0) / unit.factor, unit.text)}"
+            )
+        parts.append(f"{name}:{','.join(sizes)}")
+    return " and ".join(parts) or learned.ended.value.replace("_", " ")
+
+
+def _write_story(
+    directory: Path, learned: Learned, page: Path, compared: Comparison, model: Path, hidden: str
+) -> int:
+    """The page: what was learnt, how the error fell, where the textbook failed, and what had been hidden."""
+    from rigctl.cli.analysis_page import told_of_versions
     from rigctl.dataset import find_run, open_run
     from rigctl.report import write_report
-    from rigctl.report.analysis import comparison_sections, learning_sections
+    from rigctl.report.analysis import comparison_sections, hidden_section, learning_sections
 
     names = [*compared.runs, *(one.run for one in learned.rounds if one.run)]
     runs = [open_run(find_run(name, directory / "runs")) for name in dict.fromkeys(names)]
-    sections = [*learning_sections(learned, model), *comparison_sections(compared)]
+    told = told_of_versions(runs, model, 1, hold_out=_HELD_OUT)
+    sections = [
+        *learning_sections(learned, model, told),
+        *comparison_sections(compared, answered=True),
+        hidden_section(hidden, _found(learned, model), right=learned.added == (hidden.partition(":")[0],)),
+    ]
     return write_report(runs, page, sections=sections).size
 
 

@@ -120,7 +120,7 @@ def design(
     if as_json:
         print_json(found.as_json())
     else:
-        show_design(found)
+        show_design(found, verbose=verbose)
         _lead_on(found, runs, str(model), output)
 
 

@@ -5,16 +5,55 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.tables import console, table
 from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
 from rigctl.design.words import share, title
 from rigctl.planning.outline import clock_time
+from rigctl.report.answer import Answer
 from rigctl.report.bars import draw_bar
 
 _WIDTH = 12
+#: a probability that tells two apart
+_LIKELY = 0.5
 
 
-def show_design(found: DesignResult) -> None:
+def show_design(found: DesignResult, *, verbose: bool = False) -> None:
+    """The answer, the rivals and the records; with `verbose` the promises for each pair, and the sensors."""
+    if verbose:
+        _show_whole(found)
+        return
+    good = found.separable or (found.aim == "precision" and bool(found.records))
+    facts = [("rivals", ", ".join(f"{one.name} {100.0 * one.weight:.0f} %" for one in found.rivals))]
+    facts += [(f"record {number}", _in_words(one)) for number, one in enumerate(found.records, start=1)]
+    alike = {
+        frozenset((one.truth, one.rival)): f"{one.truth} and {one.rival}"
+        for one in found.outlooks
+        if one.after < _LIKELY
+    }
+    if found.records and alike:
+        facts.append(("hardly", f"told apart by that, were one of them right: {', '.join(alike.values())}"))
+    more = [
+        *(["what is promised of each pair"] if found.outlooks else []),
+        *counted(len(found.sharpened), "parameter that becomes sharper", "parameters that become sharper"),
+        *counted(len(found.sensors), "set of sensors", "sets of sensors"),
+    ]
+    answer = Answer(
+        "good" if good else "warn", title(found), found.statement, tuple(f for f in facts if f[1])
+    )
+    show_answer(answer, more=more)
+
+
+def _in_words(one: ProposedRecord) -> str:
+    """What is set, what is done, how long it takes, and where the rivals differ most."""
+    settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
+    text = f"{settings}: {'; '.join(one.steps)}" if settings else "; ".join(one.steps)
+    if one.duration:
+        text += f"; {clock_time(one.duration)} of the rig's time"
+    return text if one.widest is None else f"{text}. {one.widest.statement}"
+
+
+def _show_whole(found: DesignResult) -> None:
     """The answer, the rivals, what is promised of each pair, the records, and the sensors."""
     out = console()
     good = found.separable or (found.aim == "precision" and bool(found.records))

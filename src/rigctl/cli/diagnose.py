@@ -142,14 +142,14 @@ def diagnose(
     if as_json:
         print_json(done.document() if apply else found.document())
     elif apply:
-        show_improvement(done)
+        show_improvement(done, verbose=verbose)
         _lead_on(done.last, runs, str(model), choice)
     else:
-        show_diagnosis(found)
+        show_diagnosis(found, verbose=verbose)
         if next_one is not None:
             from rigctl.cli.design_views import show_design
 
-            show_design(next_one)
+            show_design(next_one, verbose=verbose)
         _lead_on(found, runs, str(model), choice)
 
 
@@ -267,7 +267,7 @@ def _write_page(
         sections = improvement_sections(compared, found, path)
     else:
         designed = [] if next_one is None else design_sections(next_one)
-        sections = [*diagnosis_sections(found), *designed, *comparison_sections(compared)]
+        sections = [*diagnosis_sections(found), *designed, *comparison_sections(compared, answered=True)]
     write_page(runs, output, sections, force=force)
 
 

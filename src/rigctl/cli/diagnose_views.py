@@ -15,9 +15,11 @@ from rigctl.analysis.held_out import Unseen
 from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.law_answer import LawAnswer
 from rigctl.analysis.text import parameters_text
-from rigctl.cli.compare_views import show_departures
+from rigctl.cli.answer_view import counted, show_answer
+from rigctl.cli.compare_views import routine, show_departures, show_unusual
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
+from rigctl.report.answer import diagnosis_answer, improvement_answer
 from rigctl.report.bars import draw_bar
 from rigctl.units import known_digits, parse_unit
 
@@ -27,11 +29,53 @@ _COLOURS = {
     Verdict.AMBIGUOUS: "yellow",
     Verdict.OUTSIDE_LIBRARY: "red",
 }
+#: findings and steps of a table that are told without being asked
+_MOST_SAID = 2
 #: effects of the ranking that are shown besides those of the verdict
 _RANKED = 8
 
 
-def show_diagnosis(found: Diagnosis) -> None:
+def show_diagnosis(found: Diagnosis, *, verbose: bool = False) -> None:
+    """The verdict and what is asked next; with `verbose` the ranking, and what speaks for and against."""
+    if verbose:
+        _show_whole(found)
+        return
+    show_answer(diagnosis_answer(found), title=_title(found), more=_left_out(found))
+    show_departures(found.outside)
+    for finding in found.before.findings[:_MOST_SAID]:
+        console().print(f"  {escape(finding)}.", soft_wrap=True)
+    for step in found.next_steps[:_MOST_SAID]:
+        console().print(f"  {'next':<11} {escape(step)}", soft_wrap=True)
+    show_unusual(found.notes)
+    _show_intervals(found.bootstrap)
+    _show_files(found.laws)
+
+
+def _left_out(found: Diagnosis) -> list[str]:
+    """What only ``-v`` says."""
+    against = sum(one.startswith("against ") for one in found.further_evidence)
+    return [
+        *(["the ranking"] if found.ranking and found.verdict is not Verdict.ADEQUATE else []),
+        *counted(against, "thing against it", "things against it"),
+        *counted(
+            len(found.untestable), "effect that these data cannot test", "effects that these data cannot test"
+        ),
+        *counted(len(routine(found.notes)), "note on the data", "notes on the data"),
+    ]
+
+
+def _title(found: Diagnosis) -> str:
+    return found.title + (f" ({', '.join(found.effects)})" if found.effects else "")
+
+
+def _show_files(found: Sequence[LawAnswer]) -> None:
+    """Where the files of better laws are."""
+    for one in found:
+        if one.file is not None:
+            console().print(f"  written: {escape(str(one.file))}", soft_wrap=True)
+
+
+def _show_whole(found: Diagnosis) -> None:
     """The verdict, the ranking, what speaks for and against, and what cannot be told."""
     out = console()
     _show_verdict(found)
@@ -93,9 +137,8 @@ def _show_laws(found: Sequence[LawAnswer]) -> None:
 
 
 def _show_verdict(found: Diagnosis) -> None:
-    names = f" ({', '.join(found.effects)})" if found.effects else ""
     colour = "yellow" if found.doubt else _COLOURS[found.verdict]
-    title = f"[bold {colour}]{found.title}{escape(names)}[/]"
+    title = f"[bold {colour}]{escape(_title(found))}[/]"
     console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
 
 
@@ -189,7 +232,22 @@ def _subject(evidence: str) -> str:
     return evidence.partition(":")[0].partition(" ")[2]
 
 
-def show_improvement(found: Improvement) -> None:
+def show_improvement(found: Improvement, *, verbose: bool = False) -> None:
+    """How it ended, what was added, what became of the error; with `verbose` every step and its reason."""
+    if verbose:
+        _show_steps(found)
+        return
+    if not found.steps:
+        show_diagnosis(found.last)
+        return
+    show_answer(
+        improvement_answer(found), title="-", more=["every step with its reasons", *_left_out(found.last)]
+    )
+    show_departures(found.last.outside)
+    _show_files(found.last.laws)
+
+
+def _show_steps(found: Improvement) -> None:
     """Every step, how it ended, the whole fall of the error, and what is left."""
     out = console()
     for step in found.steps:
@@ -200,7 +258,7 @@ def show_improvement(found: Improvement) -> None:
         show_errors([*steps, *((f"with {' and '.join(one.effects)}", one.after) for one in found.steps)])
     _show_unseen(found.unseen)
     out.print("[bold]The model as it is now[/]")
-    show_diagnosis(found.last)
+    _show_whole(found.last)
     if found.steps:
         head = found.steps[-1].version.head
         out.print(f"  rigctl model history {escape(str(head))} shows every version")

@@ -12,6 +12,7 @@ import typer
 from rigctl.cli.compare import HoldOut
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.reuse import Verbose
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ def learn(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the last learning; more time or rounds may be given.")
     ] = False,
+    verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Measure in rounds until the model agrees and every effect in it is told from its rivals.
@@ -141,7 +143,7 @@ def learn(
     person = _person(operator)
 
     def ask(proposal: Round, design: DesignResult) -> bool:
-        show_proposal(proposal, design, quiet=as_json)
+        show_proposal(proposal, design, quiet=as_json, verbose=verbose)
         return yes or _confirmed()
 
     learned = Learner(
@@ -328,6 +330,7 @@ def _confirmed() -> bool:
 
 def _write_page(kept: Kept, learned: Learned) -> Path:
     """The story, into the learning's folder; written anew each time it goes on."""
+    from rigctl.cli.analysis_page import told_of_versions
     from rigctl.dataset import find_run, open_run
     from rigctl.project import find_project
     from rigctl.report import write_report
@@ -336,5 +339,8 @@ def _write_page(kept: Kept, learned: Learned) -> Path:
     page = kept.folder / "learning.html"
     runs = [open_run(find_run(name, find_project().runs)) for name in kept.runs]
     if runs:
-        write_report(runs, page, sections=learning_sections(learned, Path(kept.task.model)), force=True)
+        task, told = kept.task, None
+        if any(one.judged for one in learned.rounds):
+            told = told_of_versions(runs, Path(task.model), task.version, hold_out=task.hold_out or None)
+        write_report(runs, page, sections=learning_sections(learned, Path(task.model), told), force=True)
     return page

@@ -14,14 +14,14 @@ from rigctl.learning.result import Ended, Learned, Round, round_text
 from rigctl.planning.outline import clock_time
 
 
-def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False) -> None:
-    """What would be measured and why; with `quiet` on stderr."""
+def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False, verbose: bool = False) -> None:
+    """What would be measured and why; with `quiet` on stderr, with `verbose` the promises for each pair."""
     out = console(stderr=True)
     out.print(f"\n[bold]Round {one.number}[/] would be {escape(one.procedure)}", soft_wrap=True)
     if quiet:
         out.print(escape(design.statement), soft_wrap=True)
     else:
-        show_design(design)
+        show_design(design, verbose=verbose)
 
 
 def show_round(one: Round) -> None:

@@ -120,7 +120,7 @@ def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[S
 
     with telling("nothing was saved") as on_progress:
         found, versions = compare_with_versions(runs, models, on_progress=on_progress)
-        compared = comparison_sections(found)
+        compared = comparison_sections(found, answered=diagnose)
         path = models[-1].path
         if path is not None:
             compared += history_sections(path, versions)

@@ -52,6 +52,9 @@ NoCache = Annotated[
 Verbose = Annotated[
     bool,
     typer.Option(
-        "--verbose", "-v", callback=_say_at_end, help="Say on stderr how much of earlier commands was reused."
+        "--verbose",
+        "-v",
+        callback=_say_at_end,
+        help="Show the evidence, and say on stderr how much of earlier commands was reused.",
     ),
 ]

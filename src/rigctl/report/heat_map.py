@@ -32,6 +32,7 @@ class HeatMap:
     values: by row; NaN where there is none.
     strong: by row, whether a value is more than chance; it is marked.
     limit: the value of the strongest colour.
+    signed: of a size, which has no sign, False: one colour, and no plus before it.
     """
 
     id: str
@@ -43,13 +44,14 @@ class HeatMap:
     values: tuple[tuple[float, ...], ...]
     strong: tuple[tuple[bool, ...], ...]
     limit: float
+    signed: bool = True
 
 
 @dataclass(frozen=True)
 class _Cell:
     text: str
-    colour: str
-    dark: bool
+    side: str  #: of the colours above and below
+    depth: str
     strong: bool
 
 
@@ -58,21 +60,24 @@ def heat_map_table(shown: HeatMap) -> Markup:
     rows = [
         (
             name,
-            [_cell(value, strong, shown.limit) for value, strong in zip(values, marks, strict=True)],
+            [_cell(shown, value, strong) for value, strong in zip(values, marks, strict=True)],
         )
         for name, values, marks in zip(shown.rows, shown.values, shown.strong, strict=True)
     ]
     return render("heat_map.html", map=shown, rows=rows)
 
 
-def _cell(value: float, strong: bool, limit: float) -> _Cell:
+def _cell(shown: HeatMap, value: float, strong: bool) -> _Cell:
+    """A cell never darker than its text can be read on."""
     if not math.isfinite(value):
-        return _Cell("–", "transparent", False, False)
-    share = min(abs(value) / limit, 1.0) if limit else 0.0
-    red, green, blue = _ABOVE if value > 0.0 else _BELOW
-    depth = 0.08 + 0.85 * share if strong else 0.06  # chance is told by its sign, and stays pale
-    colour = f"rgba({red},{green},{blue},{depth:.2f})"
-    return _Cell(f"{value:+.1f}".replace("-", "−"), colour, strong and share > 0.55, strong)
+        return _Cell("–", "above", "0", False)
+    share = min(abs(value) / shown.limit, 1.0) if shown.limit else 0.0
+    depth = 0.08 + 0.55 * share if strong else 0.05  # chance stays pale
+    text = f"{value:+.1f}" if shown.signed else f"{value:.1f}"
+    if not float(text):
+        text = text.lstrip("+-")
+    side = "above" if value > 0.0 or not shown.signed else "below"
+    return _Cell(text.replace("-", "−"), side, f"{depth:.2f}", strong)
 
 
 def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
@@ -89,6 +94,7 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
 
     path = folder / f"{shown.id}.{form}"
     colours = [tuple(c / 255 for c in _BELOW), (1.0, 1.0, 1.0), tuple(c / 255 for c in _ABOVE)]
+    colours = colours if shown.signed else colours[1:]
     width = 1.6 + 0.9 * len(shown.columns)
     title = textwrap.wrap(prose(shown.caption), max(20, int(_LETTERS * width)))
     height = 1.2 + 0.2 * len(title) + 0.42 * len(shown.rows)
@@ -98,7 +104,7 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
     image = axes.imshow(
         values,
         cmap=LinearSegmentedColormap.from_list("error", colours),
-        vmin=-shown.limit,
+        vmin=-shown.limit if shown.signed else 0.0,
         vmax=shown.limit,
         aspect="auto",
     )
@@ -111,9 +117,8 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
             if math.isfinite(value):
                 weight = "bold" if shown.strong[i][j] else "normal"
                 mark = " *" if shown.strong[i][j] else ""
-                axes.text(
-                    j, i, f"{value:+.1f}{mark}", ha="center", va="center", fontsize=8, fontweight=weight
-                )
+                text = f"{value:+.1f}" if shown.signed else f"{value:.1f}"
+                axes.text(j, i, f"{text}{mark}", ha="center", va="center", fontsize=8, fontweight=weight)
     figure.colorbar(image, ax=axes, label="sigma")
     figure.suptitle("\n".join(title), fontsize=10)
     content = io.BytesIO()

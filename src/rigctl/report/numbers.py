@@ -56,6 +56,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return text.replace("-", "−", 1) if text.startswith("-") else text
 
 
+def setting(value: float) -> str:
+    """A value that was set, or where it was not, the middle of what was read: to four digits, or whole."""
+    return number(value, 4 if abs(value) < 1e3 else 7)
+
+
 def amount(value: float | None, unit: str, digits: int = 4) -> str:
     """A value with its unit, which is in the form that files use: ``amount(40, "degC")`` is ``40 °C``."""
     return with_unit(number(value, digits), unit)

@@ -38,6 +38,7 @@ def page(runs: Sequence[RunData], sections: Sequence[Section], made: datetime | 
         title=about or title(runs),
         subtitle=f"on {title(runs)}, {subtitle(runs)}" if about else subtitle(runs),
         sections=sections,
+        contents=not about,  # of a page with an answer the folded titles are the contents
         policy=policy(scripts),
         style=Markup(_asset("page.css")),  # noqa: S704 - a file of this package
         scripts=[Markup(script) for script in scripts],  # noqa: S704 - files of this package

@@ -35,6 +35,7 @@ class Section:
     body: HTML, from `render`, which escapes whatever comes from a user's file.
     plots: what is drawn into files when figures are asked for.
     folded: only its title is seen until a reader opens it, and `hint`, which says what is within.
+    closes: it stands at the end of the page.
     names_page: what the page is about, in place of what was run; "" where it is about the runs.
     """
 
@@ -44,6 +45,7 @@ class Section:
     plots: tuple[Plot | HeatMap, ...] = ()
     folded: bool = False
     hint: str = ""
+    closes: bool = False
     names_page: str = ""
 
 

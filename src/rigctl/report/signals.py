@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.report.numbers import symbol
+from rigctl.report.numbers import setting, symbol
 from rigctl.report.plot import Look, Mark, Panel, Plot, Span, Trace
 from rigctl.report.run_data import Event, RecordData, RunData, Signal
 from rigctl.report.thin import changes, thin
@@ -45,13 +45,35 @@ def record_plot(
 def overview_plot(run: RunData, *, points: int, key: str) -> Plot:
     """The whole run, records shaded and alarms marked."""
     whole = slice(0, len(run.time))
-    length = float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
+    time, shift = end_to_end(run)
+    length = float(time[-1] - time[0]) if len(time) else 0.0
     scale, unit = _time_scale(length)
-    panels = _panels(run, whole, run.time / scale, points, {})
-    spans = tuple(Span(record.start / scale, record.end / scale) for record in run.records[:_MOST_SPANS])
+    panels = _panels(run, whole, time / scale, points, {})
+    spans = tuple(
+        Span(
+            (record.start + shift[record.rows.start]) / scale, (record.end + shift[record.rows.start]) / scale
+        )
+        for record in run.records[:_MOST_SPANS]
+        if record.rows.stop > record.rows.start
+    )
     alarms = [event for event in run.events if event.kind in ALARMS][:_MOST_MARKS]
     marks = tuple(Mark(event.time / scale, _mark_label(event)) for event in alarms)
-    return Plot(key, f"The whole run {run.id}", f"time since the start [{unit}]", panels, spans, marks)
+    title = "the records one after the other" if shift.any() else "time since the start"
+    return Plot(key, f"The whole run {run.id}", f"{title} [{unit}]", panels, spans, marks)
+
+
+def end_to_end(run: RunData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times at which no record lies over another, and by how much each row is later than it says; s.
+
+    A logger that begins anew with every record gives them all the same times. Rows whose time goes back
+    are laid behind those before them; a run that was measured here stays as it is.
+    """
+    shift = np.zeros(len(run.time))
+    steps = np.diff(run.time)
+    for row in np.flatnonzero(steps < 0.0):
+        usual = np.abs(steps[row - 1]) if row else 0.0
+        shift[row + 1 :] += usual - steps[row]
+    return run.time + shift, shift
 
 
 def record_ranges(run: RunData) -> dict[str, tuple[float, float]]:
@@ -79,7 +101,8 @@ def record_label(record: RecordData) -> str:
 def sweep_label(sweep: Mapping[str, tuple[float, str]]) -> str:
     """Sweep values in words: ``oil 40 °C, supply 30 bar``."""
     return ", ".join(
-        f"{plain_name(name)} {value:g} {symbol(unit)}".rstrip() for name, (value, unit) in sweep.items()
+        f"{plain_name(name)} {setting(value)} {symbol(unit)}".rstrip()
+        for name, (value, unit) in sweep.items()
     )
 
 

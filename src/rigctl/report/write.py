@@ -96,4 +96,6 @@ def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[
     if not sections:
         return own
     first, rest = (own[:1], own[1:]) if any(not ended_well(run) for run in runs) else ([], own)
-    return [*first, *sections, *(replace(one, folded=True) for one in rest)]
+    behind = [replace(one, folded=True) for one in rest]
+    said = [one for one in sections if not one.closes]
+    return [*first, *said, *behind, *(one for one in sections if one.closes)]

@@ -7,7 +7,7 @@ from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.discovery import discovery_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.improvement import improvement_sections
-from rigctl.report.analysis.learning import learning_sections
+from rigctl.report.analysis.learning import hidden_section, learning_sections
 
 __all__ = [
     "comparison_sections",
@@ -15,6 +15,7 @@ __all__ = [
     "design_sections",
     "diagnosis_sections",
     "discovery_sections",
+    "hidden_section",
     "history_sections",
     "improvement_sections",
     "learning_sections",

@@ -2,61 +2,127 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from markupsafe import Markup
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.levels import ALPHA
-from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.record_level import RecordQuantity
+from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
-from rigctl.report.analysis.overlay import overlay_plot, typical_records
+from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
 from rigctl.report.analysis.strokes import stroke_plot
-from rigctl.report.analysis.table_section import table_body, table_parts
+from rigctl.report.analysis.table_section import TablePart, table_body, table_parts
+from rigctl.report.answer import models_answer, plain_statement
 from rigctl.report.heat_map import heat_map_table
+from rigctl.report.model_title import model_title
 from rigctl.report.numbers import prose, symbol
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
+from rigctl.report.systematic import left_of
 
 _MOST_PLACES = 8
 
 
-def comparison_sections(comparison: Comparison) -> list[Section]:
-    """The pictures first, then the numbers."""
-    first = comparison.models[0]
+def comparison_sections(comparison: Comparison, *, answered: bool = False) -> list[Section]:
+    """The answer, with what became of the error from the first model to the last; behind it the evidence.
+
+    Parameters
+    ----------
+    answered: what the page is asked has been said already: the evidence alone.
+    """
+    first, last = comparison.models[0], comparison.models[-1]
     tables = table_parts(comparison)
+    told = told_of(comparison.models)
+    top = [] if answered else [_answer(comparison.models, told)]
+    seen = told.record if top and top[0].plots else None
+    where = _where(first, several=len(comparison.models) > 1) if not first.adequate else None
+    measured = _table(comparison, tables) if tables else _measured(comparison, seen)
+    numbers = _numbers(comparison)
+    if tables:
+        measured = replace(measured, folded=answered and last.adequate)
+    return [*top, *([] if where is None else [where]), measured, numbers]
+
+
+def told_of(models: Sequence[ModelComparison]) -> Told:
+    """The models by their names on the page."""
+    names = tuple(page_name(model) for model in models) if len(models) > 1 else ("model",)
+    return Told(names, tuple(model.fit for model in models), left_of(models[-1]))
+
+
+def page_name(model: ModelComparison) -> str:
+    """What a model is called on the page: as it was named for it, or by its file and version."""
+    own = model.fit.problem.model
+    return model_title(own) if model.name == own.name else model.name
+
+
+def _answer(models: Sequence[ModelComparison], told: Told) -> Section:
+    answer, last = models_answer(models), models[-1]
+    sentence = plain_statement(last)
+    top = answer_section(answer, told, about=model_title(last.fit.problem.model), sentence=sentence)
+    outside = [one.statement for model in models for one in model.outside]
+    remarks = render("table_remarks.html", findings=(), steps=(), outside=outside)
+    return replace(top, body=top.body + remarks)
+
+
+def _where(model: ModelComparison, *, several: bool) -> Section | None:
+    """Places, maps, equations, and the direction of the error."""
+    maps = channel_maps(model, "error-map") if not model.rows else ()
+    places, slots = _places(model), _slots(model)
+    trends = [one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement]
+    if not (maps or places or slots or trends):
+        return None
+    body = render(
+        "where.html", maps=[heat_map_table(one) for one in maps], places=places, slots=slots, trends=trends
+    )
+    title = "Where the model fails" if not several else f"Where {page_name(model)} fails"
+    hint = "by phase, channel and operating point; which equation wants a term"
+    return Section("where", title, body, maps, folded=True, hint=hint)
+
+
+def _measured(comparison: Comparison, seen: int | None) -> Section:
+    """Records with what the models say of them; `seen` has been drawn already."""
+    first = comparison.models[0]
     plots = [
         overlay_plot(
-            [(model.name, model.fit) for model in comparison.models],
+            [(page_name(model), model.fit) for model in comparison.models],
             k,
             f"overlay-{number}",
-            f"Measured and model: {name}, {_condition(first, k)}",
+            f"Measured and model: {name}, {condition_of(first.fit, k)}",
             first.curve_bands,
         )
-        for number, (name, k) in enumerate(typical_records(first.fit) if not tables else ())
+        for number, (name, k) in enumerate(typical_records(first.fit))
+        if k != seen
     ]
-    stroke = stroke_plot(comparison.models) if not tables else None
-    maps = channel_maps(first, "error-map") if not tables else ()
+    named = [replace(model, name=page_name(model)) for model in comparison.models]
+    stroke = stroke_plot(named)
     body = render(
-        "comparison.html",
-        comparison=comparison,
-        models=[_model(model) for model in comparison.models],
-        tables=table_body(tables, first.findings) if tables else None,
+        "measured.html",
         overlays=[(plot.caption, plot_slot(plot)) for plot in plots],
         stroke=None if stroke is None else plot_slot(stroke),
-        maps=[heat_map_table(one) for one in maps],
-        places=_places(first),
-        slots=_slots(first),
     )
-    drawn = [*plots, *([] if stroke is None else [stroke]), *(part.plot for part in tables)]
-    return [Section("comparison", "Model against measurement", body, (*drawn, *maps))]
+    drawn = (*plots, *([] if stroke is None else [stroke]))
+    hint = "further records, every channel" + ("; stroke against temperature" if stroke is not None else "")
+    return Section("comparison", "Model against measurement", body, drawn, folded=True, hint=hint)
 
 
-def _condition(model: ModelComparison, k: int) -> str:
-    from rigctl.model.measured.conditions import condition_text
+def _table(comparison: Comparison, tables: Sequence[TablePart]) -> Section:
+    """A table's values beside the models'."""
+    body = Markup(table_body(tables, comparison.models[0].findings))  # noqa: S704 - rendered, autoescaped
+    plots = tuple(part.plot for part in tables)
+    return Section("comparison", "Model against measurement", body, plots, hint="value by value")
 
-    record = model.fit.problem.records[k]
-    return condition_text(record.condition, variable_units(model.fit.problem.measurements)) or record.label
+
+def _numbers(comparison: Comparison) -> Section:
+    """Errors, tests, what each record has of its own, and notes on the data: the field's own terms."""
+    body = render(
+        "numbers.html", comparison=comparison, models=[_model(model) for model in comparison.models]
+    )
+    hint = "errors by channel, the three tests, how the data were taken"
+    return Section("numbers", "The statistics", body, folded=True, hint=hint)
 
 
 def _model(model: ModelComparison) -> dict[str, object]:
@@ -69,18 +135,14 @@ def _model(model: ModelComparison) -> dict[str, object]:
         (_TESTS.get(name, name), test.statistic, test.p_value) for name, test in model.adequacy.tests.items()
     ]
     return {
-        "name": model.name,
+        "name": page_name(model),
         "adequate": model.adequate,
         "below_noise": model.adequacy.below_noise,
         "p_value": model.adequacy.p_value,
         "statement": model.statement,
         "channels": channels,
         "tests": tests,
-        "trends": [
-            one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement
-        ],
         "curve_bands": [one.statement for one in model.curve_bands],
-        "outside": [one.statement for one in model.outside],
         "held_out": bool(model.fit.held_out),
         "own": [_own(one) for one in model.record_level],
         "suspicious": [

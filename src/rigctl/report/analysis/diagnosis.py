@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.analysis.diagnosis_result import Diagnosis, Ranked
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.text import parameters_text
 from rigctl.effects.record_level import RECORD
+from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
+from rigctl.report.answer import Answer, diagnosis_answer, plain_statement
+from rigctl.report.model_title import model_title
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit
+from rigctl.report.systematic import left_of_diagnosis
+from rigctl.units import known_digits
 
 Floats = NDArray[np.float64]
 
@@ -28,9 +34,9 @@ _SHOWS = 0.5
 
 
 def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Section]:
-    """The verdict, the ranking, the signatures over the residual, and how the error would fall.
+    """The verdict with the fall of the error; behind it the ranking, the signatures and the laws.
 
-    `added` says that what was found is in the model by now: then its versions tell of the error.
+    `added` says that what was found is in the model by now: then that is the answer, and this its evidence.
     """
     signature = None if diagnosis.before.rows else signature_plot(diagnosis)
     curves = law_plots(diagnosis.laws)
@@ -41,21 +47,53 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
         heading=diagnosis.title,
         ranking=_ranking(diagnosis) if ranked and not diagnosis.before.adequate else Markup(),
         table=[_row(one) for one in diagnosis.ranking[:_SHOWN]] if ranked else [],
-        remarks=render(
-            "table_remarks.html",
-            findings=diagnosis.before.findings,
-            excluded=diagnosis.excluded_because,
-            steps=diagnosis.next_steps,
-        ),
+        excluded=diagnosis.excluded_because,
         classes=[names for names in diagnosis.classes if len(names) > 1],
         laws=[(one.statement, one.differs) for one in diagnosis.laws],
         curves=[(plot.caption, plot_slot(plot)) for plot in curves],
         signature=None if signature is None else plot_slot(signature),
-        falls=[] if added else _falls(diagnosis),
-        drift=[(one.parameter, one.before, one.after, symbol(one.unit)) for one in diagnosis.drift],
+        drift=[_drift(one) for one in diagnosis.drift],
     )
     drawn = () if signature is None else (signature,)
-    return [Section("diagnosis", "What is missing", body, (*drawn, *curves))]
+    hint = "the ranking, what speaks for it and against, what these data cannot tell"
+    evidence = Section("diagnosis", "Why, and how sure", body, (*drawn, *curves), folded=True, hint=hint)
+    return [evidence] if added else [*_answer(diagnosis), evidence]
+
+
+def _answer(diagnosis: Diagnosis) -> list[Section]:
+    model, best = diagnosis.before.fit, diagnosis.best
+    names = ("as it is", f"with {' and '.join(map(plain_name, best.effects))}")
+    found = (model, best.fit) if best.candidates else (model,)
+    told = Told(names if len(found) > 1 else ("model",), found, left_of_diagnosis(diagnosis))
+    about = model_title(model.problem.model)
+    answer = diagnosis_answer(diagnosis)
+    top = answer_section(answer, told, about=about, sentence=_sentence(diagnosis, answer, about))
+    remarks = render(
+        "table_remarks.html",
+        findings=diagnosis.before.findings,
+        steps=diagnosis.next_steps,
+        outside=[one.statement for one in diagnosis.outside],
+    )
+    return [replace(top, body=top.body + remarks)]
+
+
+def _sentence(diagnosis: Diagnosis, answer: Answer, about: str) -> str:
+    """The verdict with what it is about: the title alone does not say what is missing."""
+    if diagnosis.doubt:
+        return answer.sentence
+    if diagnosis.verdict is Verdict.ADEQUATE:
+        return plain_statement(diagnosis.before)
+    if diagnosis.verdict is Verdict.MISSING_EFFECT:
+        names = " and ".join(diagnosis.effects)
+        is_missing = "is" if len(diagnosis.effects) == 1 else "are"
+        return f"{names} {is_missing} missing from {about}: {answer.sentence[0].lower()}{answer.sentence[1:]}"
+    return answer.sentence
+
+
+def _drift(one: Drift) -> tuple[str, str, str, str]:
+    """A fitted parameter without and with what was found, to the digits that are known."""
+    before, after = known_digits(one.before, one.before_std)[0], known_digits(one.after, one.after_std)[0]
+    return one.parameter, before, after, symbol(one.unit)
 
 
 def _ranking(diagnosis: Diagnosis) -> Markup:
@@ -124,38 +162,3 @@ def _candidates(diagnosis: Diagnosis) -> list[RefittedSet]:
         if len(trial.candidates) == max(1, len(diagnosis.best.candidates)):
             found.setdefault(tuple(sorted(trial.effects)), trial)
     return list(found.values())[:_SIGNATURES]
-
-
-def _falls(diagnosis: Diagnosis) -> list[Markup]:
-    """Error of each channel before and after, fitted and held out."""
-    if not diagnosis.best.candidates:
-        return []
-    found = []
-    before, after = diagnosis.before.fit, diagnosis.best.fit
-    measurements = before.problem.measurements
-    units = dict(zip(measurements.outputs, measurements.units, strict=True))
-    for name, one in before.errors.items():
-        pairs = [("before", one), ("after", after.errors[name])]
-        if name in before.heldout_errors and name in after.heldout_errors:
-            pairs += [
-                ("before, held out", before.heldout_errors[name]),
-                ("after, held out", after.heldout_errors[name]),
-            ]
-        largest = max(error.rmse for _, error in pairs)
-        unit = parse_unit(units[name])
-        shown_unit = "K" if unit.offset else symbol(units[name])
-        shown = [
-            Bar(label, error.rmse / largest, f"{error.rmse / unit.factor:.3g} {shown_unit}", "", place % 2)
-            for place, (label, error) in enumerate(pairs)
-        ]
-        shown.append(
-            Bar(
-                "noise",
-                one.noise / largest,
-                f"{one.noise / unit.factor:.3g} {shown_unit}",
-                "what noise alone makes",
-                7,
-            )
-        )
-        found.append(bars(f"Error of the {plain_name(measurements.titles.get(name, name))} (RMSE)", shown))
-    return found

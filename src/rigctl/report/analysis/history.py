@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +20,12 @@ from rigctl.report.numbers import symbol
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 
+#: an error above the noise by less is that of noise that was learned from a part of the data
+_AT_NOISE = 1.05
+_UNSEEN = "on records no fit saw"
+#: a share of the noise that is not told from it
+_WITHIN = 0.1
+
 
 def history_sections(path: Path, compared: Sequence[ModelComparison] = ()) -> list[Section]:
     """A waterfall for each channel; nothing for a model whose versions have no errors yet.
@@ -32,10 +39,12 @@ def history_sections(path: Path, compared: Sequence[ModelComparison] = ()) -> li
     steps = [(f"{one.version.number}: {one.version.done}", one.error) for one in found]
     if len(steps) < 2:
         return []
-    channels = dict.fromkeys(name for _, error in steps for name in error.rmse)
+    channels = [
+        name for name in dict.fromkeys(n for _, error in steps for n in error.rmse) if _changed(name, steps)
+    ]
     pictured = compared if len(compared) > 1 and not compared[0].rows else ()
     stroke = stroke_plot(pictured, "version-stroke") if pictured else None
-    maps = _before_and_after(pictured[0], pictured[-1]) if pictured else []
+    maps = _before_and_after(pictured[0], pictured[-1], channels) if pictured else []
     body = render(
         "history.html",
         parts=[_waterfall(channel, steps) for channel in channels],
@@ -43,30 +52,60 @@ def history_sections(path: Path, compared: Sequence[ModelComparison] = ()) -> li
         maps=[(heat_map_table(one), heat_map_table(other)) for one, other in maps],
     )
     drawn = [] if stroke is None else [stroke]
-    return [Section("versions", "How the error fell", body, (*drawn, *(m for pair in maps for m in pair)))]
+    hint = f"how the error fell over {len(steps)} versions"
+    maps_drawn = (m for pair in maps for m in pair)
+    return [Section("versions", "Versions of the model", body, (*drawn, *maps_drawn), folded=True, hint=hint)]
 
 
-def _before_and_after(first: ModelComparison, last: ModelComparison) -> list[tuple[HeatMap, HeatMap]]:
-    before = channel_maps(first, "before", title=f"{first.name}: ")
-    after = channel_maps(last, "after", title=f"{last.name}: ")
+def _changed(channel: str, steps: Sequence[tuple[str, ModelError]]) -> bool:
+    """Whether a channel's error differs between any two versions by more than a hundredth."""
+    sizes = [error.rmse[channel] for _, error in steps if channel in error.rmse]
+    return bool(sizes) and max(sizes) - min(sizes) > 0.01 * max(sizes)
+
+
+def _before_and_after(
+    first: ModelComparison, last: ModelComparison, channels: Sequence[str]
+) -> list[tuple[HeatMap, HeatMap]]:
+    """Maps of the channels whose error changed, of the first version beside those of the last."""
+    before = channel_maps(first, "before", title=f"{first.name}: ", channels=channels)
+    after = channel_maps(last, "after", title=f"{last.name}: ", channels=channels)
     return list(zip(before, after, strict=True))
 
 
 def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
-    """The error of one channel by version, fitted and held out, above that of its noise."""
+    """What is left of a channel's error when the noise is taken off, by version, fitted and held out.
+
+    The noise is what was learned of it, or the error of the last version where that is no more than it by
+    chance. Where it is not known the error is shown as it was measured.
+    """
     known = [(label, error) for label, error in steps if channel in error.rmse]
-    sizes = [
-        size for _, error in known for size in (error.rmse[channel], error.heldout_rmse.get(channel, 0.0))
-    ]
-    largest = max(sizes) or 1.0
-    entries: list[Bar] = []
+    unit = symbol(known[-1][1].units.get(channel, ""))
+    noise = next((error.noise[channel] for _, error in reversed(known) if error.noise.get(channel)), 0.0)
+    last = known[-1][1].rmse[channel]
+    base = last if last < _AT_NOISE * noise else noise
+    rows: list[tuple[str, float, str, int]] = []
     for label, error in known:
-        unit, held_out = symbol(error.units.get(channel, "")), error.heldout_rmse.get(channel)
-        fitted = error.rmse[channel]
-        entries.append(Bar(label, fitted / largest, f"{fitted:.3g} {unit}", "fitted", 0))
-        if held_out is not None:
-            entries.append(Bar("", held_out / largest, f"{held_out:.3g} {unit}", "held out", 1))
-    floor = next((error.noise[channel] for _, error in reversed(known) if channel in error.noise), None)
-    if floor is not None:
-        entries.append(Bar("noise", floor / largest, f"{floor:.3g} {unit}", "what noise alone makes", 7))
-    return bars(f"Error of the {plain_name(channel)} by version of the model (RMSE)", entries)
+        rows.append((label, error.rmse[channel], "fitted", 0))
+        if channel in error.heldout_rmse:
+            rows.append((_UNSEEN, error.heldout_rmse[channel], "held out", 1))
+    sizes = [math.sqrt(max(rmse**2 - base**2, 0.0)) for _, rmse, _, _ in rows]
+    largest = max(sizes) or 1.0
+    shown = [
+        Bar(
+            label,
+            size / largest,
+            _told(size, noise, unit),
+            f"{what}; RMSE {rmse:.3g} {unit}".rstrip(),
+            colour,
+        )
+        for (label, rmse, what, colour), size in zip(rows, sizes, strict=True)
+    ]
+    if not noise:
+        return bars(f"{plain_name(channel)}: error by version (RMSE)", shown)
+    said = f"systematic error by version; the noise of {noise:.3g} {unit} is taken off".replace("  ", " ")
+    return bars(f"{plain_name(channel)}: {said}", shown)
+
+
+def _told(size: float, noise: float, unit: str) -> str:
+    """A size, or that it is not told from noise."""
+    return "within the noise" if size < _WITHIN * noise else f"{size:.2g} {unit}".rstrip()

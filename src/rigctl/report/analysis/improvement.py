@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.analysis.improve import Ended, Improvement
+from rigctl.analysis.improve import Improvement
+from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.unseen import unseen_sections
+from rigctl.report.answer import improvement_answer
 from rigctl.report.section import Section, render
 from rigctl.report.signals import plain_name
+from rigctl.report.systematic import left_of
 
 
 def improvement_sections(compared: Comparison, improved: Improvement, path: Path) -> list[Section]:
     """What was added, the versions in `path`, records unseen, the first diagnosis, both models compared."""
-    last = improved.steps[-1].comparison if improved.steps else None
-    named = [] if last is None else [replace(last, name=f"{last.name}, improved")]
-    shown = replace(compared, models=(*compared.models, *named))
+    if not improved.steps:
+        return [*diagnosis_sections(improved.first), *comparison_sections(compared, answered=True)]
+    versions = _versions(compared, improved)
+    shown = replace(compared, models=(versions[0], versions[-1]))
     return [
-        _added(improved),
-        *history_sections(path, _versions(compared, improved)),
+        _answer(versions, improved, path),
         *unseen_sections(improved.unseen),
         *left_sections(improved),
-        *diagnosis_sections(improved.first, added=bool(improved.steps)),
-        *comparison_sections(shown),
+        *diagnosis_sections(improved.first, added=True),
+        *comparison_sections(shown, answered=True),
+        *history_sections(path, versions),
     ]
 
 
@@ -48,7 +53,8 @@ def left_sections(improved: Improvement) -> list[Section]:
         evidence=[text for text in last.further_evidence if last.verdict is not Verdict.ADEQUATE],
         classes=[names for names in last.classes if len(names) > 1],
     )
-    return [Section("model-now", "The model as it is now", body)]
+    hint = f"{last.title}; what these data still cannot tell"
+    return [Section("model-now", "The model as it is now", body, folded=True, hint=hint)]
 
 
 def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparison]:
@@ -60,15 +66,17 @@ def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparis
     return [replace(comparison, name=f"version {number}") for number, comparison in found]
 
 
-def _added(improved: Improvement) -> Section:
-    text = improved.statement
-    body = render(
+def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Path) -> Section:
+    """What was added and what became of the error, each addition with its reason."""
+    first, last = versions[0], versions[-1]
+    told = Told((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
+    about = f"{path.name}, {versions[-1].name}"
+    top = answer_section(improvement_answer(improved), told, about=about)
+    reasons = render(
         "improvement.html",
-        good=improved.ended is Ended.ADEQUATE,
-        statement=text[0].upper() + text[1:],
         steps=[
             (step.version.number, " and ".join(map(plain_name, step.effects)), step.reason)
             for step in improved.steps
         ],
     )
-    return Section("improvement", "What was added", body)
+    return replace(top, id="improvement", body=top.body + reasons)

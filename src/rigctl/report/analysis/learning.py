@@ -11,8 +11,11 @@ from markupsafe import Markup
 from rigctl.design.words import share
 from rigctl.learning.result import Ended, Learned, Round
 from rigctl.planning.outline import clock_time
+from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.history import history_sections
+from rigctl.report.answer import learning_answer
+from rigctl.report.numbers import words
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
@@ -23,8 +26,13 @@ _DRAWN = 6
 _PROBABLE = 0.01
 
 
-def learning_sections(learned: Learned, model: Path) -> list[Section]:
-    """The story, and the versions of the model that came of it."""
+def learning_sections(learned: Learned, model: Path, told: Told | None = None) -> list[Section]:
+    """How it ended; behind it the story by rounds, and the versions of the model that came of it.
+
+    Parameters
+    ----------
+    told: the model as it was and as it is, on all that was measured.
+    """
     plot = rounds_plot(learned)
     body = render(
         "learning.html",
@@ -35,8 +43,27 @@ def learning_sections(learned: Learned, model: Path) -> list[Section]:
         plot=None if plot is None else plot_slot(plot),
         promises=_promises(learned),
     )
-    story = Section("learning", "What was learnt", body, () if plot is None else (plot,))
-    return [story, *history_sections(model)]
+    hint = "round by round: what was measured, what was promised of it, what came out"
+    drawn = () if plot is None else (plot,)
+    story = Section("learning", "What was learnt", body, drawn, folded=True, hint=hint)
+    answer = learning_answer(learned, () if told is None else told.fits, None if told is None else told.left)
+    about = f"{model.name}, version {learned.version}"
+    return [answer_section(answer, told, about=about), story, *history_sections(model)]
+
+
+def hidden_section(hidden: str, found: str, *, right: bool) -> Section:
+    """The end of a demonstration's page: what its bench hid, and what was found.
+
+    Parameters
+    ----------
+    hidden, found: effects with their parameters as ``name:parameter=value``.
+    """
+
+    def said(text: str) -> str:
+        return words(text.replace(":", ", ").replace("=", " "))
+
+    body = render("hidden.html", hidden=said(hidden), found=said(found), right=right)
+    return Section("hidden", "Was it right?", body, closes=True)
 
 
 def rounds_plot(learned: Learned) -> Plot | None:

@@ -1,9 +1,10 @@
-"""Error maps: every condition, in sigmas of the noise, for a channel or a phase."""
+"""Error maps: every condition, in sigmas of the noise, of a channel: its bias with its sign, and its size."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,76 +18,132 @@ from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-_LIMIT = 4.0
+Values = tuple[tuple[float, ...], ...]
+Marks = tuple[tuple[bool, ...], ...]
+
+#: sigmas of the strongest colour, of a size and of a bias
+_LIMIT, _BIAS_LIMIT = 4.0, 2.0
 
 
 def channel_maps(
-    model: ModelComparison, key: str, limit: float | None = None, *, title: str = ""
+    model: ModelComparison,
+    key: str,
+    *,
+    title: str = "",
+    channels: Sequence[str] | None = None,
 ) -> tuple[HeatMap, ...]:
-    """Of each channel, the signed RMS error of each condition: the first variable down, the second across.
+    """Two maps of each channel, the first variable down, the second across; see `_maps_of`.
 
-    `title` says which of several this is.
+    Parameters
+    ----------
+    title: says which of several models this is.
+    channels: those that are shown; of None those of which any condition is more than noise, or the one that
+        is nearest to that.
     """
+    grid = _grid(model)
+    if grid is None:
+        return ()
+    found = [
+        (channel, _maps_of(model, grid, c, f"{key}-{channel}", title))
+        for c, channel in enumerate(model.fit.problem.measurements.outputs)
+        if channels is None or channel in channels
+    ]
+    if channels is None:
+        found = [one for one in found if any(any(row) for row in one[1][1].strong)]
+    return tuple(one for _, pair in found for one in pair)
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The conditions as rows and columns, with their names."""
+
+    points: list[tuple[float, float]]
+    rows: list[float]
+    columns: list[float]
+    row_title: str
+    column_title: str
+    row_names: tuple[str, ...]
+    column_names: tuple[str, ...]
+
+
+def _grid(model: ModelComparison) -> _Grid | None:
     problem = model.fit.problem
     variables = problem.measurements.variables[:2]
     if not variables:
-        return ()
+        return None
     units = variable_units(problem.measurements)
-    points = [tuple(record.condition.get(name, math.nan) for name in variables) for record in problem.records]
-    if len(variables) == 1:
-        points = [(one[0], 0.0) for one in points]
-    rows = sorted({_rounded(point[0]) for point in points})
-    columns = sorted({_rounded(point[1]) for point in points})
-    places = range(len(points))
-    plain = [model.fit.normalised_error(k) for k in places]
-    white = [whitened_errors(model.fit, k) for k in places]
-    found = []
-    for c, channel in enumerate(problem.measurements.outputs):
-        errors, whitened = (
-            _pooled([one[:, c] for one in every], points, rows, columns) for every in (plain, white)
-        )
-        values = tuple(tuple(map(_signed_rms, row)) for row in errors)
-        strong = tuple(tuple(map(_stands_out, row)) for row in whitened)
-        found.append(
-            HeatMap(
-                id=f"{key}-{channel}",
-                caption=f"{title}{plain_name(channel)}: error in sigmas of the noise, 1 is noise alone; "
-                "its sign is that of model − measured; * more than chance",
-                row_title=_title(variables[0], units),
-                column_title=_title(variables[1], units) if len(variables) > 1 else "",
-                rows=tuple(_shown(value, variables[0], units) for value in rows),
-                columns=tuple(_shown(value, variables[1], units) for value in columns)
-                if len(variables) > 1
-                else ("error",),
-                values=values,
-                strong=strong,
-                limit=limit or _LIMIT,
-            )
-        )
-    return tuple(found)
+    values = [[record.condition.get(name, math.nan) for name in variables] for record in problem.records]
+    points = [(_rounded(one[0]), _rounded(one[1]) if len(one) > 1 else 0.0) for one in values]
+    rows, columns = (sorted({point[side] for point in points}) for side in (0, 1))
+    across = len(variables) > 1
+    return _Grid(
+        points,
+        rows,
+        columns,
+        _title(variables[0], units),
+        _title(variables[1], units) if across else "",
+        tuple(_shown(value, variables[0], units) for value in rows),
+        tuple(_shown(value, variables[1], units) for value in columns) if across else ("all",),
+    )
 
 
-def _pooled(
-    errors: Sequence[Floats],
-    points: Sequence[tuple[float, ...]],
-    rows: Sequence[float],
-    columns: Sequence[float],
-) -> list[list[Floats]]:
+def _maps_of(model: ModelComparison, grid: _Grid, c: int, key: str, title: str) -> tuple[HeatMap, HeatMap]:
+    """The bias of one channel, model less measured with its sign, and the size of its systematic error.
+
+    The size is ``√(max(⟨(e/σ)²⟩ − 1, 0))``: it is there too where the error changes its sign within a
+    record, and its mean is nothing. Marked is what whitened residuals have more of than chance.
+    """
+    places = range(len(grid.points))
+    name = plain_name(model.fit.problem.measurements.outputs[c])
+    errors = _pooled([model.fit.normalised_error(k)[:, c] for k in places], grid)
+    whitened = _pooled([whitened_errors(model.fit, k)[:, c] for k in places], grid)
+    strong = tuple(tuple(map(_stands_out, row)) for row in whitened)
+    biased = tuple(tuple(map(_bias_stands_out, row)) for row in whitened)
+    bias = tuple(tuple(float(one.mean()) if one.size else math.nan for one in row) for row in errors)
+    size = tuple(tuple(map(_size, row)) for row in errors)
+
+    def drawn(kind: str, said: str, values: Values, marks: Marks, limit: float, *, signed: bool) -> HeatMap:
+        return HeatMap(
+            id=f"{key}-{kind}",
+            caption=f"{title}{name}: {said}; * more than chance",
+            row_title=grid.row_title,
+            column_title=grid.column_title,
+            rows=grid.row_names,
+            columns=grid.column_names,
+            values=values,
+            strong=marks,
+            limit=limit,
+            signed=signed,
+        )
+
+    return (
+        drawn("bias", "bias, model − measured, in sigmas", bias, biased, _BIAS_LIMIT, signed=True),
+        drawn("size", "systematic error, in sigmas", size, strong, _LIMIT, signed=False),
+    )
+
+
+def _size(errors: Floats) -> float:
+    return math.sqrt(max(float(np.mean(errors**2)) - 1.0, 0.0)) if errors.size else math.nan
+
+
+def _bias_stands_out(errors: Floats) -> bool:
+    """Whether the mean of whitened errors is more than four standard deviations of chance."""
+    return bool(errors.size) and abs(float(errors.mean())) > 4.0 / math.sqrt(errors.size)
+
+
+def _pooled(errors: Sequence[Floats], grid: _Grid) -> list[list[Floats]]:
     """The errors of all records of each condition together."""
     cells: dict[tuple[float, float], list[Floats]] = {}
-    for error, point in zip(errors, points, strict=True):
-        cells.setdefault((_rounded(point[0]), _rounded(point[1])), []).append(error[np.isfinite(error)])
-    return [[np.concatenate(cells.get((r, col), [np.empty(0)])) for col in columns] for r in rows]
-
-
-def _signed_rms(errors: Floats) -> float:
-    """Root mean square over all records of a condition, with the sign of their mean; NaN without any."""
-    return float(np.sqrt(np.mean(errors**2)) * np.sign(errors.mean())) if errors.size else math.nan
+    for error, point in zip(errors, grid.points, strict=True):
+        cells.setdefault(point, []).append(error[np.isfinite(error)])
+    return [[np.concatenate(cells.get((r, col), [np.empty(0)])) for col in grid.columns] for r in grid.rows]
 
 
 def _stands_out(errors: Floats) -> bool:
     """Whether whitened errors do, by more than four standard deviations of what noise alone makes."""
-    return bool(errors.size) and abs(_signed_rms(errors)) > 1.0 + 4.0 / math.sqrt(2.0 * errors.size)
+    if not errors.size:
+        return False
+    return float(np.sqrt(np.mean(errors**2))) > 1.0 + 4.0 / math.sqrt(2.0 * errors.size)
 
 
 def _rounded(value: float) -> float:
@@ -99,4 +156,4 @@ def _title(name: str, units: dict[str, str]) -> str:
 
 
 def _shown(value: float, name: str, units: dict[str, str]) -> str:
-    return f"{parse_unit(units.get(name, '1')).from_si(value):.4g}"
+    return f"{parse_unit(units.get(name, '1')).from_si(value):.3g}"

@@ -31,7 +31,10 @@ def unseen_sections(found: Sequence[Unseen]) -> list[Section]:
         for one, plot in zip(found, plots, strict=True)
     ]
     drawn = tuple(plot for plot in plots if plot is not None)
-    return [Section("unseen", "Records that no fit saw", render("unseen.html", parts=parts), drawn)]
+    good = all(one.as_good for one in found)
+    body = render("unseen.html", parts=parts)
+    hint = "as good as where it was fitted" if good else ""
+    return [Section("unseen", "Records that no fit saw", body, drawn, folded=good, hint=hint)]
 
 
 def _bars(name: str, values: dict[str, object]) -> object:

@@ -41,8 +41,10 @@
   // on a narrow screen the legend goes below, and the buttons, which need a mouse, go away
   const fitted = (place, layout) => {
     if (place.clientWidth >= 640) return [layout, config];
-    const legend = { ...layout.legend, y: -64 / layout.height, yanchor: "top" };
-    return [{ ...layout, legend, margin: { ...layout.margin, l: 56, t: 8 } }, { ...config, displayModeBar: false }];
+    const margin = { ...layout.margin, l: 56, t: 8 };
+    const below = 52 / Math.max(layout.height - margin.t - margin.b, 1); // the axis' numbers and its title
+    const legend = { ...layout.legend, y: -below, yanchor: "top" };
+    return [{ ...layout, legend, margin }, { ...config, displayModeBar: false }];
   };
 
   const paint = (place) => {
@@ -142,8 +144,10 @@
   const unfold = () => {
     const target = location.hash && document.getElementById(location.hash.slice(1).split("/")[0]);
     if (!target) return;
-    for (const fold of target.querySelectorAll(":scope > details.fold")) fold.open = true;
-    for (let one = target.closest("details"); one; one = one.parentElement.closest("details")) one.open = true;
+    const within = [...target.querySelectorAll(":scope > details.fold")];
+    for (let one = target.closest("details"); one; one = one.parentElement.closest("details")) within.push(one);
+    for (const fold of within) fold.open = true;
+    if (within.length) target.scrollIntoView();
   };
   window.addEventListener("hashchange", unfold);
   for (const link of document.querySelectorAll('a[href^="#"]')) link.addEventListener("click", () => setTimeout(unfold));

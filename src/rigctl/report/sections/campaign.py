@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigctl.report.numbers import MISSING, amount, decimals, fixed, number, symbol
+from rigctl.report.numbers import MISSING, amount, decimals, fixed, number, setting, symbol
 from rigctl.report.responses import Point, Response, response_plot, responses
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, plot_slot, render
@@ -72,7 +72,7 @@ def table(response: Response) -> list[tuple[str, list[Cell]]]:
     firsts = [one.points[0] for one in response.series]
     return [
         (
-            number(x, 6),
+            setting(x),
             [_cell(one.at(x), first, places) for one, first in zip(response.series, firsts, strict=True)],
         )
         for x in response.xs

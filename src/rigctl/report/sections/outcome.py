@@ -10,7 +10,7 @@ from typing import Any
 from rigctl.report.numbers import duration, moment, plural, whole
 from rigctl.report.run_data import COMPLETE, RunData
 from rigctl.report.section import Section, render
-from rigctl.report.signals import ALARMS
+from rigctl.report.signals import ALARMS, end_to_end
 
 #: kinds of bench whose numbers come from equations
 _SIMULATED = {"simulated": "simulated bench", "emulated": "emulated board and simulated bench"}
@@ -36,6 +36,8 @@ class RunSummary:
     status: str
     badge: str | None  #: says that no bench was involved
     statement: str
+    safety: str  #: of a run that did not come to its end: whether its outputs are known to be safe
+    safe: bool
     figures: tuple[tuple[str, str], ...]
     facts: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
@@ -72,6 +74,8 @@ def summarise(run: RunData) -> RunSummary:
         status="imported" if imported and tone == "good" else word,
         badge=_SIMULATED.get(kind),
         statement=statement(run),
+        safety=safety(run),
+        safe=_known_safe(run),
         figures=tuple(_figures(run, missed)),
         facts=tuple((name, value) for name, value in _facts(run) if value),
         notes=tuple(_notes(run)),
@@ -89,6 +93,24 @@ def statement(run: RunData) -> str:
     )
     reason = readable(str(run.info.get("reason") or ""))
     return f"The run {verb}{': ' + reason if reason else ''}. {_kept_so_far(run)}{_measured(run)}."
+
+
+def safety(run: RunData) -> str:
+    """What is known of the outputs of a run that did not come to its end; "" of one that did."""
+    doubt = run.info.get("unconfirmed")
+    if doubt:
+        return f"Not confirmed safe: {doubt} may still be on. Look at the bench before you touch it."
+    if ended_well(run) or run.info.get("status") == "running" or run.info.get("source") == "import":
+        return ""
+    if _known_safe(run):
+        return "Safe: every output was put into its safe state at the end, and the bench confirmed it."
+    return "Nothing was recorded of how the outputs were left: look at the bench before you touch it."
+
+
+def _known_safe(run: RunData) -> bool:
+    """Whether the run was ended by rigctl itself, and no output was in doubt."""
+    ended = run.info.get("status") in ("finished", "failed", "aborted")
+    return ended and "unconfirmed" in run.info and not run.info["unconfirmed"]
 
 
 def readable(reason: str) -> str:
@@ -157,6 +179,9 @@ def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
 
 
 def _length(run: RunData) -> float:
+    time, shift = end_to_end(run)
+    if shift.any():  # each record of a logger that begins anew
+        return float(time[-1] - time[0])
     given = run.info.get("duration")
     if isinstance(given, int | float):
         return float(given)

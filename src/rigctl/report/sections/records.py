@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from rigctl.report.interactive import arrays, embed, template
-from rigctl.report.numbers import decimals, duration, fixed, number, plural, symbol
+from rigctl.report.numbers import decimals, duration, fixed, plural, setting, symbol
 from rigctl.report.plot import Plot
 from rigctl.report.run_data import COMPLETE, RecordData, RunData
 from rigctl.report.section import Section, cut, render
@@ -117,7 +117,7 @@ def _row(key: str, record: RecordData, sweeps: Sequence[str], distance: str) -> 
         label=record_label(record),
         index=record.index,
         name=record.name,
-        sweep=tuple("" if value is None else number(value[0], 6) for value in values),
+        sweep=tuple("" if value is None else setting(value[0]) for value in values),
         start=duration(record.start),
         length=duration(record.end - record.start),
         stroke=distance,

@@ -1,0 +1,40 @@
+"""How an answer is printed: the verdict, and a line for what is asked next; ``-v`` has the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.markup import escape
+
+from rigctl.cli.tables import console
+from rigctl.report.answer import Answer
+
+_COLOURS = {"good": "green", "warn": "yellow", "bad": "red"}
+_WIDTH = 11
+
+
+def show_answer(answer: Answer, *, title: str = "", more: Sequence[str] = ()) -> None:
+    """The title and the sentence, a line for each fact, and what else ``-v`` has to say.
+
+    Parameters
+    ----------
+    title: in place of the answer's; of "-" the sentence stands alone.
+    more: what was left out, e.g. ``4 notes on the data``.
+    """
+    out, colour = console(), _COLOURS[answer.tone]
+    head = title or answer.title
+    if head == "-":
+        out.print(f"[bold {colour}]{escape(answer.sentence)}[/]", soft_wrap=True)
+    else:
+        out.print(f"[bold {colour}]{escape(head)}[/]: {escape(answer.sentence)}.", soft_wrap=True)
+    for name, text in answer.facts:
+        out.print(f"  [dim]{escape(name):<{_WIDTH}}[/] {escape(text)}", soft_wrap=True)
+    if more:
+        out.print(f"  [dim]{'-v shows':<{_WIDTH}} {escape(', '.join(more))}[/]", soft_wrap=True)
+
+
+def counted(number: int, noun: str, nouns: str = "") -> list[str]:
+    """``["4 notes"]``; nothing of none."""
+    if not number:
+        return []
+    return [f"{number} {noun if number == 1 else nouns or noun + 's'}"]

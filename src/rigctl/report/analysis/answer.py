@@ -1,0 +1,148 @@
+"""The top of an analysis' page: the verdict, the fall of the systematic error, one overlay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from rigctl.model.fit.fit import FitResult
+from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.analysis.overlay import condition_of, fall_plot
+from rigctl.report.answer import Answer
+from rigctl.report.numbers import words
+from rigctl.report.plot import Plot
+from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.systematic import ChannelFall, falls
+
+Floats = NDArray[np.float64]
+
+#: channels that one overlay shows at most
+_MOST_CHANNELS = 2
+#: a channel of which less than this share of the largest stands out is not drawn
+_DRAWN = 0.5
+
+
+@dataclass(frozen=True)
+class Told:
+    """Models on the same data, by their names on the page: the first as it was, the last as it is.
+
+    `left` is the last one's systematic error, as of `rigctl.report.systematic.falls`.
+    """
+
+    names: tuple[str, ...]
+    fits: tuple[FitResult, ...]
+    left: Mapping[str, float]
+
+    @property
+    def timed(self) -> bool:
+        """Whether there are courses in time to draw, not the rows of a table."""
+        return not self.fits[0].problem.measurements.table
+
+    @property
+    def record(self) -> int:
+        """The record that shows most: where the models differ most, or the only one is worst."""
+        first, last = self.fits[0], self.fits[-1]
+        errors = [first.normalised_error(k) for k in range(len(first.outputs))]
+        if len(self.fits) > 1:
+            errors = [error - last.normalised_error(k) for k, error in enumerate(errors)]
+        return int(np.argmax([_mean_square(error) for error in errors]))
+
+
+def _mean_square(error: Floats) -> float:
+    present = error[np.isfinite(error)]
+    return float(np.mean(present**2)) if present.size else 0.0
+
+
+def answer_section(answer: Answer, told: Told | None, *, about: str, sentence: str = "") -> Section:
+    """What the page begins with.
+
+    Parameters
+    ----------
+    told: the models that the answer is about; of None there is nothing to draw.
+    about: the model, as the page is named after it.
+    sentence: in place of the answer's, where that has statistics in it.
+    """
+    found = falls(told.fits, told.left) if told is not None else ()
+    shown = [one for one in found if _shows(one)]
+    plot = None
+    if told is not None and told.timed:
+        most = max((max(one.sizes) for one in shown), default=0.0)
+        drawn_most = [one.channel for one in shown if max(one.sizes) > _DRAWN * most]
+        plot = _overlay(told, drawn_most[:_MOST_CHANNELS])
+    body = render(
+        "answer.html",
+        answer=answer,
+        sentence=words(sentence or answer.sentence),
+        facts=[
+            (words(head), words(text)) for head, text in answer.facts if head not in ("error", "held out")
+        ],
+        falls=None if told is None else _chart(shown, told),
+        quiet=_unchanged(found, shown),
+        plot=None if plot is None else plot_slot(plot),
+        caption="" if plot is None else plot.caption,
+    )
+    drawn = () if plot is None else (plot,)
+    return Section("answer", answer.title, body, drawn, names_page=about)
+
+
+def _shows(one: ChannelFall) -> bool:
+    """Whether a channel has anything to see: a change, or of a single model an error beyond the noise."""
+    return one.changed if len(one.sizes) > 1 else not one.within(0)
+
+
+def _chart(shown: Sequence[ChannelFall], told: Told) -> Markup | None:
+    """A bar for each channel and model, in sigmas of one reading; the noise of one reading beside them."""
+    if not shown:
+        return None
+    largest = max(size for one in shown for size in one.sizes) or 1.0
+    count = len(told.names)
+    entries = [
+        _bar(one, place, one.title if count == 1 else f"{one.title}, {name}", largest)
+        for one in shown
+        for place, name in enumerate(told.names)
+    ]
+    title = "Systematic error" if count == 1 else "How the systematic error falls"
+    return bars(f"{title}: by how much it stands out of the noise, all readings together", entries)
+
+
+def _bar(one: ChannelFall, place: int, label: str, largest: float) -> Bar:
+    within, last = one.within(place), place == len(one.sizes) - 1 > 0
+    length = 0.0 if within else one.sizes[place] / largest
+    return Bar(words(label), length, one.sigmas(place), _beside(one, place), 0 if last else 1)
+
+
+def _beside(one: ChannelFall, place: int) -> str:
+    amount = one.amount(place)
+    noise = f"; one reading has {one.noise_text} of noise" if place == 0 else ""
+    return f"{amount}{noise}" if amount else ""
+
+
+def _unchanged(found: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> str:
+    """The channels of which nothing is drawn, in a sentence."""
+    rest = [one for one in found if one not in shown]
+    if not rest:
+        return ""
+    beyond = [one for one in rest if not one.within(-1)]
+    within = [one.title for one in rest if one.within(-1)]
+    parts = [f"{', '.join(within)}: within the noise"] if within else []
+    parts += [f"{one.title}: {one.sigmas(-1)} beyond the noise" for one in beyond]
+    same = " before and after" if len(found[0].sizes) > 1 else ""
+    return words(f"{'; '.join(parts)}{same}")
+
+
+def _overlay(told: Told, channels: Sequence[str]) -> Plot | None:
+    """Measured and modelled in the record that shows most, with what the first and the last model leave."""
+    if not channels:
+        return None
+    first, last = told.fits[0], told.fits[-1]
+    models = [(told.names[0], first)]
+    if len(told.fits) > 1:
+        models.append((told.names[-1], last))
+    k = told.record
+    which = "where the two differ most" if len(models) > 1 else "the worst record"
+    caption = f"Measured and modelled, {which}: {words(condition_of(first, k))}"
+    return fall_plot(models, k, "answer-overlay", caption, channels)

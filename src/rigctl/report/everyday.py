@@ -1,0 +1,64 @@
+"""Parameters in units of everyday beside those of SI: a leak of 3.9e-15 m³ is some 0.02 l/min."""
+
+from __future__ import annotations
+
+import math
+
+from rigctl.analysis.diagnosis_result import FoundParameter
+from rigctl.effects.declaration import Effect
+from rigctl.model.fit.problem import Problem
+from rigctl.units import parse_unit
+
+#: N of one kilogram's weight
+_WEIGHT = 9.81
+#: forces below this are too small for a comparison to help, N
+_LEAST_FORCE = 1.0
+#: a coefficient of temperature is told for so many kelvins
+_WARMER = 10.0
+
+
+def everyday(effect: Effect, name: str, found: FoundParameter, problem: Problem) -> str:
+    """What a parameter comes to, e.g. ``about 0.02 l/min at 50 bar, 60 degC``; "" where its unit says it.
+
+    The conditions are the highest pressure and the warmest oil of the records.
+    """
+    unit = parse_unit(found.unit)
+    value = unit.to_si(found.value, difference=True)
+    if name == "conductance" and unit.dimension == parse_unit("m^3").dimension:
+        return _leak(value, problem)
+    if unit.dimension == parse_unit("1/K").dimension and unit.dimension != parse_unit("1").dimension:
+        return f"about {100.0 * value * _WARMER:.2g} % for each {_WARMER:g} K"
+    if unit.dimension == parse_unit("N").dimension and abs(value) > _LEAST_FORCE:
+        return f"about the weight of {value / _WEIGHT:.2g} kg"
+    return ""
+
+
+def _leak(conductance: float, problem: Problem) -> str:
+    """The flow through a laminar gap, ``Q = k·Δp/µ`` with Vogel's µ of the model's oil."""
+    pressure, temperature = (_highest(problem, unit) for unit in ("bar", "degC"))
+    values = problem.model.values
+    constants = [values.get(name) for name in ("vogel_a", "vogel_b", "vogel_c")]
+    if pressure is None or temperature is None or None in constants:
+        return ""
+    a, b, c = (float(one or 0.0) for one in constants)
+    flow = conductance * pressure / (a * math.exp(b / (temperature - c)))
+    shown = parse_unit("l/min").from_si(flow)
+    text = f"{shown:.2g} l/min"
+    if abs(shown) < 1e-3:
+        text = f"{parse_unit('ml/min').from_si(flow):.2g} ml/min"
+    bar, celsius = parse_unit("bar").from_si(pressure), parse_unit("degC").from_si(temperature)
+    return f"about {text} at {bar:.0f} bar, {celsius:.0f} degC"
+
+
+def _highest(problem: Problem, unit: str) -> float | None:
+    """The highest value of any operating variable of that kind, SI; None where the records have none."""
+    from rigctl.analysis.localisation import variable_units
+
+    units, wanted = variable_units(problem.measurements), parse_unit(unit)
+    values = [
+        value
+        for record in problem.records
+        for name, value in record.condition.items()
+        if parse_unit(units.get(name, "1")).dimension == wanted.dimension
+    ]
+    return max(values, default=None)

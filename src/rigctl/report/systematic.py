@@ -1,0 +1,180 @@
+"""The systematic error of a model: what is left of its error when the noise is taken off, channel by channel.
+
+A root mean square error of 0.158 mm that falls to 0.127 mm looks like little; where the noise is 0.127 mm all
+of what could fall has fallen. So the error is told by how far it stands out of the noise, all readings
+together: S = √X standard deviations, X what the whitened squares have more of than noise makes. Of two models
+on the same data the difference of X is that of their whitened squares, whatever the noise is taken for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.analysis.levels import ALPHA
+from rigctl.model.fit.errors import ChannelError
+from rigctl.model.fit.fit import FitResult
+from rigctl.report.numbers import number, symbol
+from rigctl.units import parse_unit
+
+#: standard deviations of what chance makes of a sum of squares, up to which it is not told from noise
+_CHANCE = 1.96
+#: S up to which a channel's error is not told from noise: what a fit makes of noise with some parameters more
+_FLOOR = 3.0
+
+
+@dataclass(frozen=True)
+class ChannelFall:
+    """The systematic error of one channel, of a model and of those that came after it.
+
+    Attributes
+    ----------
+    title, unit: of the channel, as it is shown.
+    noise: standard deviation of one reading, in `unit`.
+    sizes: S of each model, in sigmas of all readings together; 0 where it is not told from noise.
+    amounts: root mean square of the systematic error of each model, in `unit`; NaN where noise hides it.
+    guessed: the noise is no more than a guess, and so is what is left without it.
+    """
+
+    channel: str
+    title: str
+    unit: str
+    noise: float
+    sizes: tuple[float, ...]
+    amounts: tuple[float, ...]
+    guessed: bool
+
+    @property
+    def changed(self) -> bool:
+        """Whether the last model's differs from the first's by more than chance."""
+        return abs(self.sizes[0] ** 2 - self.sizes[-1] ** 2) > _FLOOR**2
+
+    def within(self, place: int) -> bool:
+        """Whether that model's cannot be told from noise."""
+        return self.sizes[place] == 0.0
+
+    def sigmas(self, place: int) -> str:
+        """``41 sigma``, or that it is within the noise."""
+        size = self.sizes[place]
+        return (
+            "within the noise"
+            if self.within(place)
+            else f"{size:.0f} sigma"
+            if size >= 10.0
+            else f"{size:.1f} sigma"
+        )
+
+    @property
+    def noise_text(self) -> str:
+        """The noise of one reading with its unit."""
+        return f"{_two(self.noise)} {self.unit}".strip()
+
+    def amount(self, place: int) -> str:
+        """The error in the channel's unit: ``0.10 mm``; "" where it is not told from noise."""
+        amount = self.amounts[place]
+        return f"{_two(amount)} {self.unit}".strip() if not self.within(place) and amount > 0.0 else ""
+
+
+def _two(value: float) -> str:
+    if 1e-4 < abs(value) < 10.0:
+        return f"{value:#.2g}"
+    return f"{value:.0f}" if 10.0 <= abs(value) < 1e4 else number(value, 2)
+
+
+def falls(fits: Sequence[FitResult], left: Mapping[str, float]) -> tuple[ChannelFall, ...]:
+    """By channel, of models on the same data; the largest of the first model first.
+
+    Parameters
+    ----------
+    left: S of the last model, of the channels on which it is more than noise; see `left_of`.
+    """
+    problem = fits[0].problem
+    measurements = problem.measurements
+    guessed = {channel.name: channel.guessed for channel in problem.noise.channels}
+    found = []
+    for name, shown in zip(measurements.outputs, measurements.units, strict=True):
+        if any(name not in fit.errors for fit in fits):
+            continue
+        unit = parse_unit(shown)
+        errors = [fit.errors[name] for fit in fits]
+        last, rest = errors[-1], left.get(name, 0.0)
+        base = last.nrmse**2 - _amplitude(last, rest) ** 2
+        more = [max(one.count * (one.chi2_reduced - last.chi2_reduced), 0.0) for one in errors]
+        sizes = [math.sqrt(rest**2 + one) for one in more]
+        found.append(
+            ChannelFall(
+                channel=name,
+                title=measurements.titles.get(name, name),
+                unit="K" if unit.offset else symbol(shown),
+                noise=errors[0].noise / unit.factor,
+                sizes=tuple(size if size > _FLOOR else 0.0 for size in sizes),
+                amounts=tuple(_rest(one.nrmse, base) * one.noise / unit.factor for one in errors),
+                guessed=guessed[name],
+            )
+        )
+    return tuple(sorted(found, key=lambda one: -max(one.sizes)))
+
+
+def _rest(normalised: float, base: float) -> float:
+    """Root of what a mean square has more than `base`."""
+    return math.sqrt(max(normalised**2 - base, 0.0))
+
+
+def _amplitude(error: ChannelError, size: float) -> float:
+    """Root mean square of the systematic error, in noises: at least what S says of white noise."""
+    if size <= 0.0:
+        return 0.0
+    return max(math.sqrt(max(error.nrmse**2 - 1.0, 0.0)), size / math.sqrt(max(error.count, 1)))
+
+
+def left_of(model: ModelComparison) -> dict[str, float]:
+    """S of a model by channel, of those on which the error is more than chance; none of one that agrees.
+
+    X is what the residuals' means over the phases of the records have more of than chance, or all whitened
+    squares where that is more: an error that changes its sign within a phase has no mean there.
+    """
+    if model.adequate:
+        return {}
+    beyond = {one.label for one in model.where if one.by == "channel" and one.p_value < ALPHA}
+    columns: dict[str, list[int]] = {}
+    for column, label in enumerate(model.linearisation.regions.labels):
+        columns.setdefault(label[1], []).append(column)
+    found = {}
+    for name, places in columns.items():
+        z = model.cells.z[:, places]
+        present = z[np.isfinite(z)]
+        error = model.fit.errors[name]
+        whole = error.count * (error.chi2_reduced - 1.0)
+        excess = max(float(np.sum(present**2)) - present.size, whole)
+        if name in beyond and excess > 0.0:
+            found[name] = math.sqrt(excess)
+    return found
+
+
+def left_of_fit(fit: FitResult) -> dict[str, float]:
+    """The same from a fit alone: what its whitened squares have more of than noise."""
+    found = {}
+    for name, error in fit.errors.items():
+        excess = error.count * (error.chi2_reduced - 1.0)
+        if excess > _CHANCE * math.sqrt(2.0 * error.count):
+            found[name] = math.sqrt(excess)
+    return found
+
+
+def left_of_diagnosis(found: Diagnosis) -> dict[str, float]:
+    """S of the model with the effects found: what the diagnosis leaves, by channel as its squares are."""
+    if not found.best.candidates:
+        return left_of(found.before)
+    if found.remainder is None:
+        return {}
+    errors = found.best.fit.errors
+    parts = {name: max(one.count * (one.chi2_reduced - 1.0), 0.0) for name, one in errors.items()}
+    whole = sum(parts.values())
+    return {
+        name: found.remainder.size * math.sqrt(part / whole) for name, part in parts.items() if part > 0.0
+    }

@@ -1,0 +1,41 @@
+"""What is printed first, and what progress says where nobody watches a terminal."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigctl.cli.answer_view import show_answer
+from rigctl.cli.telling import _thinned, telling
+from rigctl.report.answer import Answer
+
+
+def test_progress_that_counts_is_thinned_and_the_rest_is_not() -> None:
+    said: list[str] = []
+    time = iter(range(1000))
+    tell = _thinned(said.append, lambda: float(next(time)))
+    for number in range(1, 201):
+        tell(f"Repetition {number} of 200")
+    tell("Fitting own")
+    assert said[0] == "Repetition 1 of 200"
+    assert said[-1] == "Fitting own"
+    assert 200 / 30 <= len(said) - 1 <= 200 / 30 + 1
+
+
+def test_progress_goes_to_stderr_line_by_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with telling() as tell:
+        for number in (1, 2, 3):
+            tell(f"Looking at {number} of 3")
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.splitlines() == ["Looking at 1 of 3"]
+
+
+def test_an_answer_is_a_line_and_one_for_each_fact(capsys: pytest.CaptureFixture[str]) -> None:
+    answer = Answer("warn", "An effect is missing", "oil [leaks]", (("size", "small"), ("how sure", "very")))
+    show_answer(answer, title="An effect is missing (leak)", more=["the ranking"])
+    assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == [
+        "An effect is missing (leak): oil [leaks].",
+        "  size        small",
+        "  how sure    very",
+        "  -v shows    the ranking",
+    ]

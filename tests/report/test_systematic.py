@@ -1,0 +1,95 @@
+"""What is left of an error when the noise is taken off, and what parameters come to on a bench."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from made_fit import RECORDS, UNITS, made_fit, made_noise
+from rigctl.analysis.diagnosis_result import FoundParameter
+from rigctl.model import load_model
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.record import Measurements
+from rigctl.report.everyday import everyday
+from rigctl.report.systematic import falls
+
+TEXTBOOK = Path(__file__).parents[2] / "models" / "hl32-textbook.yaml"
+#: of the position, in SI: a third of the noise of one reading
+OFF = 0.03
+
+
+def before_and_after(correlation: float = 0.0) -> tuple[FitResult, FitResult]:
+    """A model that is off by a constant, and one that is not, on the same readings."""
+    before = made_fit(made_noise(correlation), 3, lambda place, times: np.full(times.size, OFF))
+    after = tuple(outputs - np.array([OFF, 0.0]) for outputs in before.outputs)
+    return before, replace(before, outputs=after)
+
+
+def test_what_is_hidden_in_the_noise_is_seen_to_fall() -> None:
+    before, after = before_and_after()
+    rmse = [fit.errors["position"].rmse for fit in (before, after)]
+    assert 1.0 < rmse[0] / rmse[1] < 1.1  # which looks like nothing
+    position, pressure = falls([before, after], {})
+    readings = RECORDS * before.outputs[0].shape[0]
+    assert position.sizes == (pytest.approx(OFF / 0.1 * readings**0.5, rel=0.15), 0.0)
+    assert position.amounts[0] == pytest.approx(1e3 * OFF, rel=0.15)  # mm
+    assert position.changed
+    assert position.sigmas(1) == "within the noise"
+    assert position.amount(1) == ""
+    assert (pressure.changed, pressure.sizes) == (False, (0.0, 0.0))
+
+
+def test_slow_noise_is_no_systematic_error() -> None:
+    for seed in range(5):
+        fit = made_fit(made_noise(0.9), seed)
+        hair = replace(fit, outputs=tuple(outputs + 1e-4 for outputs in fit.outputs))
+        assert not any(one.changed for one in falls([fit, hair], {}))
+
+
+def test_what_is_said_to_be_left_stays_in_both() -> None:
+    before, after = before_and_after()
+    position = next(one for one in falls([before, after], {"position": 20.0}) if one.channel == "position")
+    assert position.sizes[1] == 20.0
+    assert position.sizes[0] > 20.0
+    assert position.amounts[1] > 0.0
+
+
+@pytest.fixture
+def bench() -> Any:
+    """A problem of the textbook's bench with records up to 50 bar and 80 degC."""
+    condition = {"oil": 353.15, "supply": 50e5}
+    records = (
+        SimpleNamespace(condition={"oil": 293.15, "supply": 20e5}),
+        SimpleNamespace(condition=condition),
+    )
+    measurements = Measurements(("position",), UNITS[:1], ("valve",), records, None, ("r",))  # type: ignore[arg-type]
+    return SimpleNamespace(model=load_model(TEXTBOOK), records=records, measurements=measurements)
+
+
+def test_a_leak_is_told_as_a_flow_at_the_hottest_and_the_highest(bench: Any) -> None:
+    leak = bench.model.effect("valve_leakage")
+    said = everyday(leak, "conductance", FoundParameter(6.84e-15, "m^3", 6e-17), bench)
+    flow, at = re.fullmatch(r"about ([\d.]+) l/min at (.*)", said).groups()  # type: ignore[union-attr]
+    assert at == "50 bar, 80 degC"
+    viscosity = 9.0e-6 * 835.0  # of an oil of grade 32 at 80 degC, ISO 3448 and its density
+    assert float(flow) == pytest.approx(6.84e-15 * 50e5 / viscosity * 6e4, rel=0.1)
+    drop = everyday(leak, "conductance", FoundParameter(4e-18, "m^3", 1e-19), bench)
+    assert drop.startswith("about 0.16 ml/min")
+
+
+def test_other_parameters_are_told_where_their_unit_does_not_say_it(bench: Any) -> None:
+    drift = bench.model.effect("position_thermal_drift")
+    assert (
+        everyday(drift, "coefficient", FoundParameter(2.3e-4, "1/K", 1e-6), bench)
+        == "about 0.23 % for each 10 K"
+    )
+    friction = bench.model.effect("coulomb_friction")
+    assert everyday(friction, "force", FoundParameter(98.1, "N", 1.0), bench) == "about the weight of 10 kg"
+    lag = bench.model.effect("heater_lag")
+    assert everyday(lag, "lag", FoundParameter(30.0, "s", 1.0), bench) == ""
