@@ -41,6 +41,10 @@ def run(
     family: FamilyOption = None,
     *,
     dry: Annotated[bool, typer.Option("--dry", help="Arm and read, but move nothing.")] = False,
+    answer_in_browser: Annotated[
+        bool,
+        typer.Option("--answer-in-browser", help="Questions are answered on the page of 'rigctl serve'."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Carry out a procedure on the bench and record it.
@@ -82,6 +86,7 @@ def run(
         seed=seed,
         dry=dry,
     )
-    with attended(how, plan, read_assignments(answer or (), "--answer")) as ready:
+    given_answers = read_assignments(answer or (), "--answer")
+    with attended(how, plan, given_answers, remote=answer_in_browser) as ready:
         result = launch(plan, ready)
     tell(result, as_json=as_json)

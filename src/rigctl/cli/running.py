@@ -26,8 +26,17 @@ _UNATTENDED = ("simulated", "replay", "emulated")
 
 
 @contextmanager
-def attended(how: Launch, plan: Plan, answers: Mapping[str, str]) -> Iterator[Launch]:
-    """The launch with its operator, the keys of the terminal, and a display on stderr."""
+def attended(
+    how: Launch, plan: Plan, answers: Mapping[str, str], *, remote: bool = False
+) -> Iterator[Launch]:
+    """The launch with its operator, the keys of the terminal, and a display on stderr.
+
+    With `remote`, questions are answered at another place: on the served page.
+    """
+    if remote and not answers:
+        with _remote(how, plan) as ready:
+            yield ready
+        return
     from rigctl.live import view
     from rigctl.runner.console import HELP, Console
     from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
@@ -48,6 +57,19 @@ def attended(how: Launch, plan: Plan, answers: Mapping[str, str]) -> Iterator[La
         if not by_hand:
             operator = ScriptedOperator(answers) if answers else AutomaticOperator()
         yield replace(how, operator=operator, controls=(*how.controls, console))
+
+
+@contextmanager
+def _remote(how: Launch, plan: Plan) -> Iterator[Launch]:
+    """The launch with an operator in a browser."""
+    from rigctl.live import view
+    from rigctl.runner.aside import beside
+    from rigctl.runner.remote import RemoteOperator
+
+    operator = RemoteOperator(how.person, how.runs)
+    with view(plan) as display:
+        controls = (*how.controls, beside(operator.answers, how.clock))
+        yield replace(how, observer=display, operator=operator, controls=controls)
 
 
 def person_in_charge(given: str | None) -> str:

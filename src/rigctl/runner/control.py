@@ -31,7 +31,7 @@ _POLL = 0.2
 #: s of wall time between two heartbeats
 _BEAT = 1.0
 #: longest line that is taken seriously
-_LONGEST_LINE = 4096
+LONGEST_LINE = 4096
 
 
 class ControlFile:
@@ -55,7 +55,7 @@ class ControlFile:
             return ()
         with suppress(OSError), self._control.open("rb") as file:
             file.seek(self._offset)
-            content = file.read(64 * _LONGEST_LINE)
+            content = file.read(64 * LONGEST_LINE)
             whole = content.rfind(b"\n") + 1
             self._offset += whole
             orders = (_read_order(line) for line in content[:whole].splitlines())
@@ -69,8 +69,9 @@ class ControlFile:
             self._beat()
 
     def publish(self, view: View) -> None:
-        """Write the heartbeat when it is due, and whenever the state has changed."""
-        changed = self._view is None or view.state != self._view.state
+        """Write the heartbeat when it is due, and whenever the state or the question has changed."""
+        before = self._view
+        changed = before is None or (view.state, view.asked) != (before.state, before.asked)
         self._view = view
         if changed or time.monotonic() >= self._next_beat:
             self._beat()
@@ -112,6 +113,8 @@ def summary(view: View) -> dict[str, Any]:
         "time_left": None if view.time_left is None else round(view.time_left, 1),
         "alarms": [alarm.message for alarm in view.alarms],
         "question": view.question,
+        "asked": view.asked,
+        "remote": view.remote,
         "message": view.message,
         "unconfirmed": view.unconfirmed,
     }
@@ -138,7 +141,7 @@ def send(folder: Path, request: Request, *, timeout: float = 10.0) -> str:
             exit_code=ExitCode.FAILED,
         )
     order_id = uuid4().hex
-    line = {"id": order_id, "request": request.value, "source": _sender()}
+    line = {"id": order_id, "request": request.value, "source": sender()}
     try:
         with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
             file.write(json.dumps(line) + "\n")
@@ -170,7 +173,7 @@ def _await_answer(folder: Path, order_id: str, timeout: float) -> str:
 def _read_order(line: bytes) -> Order | None:
     """A request, or None for a line that is none: the file is open to everybody who may write the folder."""
     try:
-        fields = json.loads(line[:_LONGEST_LINE])
+        fields = json.loads(line[:LONGEST_LINE])
         return Order(
             Request(fields["request"]),
             source=str(fields.get("source", "another terminal"))[:200],
@@ -180,7 +183,7 @@ def _read_order(line: bytes) -> Order | None:
         return None
 
 
-def _sender() -> str:
+def sender() -> str:
     """Who asks, for the run's events."""
     try:
         user = getpass.getuser()

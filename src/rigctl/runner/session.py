@@ -25,6 +25,7 @@ from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.operator import Operator
 from rigctl.runner.progress import progress_of
 from rigctl.runner.recorder import Recorder
+from rigctl.runner.remote import RemoteOperator
 from rigctl.runner.requests import RESPONSE, Control
 from rigctl.runner.resume import Resume
 from rigctl.runner.sampling import RunWarning, Sampling
@@ -331,6 +332,8 @@ class _Session:
             alarms=tuple(self._sampling.alarms.values()),
             happenings=tuple(self._sampling.happenings),
             question=question,
+            asked=str(bench.question) if bench.question else None,
+            remote=isinstance(bench.operator, RemoteOperator),
             message=self._message,
             unconfirmed=bench.unconfirmed,
         )

@@ -36,6 +36,8 @@ class View:
     alarms: every alarm that is latched.
     happenings: the newest events, oldest first.
     question: what the operator is being asked, or None.
+    asked: the question alone, without what was typed or refused.
+    remote: whether it is answered at another place, see `rigctl.runner.remote`.
     message: why the run ended, or what it is waiting for.
     unconfirmed: outputs that may be on though they were to be made safe, or None.
     """
@@ -55,5 +57,7 @@ class View:
     alarms: tuple[Alarm, ...] = ()
     happenings: tuple[Happening, ...] = ()
     question: str | None = None
+    asked: str | None = None
+    remote: bool = False
     message: str = ""
     unconfirmed: str | None = None

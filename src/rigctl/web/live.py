@@ -43,6 +43,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         post("/api/live/lease", live.lease_asked),
         post("/api/live/off", live.off),
         post("/api/live/{run}/request", live.request),
+        post("/api/live/{run}/answer", live.answer),
         WebSocketRoute("/api/live/stream", live.stream),
     )
 
@@ -101,6 +102,15 @@ class Live:
         folder = self._folder(asked.text("run"))
         self._lease.take(asked.viewer, over=False)
         return {"run": folder.name, "answer": send(folder, request)}
+
+    def answer(self, asked: Asked) -> dict[str, Any]:
+        """Answer what the operator is asked, where the run was begun by this page."""
+        from rigctl.runner.remote import send_answer
+
+        folder = self._folder(asked.text("run"))
+        self._lease.take(asked.viewer, over=False)
+        send_answer(folder, asked.text("question"), asked.text("text"))
+        return {"run": folder.name}
 
     def off(self, asked: Asked) -> dict[str, Any]:
         """Everything to the safe state, as `rigctl off` does: by any window, whoever has the controls."""

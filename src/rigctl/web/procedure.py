@@ -1,19 +1,281 @@
-"""Procedure."""
+"""A procedure: its text with what is wrong in it, its plan, and its start, simulated or on the real bench."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import threading
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.errors import ExitCode, RigctlError, SeveralErrors
+from rigctl.web.answer import Asked, get, post
+from rigctl.web.report import inside, project_files
 from rigctl.web.site import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
+    from rigctl.plan import Plan
+
+_FOLDER: Final = "procedures"
+#: s that a run may take to begin; after that it is left to itself
+_BEGINS_WITHIN: Final = 30.0
+_SPEEDS: Final = ("1x", "10x", "max")
+
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """What the page asks for."""
-    return ()
+    procedures = Procedures(site)
+    return (
+        get("/api/procedure", procedures.files),
+        get("/api/procedure/file", procedures.read),
+        get("/api/procedure/completion", lambda _: completion()),
+        post("/api/procedure/check", procedures.check),
+        post("/api/procedure/save", procedures.save),
+        post("/api/procedure/start", procedures.start),
+    )
 
 
-PART = Part("procedure", "Procedure", "What a bench is to do, and its plan.", routes)
+class Procedures:
+    """The procedures of one project."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+
+    def files(self, asked: Asked) -> dict[str, Any]:
+        """What there is."""
+        return {"files": project_files(self._site.require_project(), _FOLDER)}
+
+    def read(self, asked: Asked) -> dict[str, Any]:
+        """A file's text."""
+        path = inside(self._site.require_project(), asked.text("path"))
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError as problem:
+            raise RigctlError("the file is not UTF-8 text", value=asked.text("path")) from problem
+        return {"path": asked.text("path"), "text": text, "sha256": _hash(text)}
+
+    def check(self, asked: Asked) -> dict[str, Any]:
+        """What a text means: its plan, or what is wrong in it, with the places."""
+        from datetime import UTC, datetime
+
+        from rigctl.plan.identity import settled
+        from rigctl.planning import preview
+        from rigctl.planning.document import as_document
+
+        root = self._site.require_project()
+        try:
+            plan = _plan(root / asked.text("path"), asked.text("text"))
+            seen = preview(plan)
+            warnings = plan.rig.warnings(datetime.now(UTC).date())
+        except RigctlError as error:
+            each = error.errors if isinstance(error, SeveralErrors) else (error,)
+            return {"errors": [one.as_dict() for one in each], "plan": None}
+        identity = plan.procedure.identity
+        return {
+            "errors": [],
+            "plan": as_document(seen, warnings),
+            "backend": plan.rig.backend.kind,
+            "demands": settled(identity, {})[1],
+        }
+
+    def save(self, asked: Asked) -> dict[str, Any]:
+        """Write a text over the file it was read from, if nobody else has changed that meanwhile."""
+        from rigctl.files.write import write_text
+
+        root = self._site.require_project()
+        path, text = self._writable(root, asked.text("path")), asked.text("text")
+        there = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
+        known = asked.text("sha256", "")
+        if there is not None and _hash(there) != known:
+            raise RigctlError(
+                "the file has changed since it was read",
+                value=asked.text("path"),
+                hint="Copy your text, read the file again, and put it in there",
+                exit_code=ExitCode.FAILED,
+            )
+        write_text(path, text)
+        return {"path": asked.text("path"), "sha256": _hash(text)}
+
+    def start(self, asked: Asked) -> dict[str, Any]:
+        """Begin a run in a process of its own, which goes on whatever becomes of this server.
+
+        On the real bench only for whoever types its name: a click alone moves nothing.
+        """
+        root = self._site.require_project()
+        path = inside(root, asked.text("path"))
+        told = path.relative_to(root.resolve()).as_posix()
+        plan = _plan(path, path.read_text(encoding="utf-8"))
+        if asked.text("bench") == "simulated":
+            speed = asked.text("speed", "1x")
+            if speed not in _SPEEDS:
+                raise RigctlError("not a speed", value=speed, expected=", ".join(_SPEEDS))
+            command = ["simulate", told, "--speed", speed]
+            if asked.body.get("seed") is not None:
+                command += ["--seed", str(asked.whole("seed", 0, 0, 1 << 31))]
+        else:
+            if asked.text("rig", "").strip() != plan.rig.name:
+                raise RigctlError(
+                    "the real bench is asked for by its name",
+                    expected=f"'{plan.rig.name}', typed as it stands",
+                )
+            command = ["run", told, "--answer-in-browser"]
+        for name in ("operator", "serial_number", "part"):
+            if value := asked.text(name, "").strip():
+                command += [f"--{name.replace('_', '-')}={value}"]
+        return {"run": self._begin(command), "command": f"rigctl {' '.join(command)}"}
+
+    def _begin(self, command: Sequence[str]) -> str:
+        """The id of the run that a command has begun.
+
+        Raises
+        ------
+        RigctlError
+            it has ended without beginning one; says why.
+        """
+        from tempfile import TemporaryFile
+
+        errors = TemporaryFile(dir=self._site.jobs.scratch)  # noqa: SIM115 - closed by the thread below
+        # a Ctrl-C that ends the server is none of its
+        group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+        alone: dict[str, Any] = {"creationflags": group} if group else {"start_new_session": True}
+        process = subprocess.Popen(  # noqa: S603 - this program, no shell
+            [sys.executable, "-m", "rigctl", *command],
+            cwd=self._site.project.root,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            **alone,
+        )
+        begun = _Begun(process, errors)
+        threading.Thread(target=begun.wait, name="run", daemon=True).start()
+        give_up = monotonic() + _BEGINS_WITHIN
+        while monotonic() < give_up:
+            ended = process.poll() is not None
+            if (found := self._run_of(process.pid)) is not None:
+                return found
+            if ended:
+                raise RigctlError(begun.last_words(), exit_code=ExitCode.FAILED)
+            sleep(0.05)
+        raise RigctlError(
+            f"the run has not begun within {_BEGINS_WITHIN:g} s",
+            hint="It may yet begin; the page Live shows it then",
+            exit_code=ExitCode.FAILED,
+        )
+
+    def _run_of(self, pid: int) -> str | None:
+        from rigctl.dataset.catalogue import newest_folders
+        from rigctl.dataset.lock import read_state
+
+        if not self._site.project.runs.is_dir():
+            return None
+        for folder in reversed(newest_folders(self._site.project.runs, 5)):
+            state = read_state(folder)
+            if state is not None and state.fields.get("pid") == pid and state.fresh:
+                return folder.name
+        return None
+
+    def _writable(self, root: Path, name: str) -> Path:
+        """A file of the folder of procedures, which may be new."""
+        path = (root / name).resolve() if "\0" not in name else root
+        home = (root / _FOLDER).resolve()
+        if path.suffix != ".yaml" or not path.is_relative_to(home) or path.is_dir():
+            raise RigctlError(
+                "a procedure is kept under procedures/", value=name, expected="procedures/NAME.yaml"
+            )
+        return path
+
+
+@dataclass
+class _Begun:
+    """A process that was begun, and what it says of its trouble."""
+
+    process: subprocess.Popen[bytes]
+    errors: Any
+    said: str = ""
+
+    def __post_init__(self) -> None:
+        self._over = threading.Event()
+
+    def wait(self) -> None:
+        """Take its end, so that the system can forget it."""
+        self.process.wait()
+        with suppress(OSError, ValueError):
+            self.errors.seek(0)
+            self.said = self.errors.read(100_000).decode("utf-8", "replace")
+            self.errors.close()
+        self._over.set()
+
+    def last_words(self) -> str:
+        """Why it has ended."""
+        self._over.wait(2.0)
+        lines = [line.removeprefix("rigctl: ") for line in self.said.splitlines() if line.strip()]
+        return "\n".join(lines[-5:]) or "the run's program has ended without a word"
+
+
+def _plan(path: Path, text: str) -> Plan:
+    from rigctl.procedure import expand, parse_procedure
+    from rigctl.rig import load_rig
+
+    read = parse_procedure(text, path)
+    return expand(read, load_rig(read.rig_path), {})
+
+
+def _hash(text: str) -> str:
+    from hashlib import sha256
+
+    return sha256(text.encode("utf-8")).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def completion() -> dict[str, Any]:
+    """What an editor offers, from the schema of procedures: steps, and the fields of each key."""
+    from rigctl.files.schema import json_schema
+    from rigctl.procedure import ProcedureFile
+
+    schema = json_schema(ProcedureFile, title="procedure")
+    parts: dict[str, Any] = schema["$defs"]
+    steps: dict[str, str] = {}
+    fields: dict[str, dict[str, str]] = {"": _fields(schema)}
+    beside: dict[str, dict[str, str]] = {}
+    for name, part in parts.items():
+        if not name.endswith("Step"):
+            continue
+        key = next((one for one in part.get("required", ()) if one != "do"), "do")
+        steps[key] = str(part.get("description", ""))
+        beside[key] = {field: about for field, about in _fields(part).items() if field != key}
+        for target in _targets(part["properties"][key]):
+            fields.setdefault(key, {}).update(_fields(parts[target]))
+    for part in parts.values():
+        for name, about in part.get("properties", {}).items():
+            for target in _targets(about):
+                if not target.endswith("Step"):
+                    fields.setdefault(name, {}).update(_fields(parts[target]))
+    for name, about in schema["properties"].items():
+        for target in _targets(about):
+            if not target.endswith("Step"):
+                fields.setdefault(name, {}).update(_fields(parts[target]))
+    return {"steps": steps, "fields": fields, "beside": beside}
+
+
+def _fields(part: dict[str, Any]) -> dict[str, str]:
+    return {name: str(about.get("description", "")) for name, about in part.get("properties", {}).items()}
+
+
+def _targets(about: object) -> list[str]:
+    """The parts of a schema that a value may be."""
+    if isinstance(about, dict):
+        found = [str(about["$ref"]).rpartition("/")[2]] if "$ref" in about else []
+        return found + [one for name in ("anyOf", "oneOf", "allOf") for one in _targets(about.get(name))]
+    if isinstance(about, list):
+        return [one for each in about for one in _targets(each)]
+    return []
+
+
+PART = Part("procedure", "Procedure", "What a bench is to do, its plan, and its start.", routes)

@@ -99,8 +99,8 @@ def inside(root: Path, name: str) -> Path:
     RigctlError
         it leads out of the project, or there is no such file.
     """
-    path = (root / name).resolve()
-    if "\0" in name or not path.is_relative_to(root.resolve()) or not path.is_file():
+    path = (root / name).resolve() if "\0" not in name else root
+    if not path.is_relative_to(root.resolve()) or not path.is_file():
         raise RigctlError("the project has no such file", value=name)
     return root.resolve() / path.relative_to(root.resolve())
 

@@ -122,7 +122,7 @@ export const command = (text) => {
     await navigator.clipboard.writeText(text);
     copy.textContent = "Copied";
     setTimeout(() => (copy.textContent = "Copy"), 1500);
-  }, { class: "small", "aria-label": `Copy the command ${text}` });
+  }, { class: "small", "aria-label": "Copy the command" });
   return h("p", { class: "command" }, code, copy);
 };
 

@@ -146,7 +146,20 @@ export const show = async (place) => {
   const progress = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
   const left = h("span", { class: "note left" });
   const why = h("p", { class: "statement bad", hidden: true, role: "alert" });
-  const question = h("p", { class: "statement warn", hidden: true, role: "alert" });
+  const asks = h("p", { role: "alert" });
+  const answer = h("input", { type: "text", id: "answer", autocomplete: "off" });
+  const answerLabel = h("label", { for: "answer", class: "hidden" }, "The answer");
+  const done = h("button", { type: "submit", class: "primary" }, "Answer");
+  const reply = h("form", { class: "inline", onsubmit: async (event) => {
+    event.preventDefault();
+    try {
+      await api(`/api/live/${encodeURIComponent(run)}/answer`, { method: "POST", body: { question: state.asked, text: answer.value } });
+      answer.value = "";
+    } catch (problem) {
+      complain(problem);
+    }
+  } }, answerLabel, answer, done);
+  const question = h("div", { class: "statement warn question", hidden: true }, asks, reply);
   const alarms = h("ul", { class: "alarms", role: "alert" });
 
   const request = (wanted) => async () => {
@@ -326,7 +339,12 @@ export const show = async (place) => {
     why.hidden = !(reason || unsafe || state.silent);
     why.textContent = [unsafe, state.silent ? `The run's program has not been heard of for ${state.silent} s; 'Everything off' brings the bench to its safe state.` : "", reason].filter(Boolean).join(" ");
     question.hidden = !state.question;
-    question.textContent = state.question ? `The operator is asked: ${state.question}` : "";
+    const text = state.question ? `The operator is asked: ${state.question.replace(/ ?\[Enter\]/, "")}` : "";
+    if (asks.textContent !== text) asks.textContent = text;
+    const confirms = /\[Enter\]$/.test(state.asked ?? "");
+    reply.hidden = !state.remote || !/\]$/.test(state.asked ?? "");
+    answer.hidden = confirms;
+    done.textContent = confirms ? "Done" : "Answer";
     alarms.replaceChildren(...(state.alarms ?? []).map((text) => h("li", {}, text)));
     tree.replaceChildren(...(state.tree.length ? state.tree : state.label ? [{ depth: 0, label: state.label, stage: "current", note: "" }] : []).map((step) =>
       h("li", { class: step.stage, "data-depth": String(Math.min(step.depth, 6)), "aria-current": step.stage === "current" ? "step" : null }, step.label, step.note ? h("span", { class: "note" }, ` ${step.note}`) : null)));

@@ -1,5 +1,5 @@
 // The catalogue: found, sorted and paged by the server; one run beside it; two campaigns over each other.
-import { api, button, clock, command, h, say, seldom, tag, word } from "./lib.js";
+import { api, button, clock, command, h, say, seldom, tag, wait, word } from "./lib.js";
 import { plot } from "./plot.js";
 
 const PAGE = 50;
@@ -180,6 +180,18 @@ export const show = async (place) => {
           h("label", { class: "hidden", for: "note" }, "A note"), text, h("button", { type: "submit" }, "Add")),
         command(`rigctl runs show ${id}`)),
     );
+    if (run.status === "running") lookAgain(id);
+  };
+
+  // a run in progress is looked at again until it is over
+  const lookAgain = async (id) => {
+    await wait(2000);
+    if (current !== id) return;
+    const { status } = await api(`/api/runs/${encodeURIComponent(id)}`).catch(() => ({ status: "running" }));
+    if (current !== id) return;
+    if (status === "running") return lookAgain(id);
+    await detail(id);
+    load();
   };
 
   const records = (run, id) => {

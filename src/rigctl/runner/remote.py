@@ -1,0 +1,153 @@
+"""An operator at another place: answers come through the file that requests come through.
+
+A run that was begun by the served page has no terminal. Its questions are in its heartbeat, for all to see;
+whoever answers appends a line to `rigctl.runner.control.CONTROL_NAME`, which names the question it answers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+from uuid import uuid4
+
+from rigctl.dataset.lock import read_state
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.plan.behaviour import Answer, Question
+from rigctl.runner.control import CONTROL_NAME, LONGEST_LINE, sender
+from rigctl.runner.operator import read_answer
+from rigctl.runner.requests import Order
+from rigctl.runner.view import View
+
+_ANSWER: Final = "answer"
+
+
+class RemoteOperator:
+    """Hands on the answers that others write. What looks at the file is `answers`, a `Control` for a thread.
+
+    Parameters
+    ----------
+    name: of the person in charge, for the run's events.
+    runs: the folder of the runs.
+    """
+
+    def __init__(self, name: str, runs: Path) -> None:
+        self.name = name
+        self.typed = ""  #: why the last answer was refused
+        self._given: deque[tuple[str, str]] = deque(maxlen=20)
+        self._question: Question | None = None
+        self.answers = _Answers(runs, self._given)
+
+    def ask(self, question: Question) -> Answer | None:
+        """The first answer to this question that fits it; None before there is one."""
+        if question is not self._question:
+            self._question, self.typed = question, ""
+        if question.notice:
+            return None
+        while self._given:
+            about, text = self._given.popleft()
+            if about != str(question):
+                continue  # it was meant for another question, which is over
+            try:
+                answer = read_answer(question, text)
+            except RigctlError as error:
+                self.typed = f"({error})"
+            else:
+                self._question, self.typed = None, ""
+                return answer
+        return None
+
+    def withdraw(self, question: Question) -> None:
+        """Forget a question that is not open any more."""
+        if question is self._question:
+            self._question, self.typed = None, ""
+
+
+class _Answers:
+    """Reads answers from the run's file of requests; asks nothing of the run."""
+
+    def __init__(self, runs: Path, given: deque[tuple[str, str]]) -> None:
+        self._runs = runs
+        self._given = given
+        self._path: Path | None = None
+        self._offset = 0
+
+    def poll(self) -> Sequence[Order]:
+        """Take what has been answered since the last look."""
+        if self._path is None or not self._path.is_file():
+            return ()
+        with self._path.open("rb") as file:
+            file.seek(self._offset)
+            content = file.read(64 * LONGEST_LINE)
+        whole = content.rfind(b"\n") + 1
+        self._offset += whole
+        for line in content[:whole].splitlines():
+            answer = _read_answer(line)
+            if answer is not None:
+                self._given.append(answer)
+        return ()
+
+    def acknowledge(self, order: Order, message: str) -> None:
+        """Nothing was ordered."""
+
+    def publish(self, view: View) -> None:
+        """Learn where the run lies."""
+        if self._path is None and view.run:
+            from rigctl.dataset import find_run
+
+            path = find_run(view.run, self._runs) / CONTROL_NAME
+            self._offset = path.stat().st_size if path.is_file() else 0
+            self._path = path
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def send_answer(folder: Path, question: str, text: str) -> None:
+    """Answer what the operator of a run is asked, where its heartbeat says that it listens.
+
+    Parameters
+    ----------
+    question: as the heartbeat has it.
+
+    Raises
+    ------
+    RigctlError
+        nothing is asked, something else is asked by now, or it is answered at a terminal.
+    """
+    state = read_state(folder)
+    fields: dict[str, Any] = dict(state.fields) if state is not None and state.fresh else {}
+    if not fields.get("question") or not fields.get("remote"):
+        what = (
+            "the question is answered where the run was begun"
+            if fields.get("question")
+            else "nothing is asked"
+        )
+        raise RigctlError(what, value=folder.name, exit_code=ExitCode.FAILED)
+    asked = str(fields["asked"])
+    if question != asked:
+        raise RigctlError(
+            "something else is asked by now", value=question, expected=asked, exit_code=ExitCode.FAILED
+        )
+    line = {"id": uuid4().hex, "request": _ANSWER, "question": asked, "text": text[:1000], "source": sender()}
+    try:
+        with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
+            file.write(json.dumps(line) + "\n")
+    except OSError as problem:
+        raise RigctlError(
+            f"cannot write the answer: {problem.strerror}",
+            where=Location(folder / CONTROL_NAME),
+            exit_code=ExitCode.FAILED,
+        ) from problem
+
+
+def _read_answer(line: bytes) -> tuple[str, str] | None:
+    try:
+        fields = json.loads(line[:LONGEST_LINE])
+        if fields["request"] != _ANSWER:
+            return None
+        return str(fields["question"]), str(fields["text"])
+    except (ValueError, KeyError, TypeError):
+        return None
