@@ -43,10 +43,39 @@ def _value(declared: ParameterDeclaration, text: str) -> float:
     except RigctlError as error:
         error.what = f"{declared.name}: {error.what}"
         raise
-    if not declared.low <= value <= declared.high:
-        ends = [show(end, declared.unit) for end in (declared.low, declared.high) if math.isfinite(end)]
-        raise RigctlError(f"{declared.name} is out of bounds", value=text, expected=" to ".join(ends))
+    _require_within(declared.name, value, declared.low, declared.high, declared.unit, text)
     return value
+
+
+def require_possible(model: Model, name: str, si: float) -> None:
+    """Require that a value lies within the bounds of its parameter, of the family or of any effect.
+
+    Raises
+    ------
+    RigctlError
+        it does not, or there is no such parameter.
+    """
+    effect, dot, parameter = name.partition(".")
+    if dot:
+        declared = model.effect(effect).parameter(parameter)
+        low, high = declared.widest
+        _require_within(name, si, low, high, declared.unit, difference=declared.difference)
+    else:
+        of_family = model.family.parameter(name)
+        _require_within(name, si, of_family.low, of_family.high, of_family.unit)
+
+
+def _require_within(
+    name: str, si: float, low: float, high: float, unit: str, written: str = "", *, difference: bool = False
+) -> None:
+    if low <= si <= high:
+        return
+    ends = [show(end, unit, difference=difference) for end in (low, high) if math.isfinite(end)]
+    shown = written or show(si, unit, difference=difference)
+    expected = (
+        " to ".join(ends) if len(ends) > 1 else f"{'at least' if low > -math.inf else 'at most'} {ends[0]}"
+    )
+    raise RigctlError(f"{name} is out of bounds", value=shown, expected=expected)
 
 
 def set_by_hand(model: Model, values: Mapping[str, float]) -> Model:

@@ -32,7 +32,7 @@ from rigctl.model.fit.unknowns import start_values
 from rigctl.model.load import load_model
 from rigctl.model.model import Model
 from rigctl.model.plant import initial_state
-from rigctl.model.setting import set_by_hand, words_of
+from rigctl.model.setting import require_possible, set_by_hand, words_of
 from rigctl.workbench.commands import Changes, Subject, set_command
 from rigctl.workbench.controls import Slider, Switch, sliders, switches
 from rigctl.workbench.picture import Picture, coarse_picture, exact_picture
@@ -162,7 +162,7 @@ class Workbench:
         Raises
         ------
         RigctlError
-            effects that contradict one another are on.
+            effects that contradict one another are on, or a value is out of its bounds.
         """
         model, changes = self.model, self.changes(state)
         for name in changes.removed:
@@ -170,7 +170,11 @@ class Workbench:
         for name in changes.added:
             effect = model.effect(name)
             given = {one.name: state.values[qualified(name, one.name)] for one in effect.parameters}
+            for key, value in given.items():
+                require_possible(model, qualified(name, key), value)
             model = model.with_effect(name, given)
+        for name in changes.values:
+            require_possible(model, name, state.values[name])
         return set_by_hand(model, {name: state.values[name] for name in changes.values})
 
     def command(self, state: State) -> str:

@@ -117,7 +117,7 @@ export const button = (label, work, attributes = {}) => {
 
 // The command that a view stands for, to copy.
 export const command = (text) => {
-  const code = h("code", {}, text);
+  const code = h("code", { tabindex: 0 }, text); // it may be too long for its place
   const copy = button("Copy", async () => {
     await navigator.clipboard.writeText(text);
     copy.textContent = "Copied";

@@ -16,7 +16,7 @@ const axis = (label, more = {}) => ({
   ...more,
 });
 
-// options: { height, series: [{ label, colour: 0, dash, width, points }], xLabel, yLabel, yRange, hooks, legend, sync, describe }
+// options: { height, series: [{ label, colour: 0, dash, width, points, size }], bands: [{ between: [2, 3] }], xLabel, yLabel, yRange, ySpace, hooks, legend, sync, describe }
 // Returns { element, set(data), remove() }; data as uPlot has it: [x, y1, y2 …].
 export const plot = (options) => {
   const place = h("figure", { class: "curves", role: "img", "aria-label": options.describe ?? options.yLabel ?? "plot" });
@@ -26,13 +26,15 @@ export const plot = (options) => {
   const make = () => {
     drawn?.destroy();
     const colours = palette();
+    const paint = (given) => (given === undefined ? colours[0] : typeof given === "number" ? colours[given] : colour(given));
+    const bands = (options.bands ?? []).map(({ between, shade }) => ({ series: between, fill: colour(shade ?? "--band") }));
     const series = options.series.map((one) => ({
       label: one.label,
-      stroke: one.colour === undefined ? colours[0] : typeof one.colour === "number" ? colours[one.colour] : colour(one.colour),
+      stroke: paint(one.colour),
       width: one.width ?? 1.5,
       dash: one.dash,
       paths: one.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined,
-      points: { show: Boolean(one.points), size: 5 },
+      points: { show: Boolean(one.points), size: one.size ?? 5, stroke: paint(one.colour) },
       spanGaps: false,
     }));
     drawn = new uPlot(
@@ -40,7 +42,8 @@ export const plot = (options) => {
         width: Math.max(place.clientWidth, 200),
         height: options.height ?? 220,
         scales: { x: { time: false, range: options.xRange }, y: { range: options.yRange } },
-        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues }), axis(options.yLabel, { size: 56 })],
+        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues }), axis(options.yLabel, { size: 56, ...(options.ySpace ? { space: options.ySpace } : {}) })],
+        bands,
         series: [{ label: options.xName ?? "time", value: (_, value) => (value === null || value === undefined ? "–" : value.toFixed(2)) }, ...series],
         legend: { show: options.legend ?? series.length > 1, live: options.live ?? false },
         cursor: { y: false, points: { size: 6 }, sync: options.sync ? { key: options.sync } : undefined, drag: { x: options.zoom ?? true, y: false } },

@@ -1,5 +1,506 @@
-import { h } from "./lib.js";
+// The workbench: a model on its runs, its parameters as sliders, its effects as switches, everything following.
+import { api, button, command, complain, h, say, work } from "./lib.js";
+import { makeCurves } from "./workbench/curves.js";
+import { readFrame } from "./workbench/frames.js";
+import { history } from "./workbench/history.js";
+import { makeMap } from "./workbench/map.js";
+import { figure } from "./workbench/numbers.js";
+import * as results from "./workbench/results.js";
+import { makeSlider, makeSwitch } from "./workbench/sliders.js";
+
+const KEPT = "rigctl-workbench";
+// ms between two moves that are one step
+const TOGETHER = 250;
+const remembered = () => {
+  try {
+    return JSON.parse(sessionStorage.getItem(KEPT) ?? "null");
+  } catch {
+    return null;
+  }
+};
+const remember = (what) => {
+  try {
+    sessionStorage.setItem(KEPT, JSON.stringify(what));
+  } catch {
+    // a browser that keeps nothing forgets it at a reload
+  }
+};
+
+// The socket to the process behind this page: one message after the other, answers by kind.
+const connect = (hear) => {
+  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/workbench/session`);
+  socket.binaryType = "arraybuffer";
+  socket.addEventListener("message", ({ data }) => {
+    try {
+      if (typeof data === "string") hear(JSON.parse(data), null);
+      else {
+        const { header, arrays } = readFrame(data);
+        hear(header, arrays);
+      }
+    } catch (problem) {
+      complain(problem);
+    }
+  });
+  const ready = new Promise((done, fail) => {
+    socket.addEventListener("open", done, { once: true });
+    socket.addEventListener("error", () => fail(new Error("The server does not take a socket: without one nothing follows. The commands do all that this page does.")), { once: true });
+  });
+  return { ready, socket, send: (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message)) };
+};
+
+// Measured data of the project that are no run yet.
+const importer = (found, imported) => {
+  const file = h("input", { type: "text", id: "import-file", list: "import-files", placeholder: "data/unknown-bench.csv", spellcheck: "false", autocomplete: "off" });
+  const rig = h("select", { id: "import-rig" }, ...found.rigs.map((path) => h("option", { value: path }, path)), h("option", { value: "" }, "no bench: a table"));
+  const assume = h("input", { type: "text", id: "import-assume", placeholder: "heater=off", spellcheck: "false" });
+  const jobs = h("div", { class: "jobs", "aria-live": "polite" });
+  const bring = button("Import", async () => {
+    const job = await api("/api/workbench/import", { method: "POST", body: { file: file.value.trim(), rig: rig.value, assume: assume.value.split(/\s+/).filter(Boolean) } });
+    const result = await work(jobs, job);
+    say(`${result.run}: ${result.records} records, ${result.rows} rows. ${job.command}`, "good");
+    await imported(result.run);
+  });
+  return h("details", { class: "import" }, h("summary", {}, "Bring in measured data"),
+    h("div", { class: "fields" },
+      h("div", { class: "field" }, h("label", { for: "import-file" }, "File"), file, h("datalist", { id: "import-files" }, ...found.files.map((path) => h("option", { value: path })))),
+      h("div", { class: "field" }, h("label", { for: "import-rig" }, "Bench"), rig),
+      h("div", { class: "field" }, h("label", { for: "import-assume" }, "Assume"), assume),
+      bring, jobs));
+};
+
+const chooser = async (open, again) => {
+  const found = await api("/api/workbench/choices");
+  const asked = new URLSearchParams(location.search);
+  const before = remembered() ?? {};
+  const wanted = asked.getAll("run").length ? asked.getAll("run") : (before.runs ?? found.runs.slice(0, 1).map((run) => run.id));
+  const boxes = found.runs.map((run) => {
+    const box = h("input", { type: "checkbox", value: run.id, checked: wanted.includes(run.id) });
+    return h("label", { class: "pickrun" }, box, h("span", {}, run.id), h("span", { class: "note" }, ` ${run.records} records, ${run.status}`));
+  });
+  const model = h("select", { id: "choose-model" }, ...found.models.map(({ path }) => h("option", { value: path }, path)));
+  const known = (path) => found.models.some((one) => one.path === path);
+  const rigs = new Set(found.runs.filter((run) => wanted.includes(run.id)).map((run) => run.rig));
+  const named = asked.get("model") ?? before.model ?? found.models.find((one) => rigs.has(one.rig) && /textbook/.test(one.path))?.path ?? found.models.find((one) => rigs.has(one.rig))?.path;
+  if (named && known(named)) model.value = named;
+  const field = (id, label, placeholder, value) => {
+    const input = h("input", { type: "text", id, placeholder, spellcheck: "false", value: value ?? "" });
+    return [input, h("div", { class: "field" }, h("label", { for: id }, label), input)];
+  };
+  const [holdOut, holdOutField] = field("hold-out", "Hold out", "oil == 60 degC", before.hold_out);
+  const [only, onlyField] = field("only", "Only", "oil > 30 degC", before.only);
+  const [assume, assumeField] = field("assume", "Assume", "heater=off", (before.assume ?? []).join(" "));
+  const choice = () => ({
+    runs: boxes.map((one) => one.querySelector("input")).filter((one) => one.checked).map((one) => one.value),
+    model: model.value, hold_out: holdOut.value.trim(), only: only.value.trim(), assume: assume.value.split(/\s+/).filter(Boolean),
+  });
+  const empty = !found.runs.length || !found.models.length;
+  const element = h("form", { class: "panel chooser", onsubmit: (event) => event.preventDefault() },
+    h("fieldset", {}, h("legend", {}, "Runs"), h("div", { class: "picks", tabindex: 0 }, ...boxes), importer(found, again)),
+    h("div", { class: "fields" },
+      h("div", { class: "field" }, h("label", { for: "choose-model" }, "Model"), model),
+      holdOutField, onlyField, assumeField,
+      button("Open", () => open(choice()), { class: "primary", disabled: empty })));
+  if (empty) element.append(h("p", { class: "empty" }, found.runs.length ? "There is no model in this project's models folder." : "There is no run yet: record one, simulate one, or bring in data."));
+  return { element, auto: () => (before.runs && !empty && before.runs.every((id) => found.runs.some((run) => run.id === id)) && known(before.model) ? before : null) };
+};
+
+// The buttons: each stands for a command, does what that does in a process of its own, and shows what it found.
+// `current()` is the model as it is open now: every version that is made opens it anew.
+const makeDesk = (current) => {
+  const jobs = h("div", { class: "jobs", "aria-live": "polite" });
+  const found = h("div", { class: "found" });
+
+  // What was moved is kept first, so that the command's model is the one that is seen.
+  const begin = async (verb, effect = "") => {
+    if (current().changed()) await current().keep();
+    const { runs, model, hold_out, only, assume } = current().asked;
+    const job = await api("/api/workbench/work", { method: "POST", body: { verb, effect, runs, model, hold_out: hold_out ?? "", only: only ?? "", assume: assume ?? [] } });
+    return { job, result: await work(jobs, job) };
+  };
+  const card = (name, job, inside) => {
+    found.querySelector(`[data-verb="${name}"]`)?.remove();
+    const version = current().version;
+    const made = h("section", { class: "panel result", "data-verb": name, tabindex: -1 },
+      h("h2", {}, h("span", {}, job.name, version ? h("span", { class: "mark" }, ` of version ${version}`) : ""), button("×", () => made.remove(), { class: "small close", "aria-label": `Close ${job.name}` })),
+      command(job.command), ...inside.filter(Boolean));
+    found.prepend(made);
+    made.scrollIntoView({ block: "nearest" });
+    made.focus({ preventScroll: true });
+  };
+  const changing = async (verb, effect) => {
+    const { job, result } = await begin(verb, effect);
+    await current().reload();
+    card("change", job, verb === "improve" ? results.improvement(result) : results.change(result));
+  };
+  const approve = async (procedure, effects) => {
+    const job = await api("/api/workbench/approve", { method: "POST", body: { procedure, effects } });
+    const result = await work(jobs, job);
+    const wider = { ...current().asked, runs: [...current().asked.runs, result.run], state: null };
+    card("approve", job, [
+      h("p", { class: "statement good" }, `${result.run}: ${result.status}`),
+      h("div", { class: "toolbar" }, button("Open with the new run", () => current().open(wider), { class: "primary" })),
+    ]);
+  };
+  const toReal = async (procedure) => {
+    const written = await api("/api/workbench/procedure", { method: "POST", body: { procedure } });
+    location.assign(`/procedure?file=${encodeURIComponent(written.file)}`);
+  };
+  const actions = {
+    look: (state) => current().look(state),
+    add: (effect) => changing("add", effect),
+    improve: () => changing("improve"),
+    design: () => run.design(),
+    discover: () => run.discover(),
+  };
+  const shows = {
+    compare: results.comparison,
+    diagnose: (result) => results.diagnosis(result, actions),
+    design: (result) => results.experiment(result, { approve: (effects) => approve(result.procedure, effects), toReal: () => toReal(result.procedure) }),
+    discover: results.discovery,
+  };
+  const run = Object.fromEntries(Object.entries(shows).map(([verb, show]) => [verb, async () => {
+    const { job, result } = await begin(verb);
+    card(verb, job, show(result));
+  }]));
+  run.fit = () => changing("fit");
+  run.history = async () => {
+    const inside = h("div");
+    await history(inside, current().asked.model.replace(/@\d+$/, ""));
+    card("history", { name: "History", command: current().commands.history }, [inside]);
+  };
+  const NAMES = { fit: "Fit", compare: "Compare", diagnose: "Diagnose", design: "Next experiment", discover: "Discover", history: "History" };
+  const buttons = Object.fromEntries(Object.entries(NAMES).map(([verb, name]) => [verb, button(name, run[verb], { "data-verb": verb })]));
+  return {
+    changing, found, jobs,
+    toolbar: h("div", { class: "toolbar verbs", role: "toolbar", "aria-label": "Analyses" }, ...Object.values(buttons)),
+    tell: (kept, commands) => {
+      for (const [verb, one] of Object.entries(buttons)) one.title = [verb === "history" ? "" : kept, commands[verb]].filter(Boolean).join(" && ");
+    },
+    // What was found of an earlier version stays to be read; its buttons were for that version.
+    retire: () => {
+      for (const one of found.querySelectorAll(".buttons, .toolbar")) one.remove();
+    },
+  };
+};
+
+const bench = (place, told, { send, asked, desk }) => {
+  const start = told.state;
+  const state = { values: { ...start.values }, on: new Set(start.on) };
+  let shownRecord = 0;
+  let channel = null;
+  let sequence = 0;
+  let waiting = false;
+  let again = null;
+
+  const said = () => ({
+    values: Object.fromEntries(Object.entries(state.values).filter(([name, value]) => value !== start.values[name])),
+    on: [...state.on],
+  });
+  const counts = (name) => !name.includes(".") || state.on.has(name.split(".")[0]);
+  const changed = () => Object.keys(said().values).some(counts) || [...state.on].sort().join() !== [...start.on].sort().join();
+  // One picture is under way at a time; of what has moved meanwhile the last counts.
+  const followNow = () => {
+    sequence += 1;
+    const message = { do: "follow", seq: sequence, sent: performance.now(), ...said() };
+    if (waiting) again = message;
+    else {
+      waiting = true;
+      send(message);
+    }
+  };
+  // Arrow keys let a slider go at every press: what follows at once is one step, as one drag is.
+  let resting = null;
+  const rested = () => {
+    clearTimeout(resting);
+    mood("fitting");
+    resting = setTimeout(restNow, TOGETHER);
+  };
+  const flush = () => resting !== null && restNow();
+  const restNow = () => {
+    clearTimeout(resting);
+    resting = null;
+    sequence += 1;
+    again = null;
+    send({ do: "settle", seq: sequence, sent: performance.now(), ...said() });
+    remember({ ...asked, state: said() });
+  };
+  const moved = (name, value) => {
+    clearTimeout(resting);
+    state.values[name] = value;
+    mood("moving");
+    followNow();
+  };
+  const switched = (name, on) => {
+    if (on) state.on.add(name);
+    else state.on.delete(name);
+    switches.find((one) => one.name === name)?.set(on);
+    restNow();
+  };
+
+  const status = h("p", { class: "mood", role: "status" });
+  const MOODS = {
+    moving: "moving: each record keeps what it has of its own",
+    fitting: "fitting what each record has of its own…",
+    exact: "exact: the numbers of compare --no-fit",
+  };
+  const mood = (name) => {
+    if (name !== "exact") place.dataset.exact = "no";
+    if (status.dataset.mood === name) return;
+    status.dataset.mood = name;
+    status.textContent = MOODS[name];
+  };
+
+  const curves = makeCurves(told);
+  const title = h("h2", { class: "record" });
+  const channelChoice = h("select", { id: "map-channel", onchange: () => ((channel = Number(channelChoice.value)), showChannel()) }, ...told.channels.map((one, k) => h("option", { value: k }, one.title)));
+  const map = makeMap(told, (k) => {
+    shownRecord = k;
+    send({ do: "show", records: [k], seq: (sequence += 1) });
+  });
+  const kept = { size: null, bias: null };
+  const showChannel = () => {
+    curves.choose(channel);
+    drawMap();
+  };
+  const drawMap = () => kept.size && map.set(channel, told.channels[channel].title, kept.size, kept.bias, shownRecord);
+
+  const worst = (header) => told.channels.reduce((best, one, k) => ((header.channels[one.name]?.nrmse ?? 0) > (header.channels[told.channels[best].name]?.nrmse ?? 0) ? k : best), 0);
+
+  const numbers = h("ul", { class: "figures now", "aria-label": "Error of each channel" });
+  const showNumbers = (header) => {
+    numbers.replaceChildren(...told.channels.map((one) => {
+      const error = header.channels[one.name];
+      const held = header.heldout[one.name];
+      if (!error) return h("li", {}, h("b", {}, "–"), one.title);
+      return h("li", {}, h("b", {}, `${figure(error.rmse)} ${error.unit}`), `${one.title}: ${figure(error.nrmse, 3)} σ`, held ? h("span", { class: "note" }, ` held out ${figure(held.nrmse, 3)} σ`) : "");
+    }));
+    for (const [c, one] of told.channels.entries()) {
+      const error = header.channels[one.name];
+      curves.says[c].textContent = error ? `noise ${figure(error.noise, 3)} ${error.unit}` : "";
+    }
+  };
+
+  const step = (way) => {
+    flush();
+    mood("fitting");
+    send({ do: way, seq: (sequence += 1) });
+  };
+  const undo = button("Undo", () => step("undo"), { "aria-keyshortcuts": "Control+Z" });
+  const redo = button("Redo", () => step("redo"), { "aria-keyshortcuts": "Control+Shift+Z" });
+  const keep = button("Keep as version", () => keepNow(), { class: "primary" });
+  const commandPlace = h("div", { class: "standsfor" });
+  const showCommand = (text) => {
+    keep.disabled = !text;
+    commandPlace.replaceChildren(text ? command(text) : h("p", { class: "note" }, `as ${told.model}${told.version ? `, version ${told.version}` : ""}, has it`));
+    desk.tell(text, told.commands);
+  };
+  const showSteps = (header) => {
+    undo.disabled = !header.undo;
+    redo.disabled = !header.redo;
+  };
+
+  let keeping = null;
+  const keepNow = () =>
+    new Promise((done, fail) => {
+      flush();
+      keeping = { done, fail };
+      send({ do: "keep" });
+    });
+  let reloading = null;
+  const reload = () =>
+    new Promise((done) => {
+      reloading = done;
+      send({ do: "reload" });
+    });
+
+  const sliders = told.sliders.map((one) => makeSlider(one, { moved, rested }));
+  const effectButtons = (effect, on) => [
+    effect.base ? null : on === effect.on && on
+      ? button("Remove", () => desk.changing("remove", effect.name), { class: "small", "aria-label": `Remove ${effect.title} and fit the rest` })
+      : !effect.on ? button("Fit in", () => desk.changing("add", effect.name), { class: "small", "aria-label": `Add ${effect.title} and fit it` }) : null,
+  ].filter(Boolean);
+  const switches = told.switches.map((one) => makeSwitch(one, { moved, rested, switched, actions: effectButtons }));
+  const look = (other) => {
+    for (const [name, value] of Object.entries(other.values)) if (name in state.values) state.values[name] = value;
+    for (const name of other.on) state.on.add(name);
+    showState();
+    rested();
+  };
+  const every = new Map([...sliders, ...switches.flatMap((one) => one.sliders)].map((one) => [one.name, one]));
+  const showState = () => {
+    for (const [name, one] of every) one.set(state.values[name]);
+    for (const one of switches) one.set(state.on.has(one.name));
+  };
+  const find = h("input", { type: "search", id: "find-effect", placeholder: "leak, friction, drift", oninput: () => {
+    const text = find.value.trim().toLowerCase();
+    for (const one of switches) one.element.hidden = Boolean(text) && !`${one.effect.title} ${one.effect.summary} ${one.effect.looks_like}`.toLowerCase().includes(text);
+  } });
+  const fitted = sliders.filter((_, k) => told.sliders[k].fit);
+  const others = sliders.filter((_, k) => !told.sliders[k].fit);
+  const base = switches.filter((one) => one.effect.base);
+  const first = switches.filter((one) => one.effect.on && !one.effect.base);
+  const rest = switches.filter((one) => !one.effect.on && !one.effect.base);
+
+  place.replaceChildren(
+    h("div", { class: "bench" },
+      h("div", { class: "sight", tabindex: 0, role: "region", "aria-label": "Curves" }, numbers, h("div", { class: "toolbar about" }, title, h("label", { for: "map-channel" }, "Channel"), channelChoice, status), curves.element),
+      h("aside", { class: "panel hands", "aria-label": "Sliders and switches" },
+        h("div", { class: "toolbar" }, undo, redo, keep),
+        commandPlace,
+        h("h2", {}, "Parameters"), ...fitted.map((one) => one.element),
+        others.length ? h("details", { open: !fitted.length }, h("summary", {}, fitted.length ? "Those that no fit changes" : "All"), ...others.map((one) => one.element)) : null,
+        h("h2", {}, "Effects"), h("div", { class: "field" }, h("label", { for: "find-effect" }, "Find"), find),
+        h("ul", { class: "effects" }, ...first.map((one) => one.element), ...rest.map((one) => one.element)),
+        base.length ? h("details", {}, h("summary", {}, "Base physics"), h("ul", { class: "effects" }, ...base.map((one) => one.element))) : null),
+      h("div", { class: "panel spread" }, h("div", { class: "toolbar" }, h("h2", {}, "Every record")), map.element)),
+  );
+
+  const drawn = (header) => {
+    place.dataset.seq = header.seq ?? 0;
+    place.dataset.exact = header.exact ? "yes" : "no";
+    requestAnimationFrame(() => document.dispatchEvent(new CustomEvent("workbench-drawn", { detail: { seq: header.seq, sent: header.sent, exact: header.exact, records: header.records.length, server: header.seconds } })));
+  };
+  const hear = (header, arrays) => {
+    if (header.kind === "record" && header.record === shownRecord) curves.setRecord({ arrays });
+    if (header.kind === "picture") {
+      const stale = header.seq !== null && header.seq < sequence && header.exact;
+      if (!stale) {
+        kept.size = arrays.size;
+        kept.bias = arrays.bias;
+        if (channel === null) {
+          channelChoice.value = channel = worst(header);
+          curves.choose(channel);
+        }
+        if (header.shown.includes(shownRecord)) curves.setPicture(arrays[`model ${shownRecord}`], arrays[`error ${shownRecord}`]);
+        const one = told.records[shownRecord];
+        title.textContent = [one.label, one.condition.replaceAll("_", " "), one.held_out ? "held out" : ""].filter(Boolean).join(" · ");
+        drawMap();
+        showNumbers(header);
+        showCommand(header.command);
+        showSteps(header);
+        if (header.exact) mood("exact");
+        for (const why of Object.values(header.failures).slice(0, 1)) status.textContent = `no course: ${why}`;
+        drawn(header);
+      }
+      if (waiting && !header.exact) {
+        waiting = false;
+        if (again) {
+          const next = again;
+          again = null;
+          waiting = true;
+          send(next);
+        }
+      }
+    }
+    if (header.kind === "state") {
+      for (const [name, value] of Object.entries(header.state.values)) state.values[name] = value;
+      state.on = new Set(header.state.on);
+      showState();
+      mood("fitting");
+      remember({ ...asked, state: said() });
+    }
+    if (header.kind === "kept") {
+      say(`${header.model} is now version ${header.version}.`, "good");
+    }
+    if (header.kind === "problem") {
+      waiting = false;
+      keeping?.fail(new Error(header.error.message));
+      if (!keeping) say(header.error.message, "bad");
+      keeping = null;
+    }
+  };
+  const keys = (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || /^(text|search)$/.test(event.target.type ?? "")) return;
+    event.preventDefault();
+    if (!(event.shiftKey ? redo : undo).disabled) step(event.shiftKey ? "redo" : "undo");
+  };
+  document.addEventListener("keydown", keys);
+  const restore = (saved) => {
+    if (!saved?.on) return;
+    Object.assign(state.values, Object.fromEntries(Object.entries(saved.values).filter(([name]) => name in start.values)));
+    state.on = new Set(saved.on.filter((name) => told.switches.some((one) => one.name === name)));
+    showState();
+    rested();
+  };
+  return {
+    hear, restore, look, reload, asked,
+    keep: keepNow,
+    changed: () => (flush(), changed()),
+    commands: told.commands,
+    version: told.version,
+    // The next version is open: whoever waits for it goes on with it.
+    close: () => {
+      document.removeEventListener("keydown", keys);
+      curves.remove();
+      clearTimeout(resting);
+      keeping?.done();
+      reloading?.();
+    },
+  };
+};
 
 export const show = async (place) => {
-  place.replaceChildren(h("p", { class: "note" }, "Nothing is shown here yet."));
+  document.head.append(h("link", { rel: "stylesheet", href: "/assets/workbench/workbench.css" }));
+  const area = h("div", { class: "area" });
+  const progress = h("p", { class: "note", role: "status" });
+  let link = null;
+  let now = null;
+  let restoring = null;
+  const desk = makeDesk(() => now);
+  const tools = h("div", { hidden: true }, desk.toolbar, desk.jobs);
+
+  const open = async (asked) => {
+    if (!asked.runs.length) throw new Error("Choose a run.");
+    link?.socket.close();
+    now?.close();
+    now = null;
+    tools.hidden = true;
+    desk.found.replaceChildren();
+    area.replaceChildren();
+    area.removeAttribute("data-open");
+    restoring = asked.state ?? null;
+    remember({ ...asked });
+    const mine = connect((header, arrays) => {
+      if (link !== mine) return;
+      if (header.kind === "progress") progress.textContent = header.text;
+      else if (header.kind === "opened") {
+        progress.textContent = "";
+        const older = now;
+        now = { ...bench(area, header, { send: mine.send, asked, desk }), open };
+        desk.retire();
+        older?.close();
+        tools.hidden = false;
+        area.dataset.open = `${header.model}@${header.version}`;
+        summary.textContent = `${header.model}, version ${header.version}, on ${header.runs.join(", ")}: ${header.records.length} records`;
+        choosing.open = false;
+        now.restore(restoring);
+        restoring = null;
+        if (older) remember({ ...asked });
+      } else if (now) now.hear(header, arrays);
+      else if (header.kind === "problem") {
+        progress.textContent = "";
+        say(header.error.message, "bad");
+      }
+    });
+    link = mine;
+    progress.textContent = "Starting";
+    mine.socket.addEventListener("close", () => {
+      if (link !== mine) return;
+      link = null;
+      progress.replaceChildren("The connection has ended. ", button("Open again", () => open(remembered() ?? asked), { class: "small" }));
+    });
+    await mine.ready;
+    mine.send({ do: "open", ...asked });
+  };
+
+  const imported = async (run) => {
+    remember({ ...(remembered() ?? {}), runs: [run], state: null });
+    choosing.replaceChildren(choosing.firstElementChild, (await chooser(open, imported)).element);
+  };
+  const { element, auto } = await chooser(open, imported);
+  const summary = h("span", {}, "Choose runs and a model");
+  const choosing = h("details", { class: "choosing", open: true }, h("summary", {}, summary), element);
+  place.replaceChildren(choosing, progress, tools, area, desk.found);
+  const before = auto();
+  if (before && !location.search) await open(before);
 };

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 def routes(site: Site) -> Sequence[BaseRoute]:
     """What the page asks for."""
-    return ()
+    from rigctl.web.workbench.routes import workbench_routes
+
+    return workbench_routes(site)
 
 
 PART = Part("workbench", "Workbench", "A model against measurements, live.", routes)

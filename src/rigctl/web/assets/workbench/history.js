@@ -1,0 +1,48 @@
+// How the error fell from version to version, down to the noise, below which no model comes.
+import { api, h } from "../lib.js";
+import { figure, plain } from "./numbers.js";
+
+const NS = "http://www.w3.org/2000/svg";
+const svg = (tag, attributes, ...inside) => {
+  const made = document.createElementNS(NS, tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...inside);
+  return made;
+};
+
+const WIDTH = 360, HEIGHT = 150, LEFT = 46, RIGHT = 12, TOP = 12, BOTTOM = 26;
+
+// What is systematic of an error, in sigmas: the noise is taken off.
+const systematic = (error, name) => {
+  const [rmse, noise] = [error.rmse[name], error.noise[name]];
+  return noise ? Math.sqrt(Math.max(rmse * rmse - noise * noise, 0)) / noise : null;
+};
+
+const chart = (name, errors) => {
+  const values = errors.map((error) => systematic(error, name));
+  const most = Math.max(1, ...values.filter(Number.isFinite)) * 1.1;
+  const x = (k) => LEFT + (errors.length === 1 ? 0.5 : k / (errors.length - 1)) * (WIDTH - LEFT - RIGHT);
+  const y = (value) => TOP + (1 - value / most) * (HEIGHT - TOP - BOTTOM);
+  const said = errors.map((error, k) => `version ${error.version} ${figure(values[k], 2)}`).join(", ");
+  const drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "fall", role: "img", "aria-label": `${plain(name)}, systematic error in sigmas: ${said}` },
+    svg("rect", { x: LEFT, y: y(Math.min(1, most)), width: WIDTH - LEFT - RIGHT, height: y(0) - y(Math.min(1, most)), class: "noise" }),
+    svg("line", { x1: LEFT, y1: y(0), x2: WIDTH - RIGHT, y2: y(0), class: "base" }),
+    svg("polyline", { points: values.map((value, k) => `${x(k)},${y(value)}`).join(" "), class: "line" }));
+  for (const mark of [0, most / 1.1]) drawing.append(Object.assign(svg("text", { x: LEFT - 6, y: y(mark) + 4, "text-anchor": "end" }), { textContent: figure(mark, 2) }));
+  errors.forEach((error, k) => {
+    drawing.append(svg("circle", { cx: x(k), cy: y(values[k]), r: 4, class: "dot" }));
+    drawing.append(Object.assign(svg("text", { x: x(k), y: HEIGHT - 8, "text-anchor": "middle" }), { textContent: `v${error.version}` }));
+  });
+  return h("figure", { class: "fall" }, h("figcaption", {}, `${plain(name)} [σ]`), drawing);
+};
+
+export const history = async (place, model) => {
+  const found = await api("/api/workbench/history", { query: { model } });
+  const channels = [...new Set(found.errors.flatMap((error) => Object.keys(error.rmse)))];
+  const alike = new Set(found.errors.map((error) => JSON.stringify([error.runs, error.hold_out, error.only, error.assume])));
+  place.replaceChildren(
+    found.errors.length ? h("div", { class: "falls" }, ...channels.map((name) => chart(name, found.errors))) : h("p", { class: "note" }, "No version has been held against runs yet."),
+    alike.size > 1 ? h("p", { class: "note" }, "Not all were found on the same runs and held-out records: compare with care.") : "",
+    h("ol", { class: "versions" }, ...found.versions.map((one) => h("li", { value: one.version, class: one.version === found.current ? "current" : "" }, h("strong", {}, one.done), h("span", { class: "note" }, ` ${one.time.slice(0, 16).replace("T", " ")} UTC${one.note ? `: ${one.note}` : ""}`)))),
+  );
+};

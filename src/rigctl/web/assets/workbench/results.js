@@ -1,0 +1,127 @@
+// What the buttons found: the answer in a sentence first, then what it rests on.
+import { button, h } from "../lib.js";
+import { plot } from "../plot.js";
+import { chance, duration, figure, percent, plain, spread, unitText } from "./numbers.js";
+
+const COLOURS = [0, 1, 2, 3];
+
+const table = (caption, heads, lines, kind = "numbers") =>
+  h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption }, h("table", { class: kind }, h("caption", {}, caption), h("thead", {}, h("tr", {}, ...heads.map((one) => h("th", { scope: "col" }, one)))), h("tbody", {}, ...lines.map((line) => h("tr", {}, ...line.map((one, k) => (k ? h("td", {}, one) : h("th", { scope: "row" }, one))))))));
+
+const fold = (title, ...inside) => h("details", {}, h("summary", {}, title), ...inside);
+
+// Curves by name over one x: { times, curves: { name: [...] } }
+const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden = [] }) => {
+  const names = Object.keys(named);
+  const drawn = plot({
+    height: height ?? 190, xLabel, yLabel, describe, legend: true, bands,
+    series: names.map((label, k) => ({ label, colour: hidden.includes(label) ? "--band" : COLOURS[k % COLOURS.length], width: hidden.includes(label) ? 0 : 1.6 })),
+  });
+  drawn.set([x, ...names.map((name) => named[name])]);
+  return drawn.element;
+};
+
+const inSigmas = (found) =>
+  found.channels
+    .filter(({ curves: named }) => Object.values(named).some((values) => values.some((value) => Math.abs(value ?? 0) > 0.5)))
+    .map(({ title, curves: named }) => curves({ x: found.times, named, xLabel: "time in the record [s]", yLabel: `${title} [σ]`, describe: `${title} in sigmas: ${Object.keys(named).join(", ")}` }));
+
+export const comparison = (found) => [
+  h("p", { class: `statement ${found.adequate ? "good" : found.below_noise ? "warn" : "bad"}` }, found.statement),
+  table("By channel", ["channel", "RMSE", "noise", "RMSE/noise", "bias", "χ²"], Object.entries(found.channels).map(([name, one]) => [plain(name), `${figure(one.rmse)} ${one.unit}`, `${figure(one.noise)} ${one.unit}`, figure(one.nrmse, 3), `${figure(one.bias, 2)} ${one.unit}`, figure(one.chi2_reduced, 4)])),
+  fold("Where it fails, and the tests",
+    table("Where it fails", ["", "share of the error", "error/noise", "p"], found.where.slice(0, 12).map((one) => [`${one.by} ${one.label}`, percent(one.share_of_error), figure(one.rmse, 3), chance(one.p_value)])),
+    table("Tests", ["", "statistic", "p"], Object.entries(found.tests).map(([name, one]) => [name, figure(one.statistic, 4), chance(one.p_value)])),
+    ...found.notes.map((text) => h("p", { class: "note" }, text))),
+];
+
+const parameters = (found) => Object.entries(found).map(([name, one]) => `${plain(name)} ${spread(one.value, one.std)} ${unitText(one.unit)}`.trim()).join(", ");
+
+// `actions`: { look(state), add(effect), improve(), design(), discover() }
+export const diagnosis = (found, actions) => {
+  const titleOf = (name) => found.titles[name] ?? plain(name);
+  const tone = { adequate: "good", missing_effect: "bad", ambiguous: "warn", outside_library: "warn" }[found.verdict];
+  const ranked = found.verdict === "adequate" ? [] : found.ranking.slice(0, 6);
+  const line = (one) => {
+    const state = found.states[one.effect];
+    return h("li", {},
+      h("span", { class: "name" }, titleOf(one.effect)),
+      h("meter", { min: 0, max: 1, value: one.probability, "aria-label": `probability of ${titleOf(one.effect)}` }),
+      h("span", { class: "share" }, percent(one.probability)),
+      h("span", { class: "note" }, parameters(one.parameters)),
+      h("span", { class: "buttons" },
+        state ? button("Look", () => actions.look(state), { class: "small", title: "Set the sliders to it; undo takes it back" }) : null,
+        button("Add", () => actions.add(one.effect), { class: "small", title: "Fit it, and keep it as the next version" })));
+  };
+  const group = (one) => h("div", { class: "group" },
+    h("p", {}, h("strong", {}, one.titles.join("  =  ")), " — these data cannot tell them apart; what is between them:"),
+    ...(one.difference ? [h("p", { class: "note" }, one.difference.record), ...inSigmas(one.difference)] : []));
+  return [
+    h("p", { class: `statement ${tone}` }, h("strong", {}, `${found.title}. `), found.statement),
+    ranked.length ? h("ul", { class: "ranking", "aria-label": "Probability that an effect is among what is missing" }, ...ranked.map(line)) : null,
+    found.effects.length ? h("div", { class: "toolbar" }, button("Add what is missing", actions.improve, { class: "primary" })) : null,
+    found.alike.length ? h("div", {}, h("h3", {}, "Not told apart"), ...found.alike.map(group)) : null,
+    h("div", { class: "toolbar" }, found.alike.length ? button("What to measure next", actions.design) : null, found.verdict === "outside_library" ? button("Look for a formula", actions.discover) : null),
+    found.signatures ? fold("What each would explain", h("p", { class: "note" }, `over the residual of ${found.signatures.record}`), ...inSigmas(found.signatures)) : null,
+    fold("For and against", h("ul", {}, ...found.evidence.map((text) => h("li", {}, text))), ...(found.drift.length ? [table("Fitted parameters", ["", "without", "with it"], found.drift.map((one) => [plain(one.parameter), spread(one.before, one.before_std), `${spread(one.after, one.after_std)} ${unitText(one.unit)}`]))] : [])),
+  ];
+};
+
+export const improvement = (found) => [
+  h("p", { class: "statement" }, found.improvement),
+  table("Steps", ["added", "version", "χ² before", "χ² after"], found.steps.map((one) => [one.effects.map(plain).join(", "), one.version, figure(one.before.chi2_reduced), figure(one.after.chi2_reduced)])),
+];
+
+export const change = (found) => [
+  h("p", { class: "statement" }, `${found.model} is now version ${found.version}.`),
+  found.before && found.after
+    ? table("Error", ["", "before", "after", "noise"], Object.keys(found.after.rmse).map((name) => [plain(name), `${figure(found.before.rmse[name])} ${found.after.units[name]}`, `${figure(found.after.rmse[name])} ${found.after.units[name]}`, figure(found.after.noise[name])]))
+    : null,
+];
+
+export const discovery = (found) => [
+  h("p", { class: "statement" }, found.statement),
+  ...found.curves.map((one) => {
+    const points = one.points;
+    const column = (key) => points.map((point) => point[key]);
+    return h("div", {}, h("h3", {}, `${plain(one.slot)} over ${plain(one.over)}`),
+      curves({ x: column("x"), named: { "the term": column("value"), "highest within its band": column("high"), "lowest within its band": column("low") }, hidden: ["highest within its band", "lowest within its band"], bands: [{ between: [2, 3] }], xLabel: `${plain(one.over)} [${unitText(one.over_unit)}]`, yLabel: `${plain(one.slot)} [${unitText(one.unit)}]`, describe: `The term at ${plain(one.slot)} over ${plain(one.over)}, with its band` }));
+  }),
+  found.formulas.length ? table("Formulas that these data do not tell from the best", ["formula", "parameters", "Δ", "accepted"], found.formulas.map((one) => [one.formula, parameters(one.parameters), figure(one.delta, 3), one.accepted ? "yes" : "no"]), "") : null,
+];
+
+// `approve(effects)` carries it out on the simulated bench
+export const experiment = (found, { approve, toReal }) => {
+  const titleOf = (name) => found.titles[name] ?? plain(name);
+  const hidden = h("input", { type: "text", id: "bench-hides", placeholder: "valve_leakage", size: 28, spellcheck: "false" });
+  const record = (one, k) => h("div", { class: "group" },
+    h("h3", {}, `Record ${k + 1}: ${Object.entries(one.settings).map(([name, value]) => `${plain(name)} ${value}`).join(", ")}`),
+    h("p", { class: "note" }, `${one.why} It takes ${duration(one.duration)}.`),
+    ...(found.predictions[k] ?? []).map((channel) => {
+      const names = Object.keys(channel.by_rival).slice(0, 4);
+      const first = channel.by_rival[names[0]];
+      const named = Object.fromEntries(names.map((name) => [titleOf(name), channel.by_rival[name]]));
+      named["± 2 sigma"] = first.map((value, at) => value + 2 * channel.sigma[at]);
+      named[""] = first.map((value, at) => value - 2 * channel.sigma[at]);
+      return curves({ x: channel.times, named, hidden: ["± 2 sigma", ""], bands: [{ between: [names.length + 1, names.length + 2] }], xLabel: "time in the record [s]", yLabel: `${channel.channel} [${channel.unit}]`, describe: `${channel.channel}: what each rival predicts` });
+    }));
+  return [
+    h("p", { class: "statement" }, found.statement),
+    found.records.length
+      ? h("ul", { class: "figures" },
+          h("li", {}, h("b", {}, `${percent(found.probability_before)} → ${percent(found.probability)}`), "chance that a diagnosis names what is right"),
+          h("li", {}, h("b", {}, duration(found.duration)), "of the rig's time"),
+          h("li", {}, h("b", {}, String(found.records.length)), found.records.length === 1 ? "record" : "records"))
+      : null,
+    table("Rivals", ["", "weight", "parameters"], found.rivals.map((one) => [titleOf(one.name), percent(one.weight), parameters(one.parameters)])),
+    ...found.records.map(record),
+    found.procedure
+      ? h("div", {},
+          fold("The procedure", h("pre", { tabindex: 0, "aria-label": "The procedure" }, found.procedure)),
+          h("div", { class: "toolbar" },
+            button("Approve: run it on the simulated bench", () => approve(hidden.value.split(/[;\s]+/).filter(Boolean)), { class: "primary" }),
+            h("label", { for: "bench-hides" }, "the simulated bench hides"), hidden),
+          h("div", { class: "toolbar" }, button("Approve for the real bench…", toReal), h("span", { class: "note" }, "keeps the procedure; the page of procedures asks for the bench by its name")))
+      : null,
+  ];
+};

@@ -1,0 +1,179 @@
+"""What the page is told of a workbench once it is open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.localisation import variable_units
+from rigctl.model.fit.problem import Problem
+from rigctl.model.history.store import current_version
+from rigctl.model.measured.conditions import condition_text
+from rigctl.report.numbers import symbol
+from rigctl.report.signals import plain_name
+from rigctl.report.thin import thin
+from rigctl.units import parse_unit
+from rigctl.web.workbench.frames import frame
+from rigctl.workbench import Picture, State, Workbench
+
+Floats = NDArray[np.float64]
+
+#: points of a curve, which a plot of some thousand pixels shows as well as more
+_POINTS = 2000
+
+
+def opened_document(bench: Workbench) -> dict[str, Any]:
+    """Everything that stays the same while sliders move."""
+    problem, subject = bench.problem, bench.opened.subject
+    measured = problem.measurements
+    version = current_version(bench.model.path) if bench.model.path is not None else None
+    held_out = set(bench.opened.data.held_out)
+    return {
+        "kind": "opened",
+        "runs": list(subject.runs),
+        "model": subject.model,
+        "name": bench.model.name,
+        "title": bench.model.family.title,
+        "version": None if version is None else version.number,
+        "channels": [
+            {
+                "name": name,
+                "title": plain_name(name),
+                "unit": symbol(_difference_unit(unit)),
+                "shown": symbol(unit),
+            }
+            for name, unit in zip(measured.outputs, measured.units, strict=True)
+        ],
+        "sliders": [one.document() for one in bench.sliders],
+        "switches": [{**one.document(), "title": plain_name(one.name)} for one in bench.switches],
+        "records": _records(problem, held_out),
+        "map": _axes(problem),
+        "notes": [*measured.notes, problem.noise.statement],
+        "state": state_document(bench.track.present),
+        "commands": {verb: subject.analysis(verb) for verb in ("compare", "diagnose", "design", "discover")}
+        | {"fit": subject.change("fit"), "history": subject.history()},
+    }
+
+
+def state_document(state: State) -> dict[str, Any]:
+    """A state as the page keeps it."""
+    return {"values": dict(state.values), "on": sorted(state.on)}
+
+
+def _difference_unit(unit: str) -> str:
+    return "K" if parse_unit(unit).offset else unit
+
+
+def _records(problem: Problem, held_out: set[int]) -> list[dict[str, Any]]:
+    units = variable_units(problem.measurements)
+    return [
+        {
+            "label": record.label,
+            "condition": condition_text(record.condition, units),
+            "held_out": k in held_out,
+            "phases": [{"name": name, "from": start} for name, start in _phases(problem, k)],
+        }
+        for k, record in enumerate(problem.records)
+    ]
+
+
+def _phases(problem: Problem, k: int) -> list[tuple[str, float]]:
+    """The stretches of a record with the time each begins."""
+    record = problem.records[k]
+    starts = np.flatnonzero(np.diff(record.phase, prepend=-1))
+    return [(record.phases[record.phase[at]], float(record.times[at])) for at in starts]
+
+
+def _axes(problem: Problem) -> dict[str, Any]:
+    """Where each record lies on the error map: the first variable down, the second across."""
+    measured = problem.measurements
+    units, names = variable_units(measured), measured.variables[:2]
+    axes = []
+    for name in names:
+        values = sorted({_rounded(record.condition.get(name, math.nan)) for record in problem.records})
+        shown = [f"{parse_unit(units[name]).from_si(value):.4g}" for value in values]
+        axes.append(
+            {"title": plain_name(name), "unit": symbol(units[name]), "values": values, "shown": shown}
+        )
+    cells = [
+        [
+            axis["values"].index(_rounded(record.condition.get(name, math.nan)))
+            for axis, name in zip(axes, names, strict=True)
+        ]
+        for record in problem.records
+    ]
+    return {
+        "axes": [{key: axis[key] for key in ("title", "unit", "shown")} for axis in axes],
+        "cells": cells,
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.5g}") if math.isfinite(value) else 0.0
+
+
+def shown_samples(problem: Problem, k: int) -> NDArray[np.intp]:
+    """The samples of a record that are drawn; extremes of every channel are among them."""
+    record = problem.records[k]
+    columns = record.values.shape[1]
+    if record.times.size <= _POINTS:
+        return np.arange(record.times.size)
+    each = max(200, _POINTS // columns)
+    return np.unique(np.concatenate([thin(record.values[:, c], each) for c in range(columns)]))
+
+
+def record_frame(bench: Workbench, k: int) -> bytes:
+    """What was measured in a record: times, readings, their noise and which of them count."""
+    problem = bench.problem
+    record, at = problem.records[k], shown_samples(problem, k)
+    units = problem.measurements.units
+    return frame(
+        {"kind": "record", "record": k},
+        [
+            ("times", record.times[at]),
+            ("measured", _in_units(record.values[at], units).T),
+            ("sigma", (problem.sigma[k][at] / _factors(units)).T),
+            ("counts", problem.ok[k][at].T),
+        ],
+    )
+
+
+def picture_frame(
+    bench: Workbench, picture: Picture, shown: Sequence[int], header: Mapping[str, Any]
+) -> bytes:
+    """A picture: the errors of every record, and the curves of those that are shown."""
+    problem = bench.problem
+    units = problem.measurements.units
+    named = dict(zip(problem.measurements.outputs, units, strict=True))
+    arrays: list[tuple[str, Floats]] = [("size", picture.size), ("bias", picture.bias)]
+    drawn = [k for k in dict.fromkeys(shown) if k in picture.outputs]
+    for k in drawn:
+        at = shown_samples(problem, k)
+        arrays.append((f"model {k}", _in_units(picture.outputs[k][at], units).T))
+        arrays.append((f"error {k}", picture.errors[k][at].T))
+    document = {"kind": "picture", **header, **picture.document(named), "shown": drawn}
+    return frame(_finite(document), arrays)
+
+
+def _in_units(values: Floats, units: Sequence[str]) -> Floats:
+    offsets = np.array([parse_unit(unit).offset for unit in units])
+    return np.asarray((values - offsets) / _factors(units))
+
+
+def _factors(units: Sequence[str]) -> Floats:
+    return np.array([parse_unit(unit).factor for unit in units])
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN: null stands for it."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

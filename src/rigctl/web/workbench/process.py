@@ -1,0 +1,266 @@
+"""A workbench in a process of its own, which the server hands messages to and from.
+
+What is computed here neither stops the server nor shares its memory: a page that is closed ends its process,
+and so does one whose equations run into a fault of machine code.
+
+A picture while a slider moves is asked for more often than it can be made: of those that wait only the newest
+counts. Everything else is done in the order in which it was asked.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from rigctl.command_line import DataOptions
+from rigctl.errors import RigctlError
+from rigctl.web.workbench.describe import (
+    opened_document,
+    picture_frame,
+    record_frame,
+    state_document,
+)
+from rigctl.workbench import State, Workbench
+from rigctl.workbench.session import Unwanted
+
+logger = logging.getLogger(__name__)
+
+#: before a message to the page: its text, or its bytes
+TEXT, BYTES = b"t", b"b"
+
+
+def attend(pipe: Connection, folder: str) -> None:
+    """Answer what comes through the pipe until it is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this process
+    os.chdir(folder)
+    session = _Session(pipe)
+    session.begin()
+    while True:
+        try:
+            message = pipe.recv_bytes()
+        except (EOFError, OSError):
+            os._exit(0)  # threads may be in the middle of a simulation, which nobody waits for
+        session.take(json.loads(message))
+
+
+class _Session:
+    """One page's workbench."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._sending = threading.Lock()
+        self._bench: Workbench | None = None
+        self._waiting: deque[Mapping[str, Any]] = deque()
+        self._moving: Mapping[str, Any] | None = None
+        self._shown: tuple[int, ...] = (0,)
+        self._there = threading.Condition()
+        self._do: dict[str, Callable[[Mapping[str, Any]], None]] = {
+            "open": self._open,
+            "show": self._show,
+            "settle": self._settle,
+            "undo": self._undo,
+            "redo": self._redo,
+            "keep": self._keep,
+            "reload": self._reload,
+        }
+
+    def begin(self) -> None:
+        """Start the two who work."""
+        threading.Thread(target=self._follow_always, name="follow", daemon=True).start()
+        threading.Thread(target=self._work_always, name="work", daemon=True).start()
+
+    def take(self, asked: Mapping[str, Any]) -> None:
+        """Put a message where it is waited for."""
+        with self._there:
+            if asked.get("do") == "follow":
+                self._moving = asked
+            else:
+                self._waiting.append(asked)
+            self._there.notify_all()
+
+    def _follow_always(self) -> None:
+        while True:
+            with self._there:
+                self._there.wait_for(lambda: self._moving is not None and self._bench is not None)
+                asked, self._moving = self._moving, None
+            self._tried(self._follow, asked or {})
+
+    def _work_always(self) -> None:
+        while True:
+            with self._there:
+                self._there.wait_for(lambda: bool(self._waiting))
+                asked = self._waiting.popleft()
+            self._tried(self._carry_out, asked)
+
+    def _tried(self, work: Callable[[Mapping[str, Any]], None], asked: Mapping[str, Any]) -> None:
+        try:
+            work(asked)
+        except RigctlError as error:
+            self._problem(asked, error.as_dict())
+        except Exception as fault:
+            logger.exception("workbench: %s", asked.get("do"))
+            self._problem(asked, RigctlError(f"a fault of rigctl itself: {fault!r}").as_dict())
+
+    def _carry_out(self, asked: Mapping[str, Any]) -> None:
+        work = self._do.get(str(asked.get("do")))
+        if work is None:
+            raise RigctlError("the workbench knows no such thing to do", value=str(asked.get("do")))
+        work(asked)
+
+    def _problem(self, asked: Mapping[str, Any], error: Mapping[str, Any]) -> None:
+        self._tell({"kind": "problem", "do": asked.get("do"), "seq": asked.get("seq"), "error": error})
+
+    def _tell(self, document: Mapping[str, Any]) -> None:
+        from rigctl.files.write import to_json
+
+        self._send(TEXT + to_json(document, indent=None).encode("utf-8"))
+
+    def _send(self, message: bytes) -> None:
+        with self._sending:
+            try:
+                self._pipe.send_bytes(message)
+            except OSError:  # the page has gone
+                os._exit(0)
+
+    def _progress(self, text: str) -> None:
+        self._tell({"kind": "progress", "text": text})
+
+    @property
+    def _open_bench(self) -> Workbench:
+        if self._bench is None:
+            raise RigctlError("no model is open yet")
+        return self._bench
+
+    def _open(self, asked: Mapping[str, Any]) -> None:
+        from rigctl.dataset import open_run
+        from rigctl.model import load_model
+        from rigctl.model.measured.assumed import assuming
+        from rigctl.project import find_file
+
+        named = str(asked.get("model", ""))
+        path = find_file(Path(named))
+        assume = tuple(map(str, asked.get("assume") or ()))
+        choice = DataOptions(asked.get("only") or None, asked.get("hold_out") or None, assume)
+        self._progress("Reading the records")
+        runs = list({run.id: run for run in map(open_run, map(str, asked.get("runs") or ()))}.values())
+        if not runs:
+            raise RigctlError("choose a run")
+        if assume:
+            model = load_model(path)
+            runs = [assuming(run, model, assume) for run in runs]
+        bench = Workbench.open(runs, path, choice, on_progress=self._progress, named=named)
+        self._begin_with(bench)
+
+    def _begin_with(self, bench: Workbench) -> None:
+        self._shown = tuple(k for k in self._shown if k < len(bench.problem.records)) or (0,)
+        with self._there:
+            self._bench = bench
+            self._there.notify_all()
+        self._tell(opened_document(bench))
+        for k in self._shown:
+            self._send(BYTES + record_frame(bench, k))
+        header = self._header({}, bench.track.present)
+        self._send(BYTES + picture_frame(bench, bench.exact, self._shown, header))
+
+    def _show(self, asked: Mapping[str, Any]) -> None:
+        bench = self._open_bench
+        count = len(bench.problem.records)
+        shown = tuple(int(k) for k in asked.get("records") or () if 0 <= int(k) < count)
+        self._shown = shown or (0,)
+        for k in self._shown:
+            self._send(BYTES + record_frame(bench, k))
+        self._send(
+            BYTES + picture_frame(bench, bench.exact, self._shown, self._header(asked, bench.track.present))
+        )
+
+    def _follow(self, asked: Mapping[str, Any]) -> None:
+        bench = self._open_bench
+        state = _state_of(bench, asked)
+        picture = bench.follow(state, self._shown)
+        self._send(BYTES + picture_frame(bench, picture, self._shown, self._header(asked, state)))
+
+    def _settle(self, asked: Mapping[str, Any]) -> None:
+        self._open_bench.step(_state_of(self._open_bench, asked))
+        self._picture_now(asked)
+
+    def _undo(self, asked: Mapping[str, Any]) -> None:
+        self._open_bench.undo()
+        self._picture_now(asked, moved=True)
+
+    def _redo(self, asked: Mapping[str, Any]) -> None:
+        self._open_bench.redo()
+        self._picture_now(asked, moved=True)
+
+    def _picture_now(self, asked: Mapping[str, Any], *, moved: bool = False) -> None:
+        """Every record of the present state, at once and then exactly; nothing of it if more has been asked.
+
+        After undo the page has to be told the state too.
+        """
+        bench = self._open_bench
+        state = bench.track.present
+        if moved:
+            self._tell({"kind": "state", "state": state_document(state)})
+        header = self._header(asked, state)
+        at_once = bench.follow(state, self._shown, budget=math.inf)
+        self._send(BYTES + picture_frame(bench, at_once, self._shown, header))
+        try:
+            exact = bench.settle(state, wanted=self._idle)
+        except Unwanted:
+            return
+        for k in self._shown:  # what counts and its noise may be others beside another model
+            self._send(BYTES + record_frame(bench, k))
+        self._send(BYTES + picture_frame(bench, exact, self._shown, header))
+
+    def _idle(self) -> bool:
+        """Whether nothing is waited for that may change the state."""
+        with self._there:
+            return self._moving is None and not self._waiting
+
+    def _header(self, asked: Mapping[str, Any], state: State) -> dict[str, Any]:
+        bench = self._open_bench
+        return {
+            "seq": asked.get("seq"),
+            "sent": asked.get("sent"),
+            "command": bench.command(state),
+            "undo": len(bench.track.past),
+            "redo": len(bench.track.future),
+        }
+
+    def _keep(self, asked: Mapping[str, Any]) -> None:
+        bench = self._open_bench
+        changed = bench.keep(bench.track.present, on_progress=self._progress)
+        self._tell({"kind": "kept", **changed.document()})
+        self._begin_with(bench.reopened(on_progress=self._progress))
+
+    def _reload(self, _: Mapping[str, Any]) -> None:
+        """The model's file has another version by now: a job has made it."""
+        self._begin_with(self._open_bench.reopened(on_progress=self._progress))
+
+
+def _state_of(bench: Workbench, asked: Mapping[str, Any]) -> State:
+    """The state that a page says: the values that differ from the model's, and the effects that are on.
+
+    Raises
+    ------
+    RigctlError
+        a name is unknown, or a value no finite number.
+    """
+    values = {}
+    for name, value in dict(asked.get("values") or {}).items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise RigctlError(f"{name}: a finite number is needed", value=str(value))
+        values[str(name)] = float(value)
+    known = {switch.name for switch in bench.switches}
+    on = {str(name) for name in asked.get("on") or ()}
+    if on - known:
+        raise RigctlError("there is no such effect", value=", ".join(sorted(on - known)))
+    return State(bench.start.moved(values).values, frozenset(on))

@@ -1,0 +1,210 @@
+"""What the workbench's page asks for, and the socket through which its sliders are followed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.command_line import DataOptions, command
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.web.answer import Asked, get, post
+from rigctl.web.site import Site
+from rigctl.workbench.commands import Subject
+
+if TYPE_CHECKING:
+    from starlette.routing import BaseRoute
+
+#: the newest runs are offered; others are found on the page of runs
+_MOST_RUNS: Final = 200
+_VERBS: Final = ("compare", "diagnose", "design", "discover", "fit", "add", "remove", "improve")
+_YAML: Final = frozenset({".yaml", ".yml"})
+_MEASURED: Final = frozenset({".csv", ".gz", ".xlsx", ".parquet", ".tdms", ".mf4", ".mat"})
+#: what each is called while it is worked on
+_NAMES: Final = {
+    "compare": "Compare",
+    "diagnose": "Diagnose",
+    "design": "Next experiment",
+    "discover": "Discover",
+    "fit": "Fit",
+    "add": "Add",
+    "remove": "Remove",
+    "improve": "Diagnose and add",
+}
+
+
+def workbench_routes(site: Site) -> Sequence[BaseRoute]:
+    """The workbench's part of the server."""
+    from starlette.routing import WebSocketRoute
+
+    from rigctl.web.workbench.socket import session_endpoint
+
+    return (
+        get("/api/workbench/choices", lambda _: choices(site)),
+        get("/api/workbench/history", lambda asked: history(site, asked)),
+        post("/api/workbench/work", lambda asked: begin(site, asked)),
+        post("/api/workbench/import", lambda asked: bring_in(site, asked)),
+        post("/api/workbench/approve", lambda asked: approve(site, asked)),
+        post("/api/workbench/procedure", lambda asked: write_procedure(site, asked)),
+        WebSocketRoute("/api/workbench/session", session_endpoint(site)),
+    )
+
+
+def choices(site: Site) -> dict[str, Any]:
+    """The runs and the models that may be chosen."""
+    from rigctl.dataset import list_runs
+
+    root = site.require_project()
+    listed = list_runs(site.project.runs)
+    runs = [one for one in listed if one.records][-_MOST_RUNS:][::-1]
+    return {
+        "runs": [
+            {
+                "id": one.id,
+                "procedure": one.procedure or one.source,
+                "started": one.started,
+                "records": one.records,
+                "status": one.status,
+                "rig": one.rig,
+            }
+            for one in runs
+        ],
+        "more": len(listed) > len(runs),
+        "models": [
+            {"path": path.relative_to(root).as_posix(), "rig": _rig_of(path)}
+            for path in _files(root / "models", _YAML)
+        ],
+        "rigs": [path.relative_to(root).as_posix() for path in _files(root / "rigs", _YAML)],
+        "files": [
+            path.relative_to(root).as_posix()
+            for folder in (root, root / "data")
+            for path in _files(folder, _MEASURED)
+        ],
+    }
+
+
+def _files(folder: Path, endings: Collection[str]) -> list[Path]:
+    """The files of a folder with one of these endings, by name."""
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in endings and path.is_file())
+
+
+def _rig_of(path: Path) -> str:
+    """The name of the bench that a model is of; "" where the file does not say, or cannot be read."""
+    from rigctl.model import load_model
+
+    try:
+        rig = load_model(path).rig
+    except RigctlError:
+        return ""
+    return rig.name if rig is not None else ""
+
+
+def history(site: Site, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl model history M``."""
+    from rigctl.files.version_suffix import split_version
+    from rigctl.model import current_version, versions
+    from rigctl.model.history.document import history_document
+
+    head = split_version(site.project.resolve(asked.text("model")))[0]
+    return history_document(versions(head), current_version(head))
+
+
+def subject_of(asked: Asked) -> Subject:
+    """What the request is about, as it is typed."""
+    runs = asked.texts("runs")
+    if not runs:
+        raise RigctlError("choose a run")
+    choice = DataOptions(
+        asked.text("only", "") or None, asked.text("hold_out", "") or None, tuple(asked.texts("assume"))
+    )
+    return Subject(tuple(runs), asked.text("model"), choice)
+
+
+def begin(site: Site, asked: Asked) -> dict[str, Any]:
+    """Begin a piece of work: what a button stands for."""
+    from rigctl.web.workbench import work
+
+    site.require_project()
+    verb, subject, effect = asked.text("verb"), subject_of(asked), asked.text("effect", "")
+    if verb not in _VERBS:
+        raise unknown_name("work", verb, _VERBS)
+    given = {
+        "runs": list(subject.runs),
+        "model": subject.model,
+        "hold_out": subject.choice.hold_out,
+        "only": subject.choice.only,
+        "assume": list(subject.choice.assume),
+        "effect": effect,
+    }
+    name = f"{_NAMES[verb]} {effect}".strip()
+    return site.jobs.start(name, command_of(verb, subject, effect), getattr(work, verb), given).document()
+
+
+def command_of(verb: str, subject: Subject, effect: str = "") -> str:
+    """The command that a button stands for."""
+    if verb in ("fit", "add", "remove"):
+        return subject.change(verb, *([effect] if effect else []))
+    if verb == "improve":
+        return subject.analysis("diagnose", "--apply")
+    return subject.analysis(verb)
+
+
+def approve(site: Site, asked: Asked) -> dict[str, Any]:
+    """Carry a designed procedure out on the simulated bench; on a real one, the page of procedures does."""
+    from rigctl.web.workbench import work
+
+    root = site.require_project()
+    file = _free_name(root / "procedures")
+    effects = asked.texts("effects")
+    written = file.relative_to(root).as_posix()
+    words = ["simulate", written, *(word for one in effects for word in ("--with", one)), "--speed", "max"]
+    given = {
+        "procedure": asked.text("procedure"),
+        "file": str(file),
+        "effects": effects,
+        "seed": asked.whole("seed", 0, 0, 2**31 - 1),
+    }
+    return site.jobs.start("Simulated bench", command(words), work.approve, given).document()
+
+
+def bring_in(site: Site, asked: Asked) -> dict[str, Any]:
+    """Make a run of a file of the project: ``rigctl import FILE``."""
+    from rigctl.web.workbench import work
+
+    root, written, rig = site.require_project(), asked.text("file"), asked.text("rig", "")
+    path = (root / written).resolve()
+    if not path.is_relative_to(root.resolve()):
+        raise RigctlError(
+            "only files of the project are brought in from here",
+            value=written,
+            hint="Copy it into the project's folder; 'rigctl import' takes it from anywhere",
+        )
+    assume = asked.texts("assume")
+    words = [
+        "import",
+        written,
+        *(["--rig", rig] if rig else []),
+        *(w for one in assume for w in ("--assume", one)),
+    ]
+    given = {"file": str(path), "rig": rig, "assume": assume}
+    return site.jobs.start(f"Import {path.name}", command(words), work.bring_in, given).document()
+
+
+def write_procedure(site: Site, asked: Asked) -> dict[str, Any]:
+    """Keep a designed procedure in the project, for the real bench: nothing is begun."""
+    from rigctl.files.write import write_new
+
+    root = site.require_project()
+    file = _free_name(root / "procedures")
+    file.parent.mkdir(exist_ok=True)
+    write_new(file, asked.text("procedure").encode("utf-8"))
+    return {"file": file.relative_to(root).as_posix()}
+
+
+def _free_name(folder: Path) -> Path:
+    number = 1
+    while (folder / f"next-{number}.yaml").exists():
+        number += 1
+    return folder / f"next-{number}.yaml"

@@ -1,0 +1,121 @@
+"""Between a page and its workbench: messages go through as they are."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import threading
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.web.site import Site
+from rigctl.web.workbench.process import TEXT, attend
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
+
+#: workbenches that are open at a time; each holds its records in memory
+_MOST: Final = 4
+#: bytes of a message from a page: a state of thousands of parameters
+_LONGEST: Final = 500_000
+#: s that a process has to end
+_GRACE: Final = 1.0
+
+
+def session_endpoint(site: Site) -> Callable[[WebSocket], Awaitable[None]]:
+    """The socket's end at the server: one process for each page."""
+    open_now: list[object] = []
+
+    async def endpoint(socket: WebSocket) -> None:
+        await socket.accept()
+        if len(open_now) >= _MOST:
+            await _refuse(socket)
+            return
+        open_now.append(socket)
+        try:
+            await _through(socket, str(site.project.root))
+        finally:
+            open_now.remove(socket)
+
+    return endpoint
+
+
+async def _refuse(socket: WebSocket) -> None:
+    error = RigctlError(
+        f"{_MOST} workbenches are open already", hint="Close one of them", exit_code=ExitCode.FAILED
+    )
+    await socket.send_json({"kind": "problem", "do": "open", "error": error.as_dict()})
+    await socket.close()
+
+
+async def _through(socket: WebSocket, folder: str) -> None:
+    """Hand messages on until the page or the process ends."""
+    loop = asyncio.get_running_loop()
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=attend, args=(theirs, folder), name="rigctl workbench", daemon=True)
+    await loop.run_in_executor(None, process.start)
+    theirs.close()
+    said: asyncio.Queue[bytes | None] = asyncio.Queue()
+    reader = threading.Thread(target=_read, args=(ours, loop, said), name="workbench", daemon=True)
+    reader.start()
+    tasks = [asyncio.create_task(_to_page(socket, said)), asyncio.create_task(_from_page(socket, ours))]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        process.terminate()
+        await loop.run_in_executor(None, _ended, process)
+        ours.close()
+
+
+def _read(pipe: Connection, loop: asyncio.AbstractEventLoop, said: asyncio.Queue[bytes | None]) -> None:
+    with suppress(EOFError, OSError, RuntimeError):  # the last: the loop has ended
+        while True:
+            loop.call_soon_threadsafe(said.put_nowait, pipe.recv_bytes())
+    with suppress(RuntimeError):
+        loop.call_soon_threadsafe(said.put_nowait, None)
+
+
+async def _to_page(socket: WebSocket, said: asyncio.Queue[bytes | None]) -> None:
+    while True:
+        message = await said.get()
+        if message is None:
+            error = RigctlError(
+                "the process behind this workbench has ended",
+                hint="It may have run out of memory; open the model again",
+                exit_code=ExitCode.FAILED,
+            )
+            with suppress(RuntimeError):
+                await socket.send_json({"kind": "problem", "do": "end", "error": error.as_dict()})
+                await socket.close()
+            return
+        if message[:1] == TEXT:
+            await socket.send_text(message[1:].decode("utf-8"))
+        else:
+            await socket.send_bytes(message[1:])
+
+
+async def _from_page(socket: WebSocket, pipe: Connection) -> None:
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        text = message.get("text")
+        if text is None or len(text) > _LONGEST:
+            await socket.close(1009)
+            return
+        with suppress(OSError):  # it has ended; the other task says so
+            pipe.send_bytes(text.encode("utf-8"))
+
+
+def _ended(process: Any) -> None:
+    process.join(_GRACE)
+    if process.is_alive():
+        process.kill()
+        process.join(_GRACE)

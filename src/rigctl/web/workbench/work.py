@@ -1,0 +1,294 @@
+"""What takes long on the workbench, each in a process of its own: what the commands do, with curves besides.
+
+Every function is given the `Report` of `rigctl.web.jobs` and what was asked as plain values, and returns what
+the command answers to ``--json``, with what the page draws beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.report.signals import plain_name
+from rigctl.web.jobs import Report
+
+if TYPE_CHECKING:
+    from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.diagnosis_result import Diagnosis
+    from rigctl.analysis.refit import RefittedSet
+    from rigctl.dataset import Run
+    from rigctl.design.result import DesignResult
+    from rigctl.model import Model
+
+Floats = NDArray[np.float64]
+Asked = Mapping[str, Any]
+
+#: points of a curve
+_POINTS = 600
+#: candidates that are drawn over the residual
+_DRAWN = 4
+
+
+def compare(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl compare``."""
+    return _compared(report, asked).document()
+
+
+def diagnose(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl diagnose``, with the candidates' curves and the difference of those that look alike."""
+    from rigctl.analysis.diagnosis import diagnose_comparison
+    from rigctl.analysis.fitting import require_free_parameters
+
+    require_free_parameters(_model(asked))
+    compared = _compared(report, asked)
+    found = diagnose_comparison(
+        compared.models[0], compared.runs, compared.held_out, compared.notes, on_progress=report
+    )
+    return found.document() | {
+        "title": found.title,
+        "signatures": _signatures(found),
+        "alike": [_alike(found, names) for names in found.classes if len(names) > 1],
+        "states": {"+".join(one.effects): _state(one) for one in found.trials},
+        "titles": {name: plain_name(name) for name in _effect_names(found)},
+    }
+
+
+def design(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl design``, with what every rival predicts of every record."""
+    from rigctl.design.design import design_experiment
+
+    found = design_experiment(
+        _runs(asked),
+        _model(asked),
+        hold_out=asked.get("hold_out") or None,
+        only=asked.get("only") or None,
+        on_progress=report,
+    )
+    names = [one.name for one in found.rivals]
+    return found.as_json() | {
+        "predictions": [_predictions(found, number) for number in range(len(found.records))],
+        "titles": {name: plain_name(name) for name in names},
+    }
+
+
+def discover(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl discover``."""
+    from rigctl.discovery.discover import discover as discovered
+
+    found = discovered(
+        _runs(asked),
+        _model(asked),
+        hold_out=asked.get("hold_out") or None,
+        only=asked.get("only") or None,
+        on_progress=report,
+    )
+    return found.document()
+
+
+def fit(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl model fit``."""
+    return _changed(report, asked, "fit")
+
+
+def add(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl model add M EFFECT --fit RUN``."""
+    return _changed(report, asked, "add")
+
+
+def remove(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl model remove M EFFECT --fit RUN``."""
+    return _changed(report, asked, "remove")
+
+
+def improve(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl diagnose --apply``."""
+    from rigctl.analysis.fitting import require_free_parameters
+    from rigctl.analysis.improve import improve as improved
+    from rigctl.project import own_model
+
+    path = own_model(Path(str(asked["model"])))
+    require_free_parameters(_model(asked))
+    return improved(_compared(report, asked), path, on_progress=report).document()
+
+
+def approve(report: Report, asked: Asked) -> dict[str, Any]:
+    """Write the designed procedure, and carry it out on the simulated bench: ``rigctl simulate FILE``."""
+    from rigctl.files.write import write_new
+    from rigctl.runner.simulation import simulate
+
+    path = Path(str(asked["file"]))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_new(path, str(asked["procedure"]).encode("utf-8"))
+    report("Carrying it out on the simulated bench")
+    done = simulate(path, effects=tuple(asked.get("effects") or ()), seed=asked.get("seed"))
+    return {"run": done.run.id, "status": done.result.status, "procedure": path.as_posix()}
+
+
+def bring_in(report: Report, asked: Asked) -> dict[str, Any]:
+    """As ``rigctl import FILE``."""
+    from rigctl.dataset.assumptions import read_assumptions
+    from rigctl.dataset.importing import import_files
+    from rigctl.dataset.importing.options import Options
+    from rigctl.project import find_file, find_project
+    from rigctl.rig import load_rig
+
+    bench = load_rig(find_file(Path(str(asked["rig"])))) if asked.get("rig") else None
+    options = Options(assume=read_assumptions(asked.get("assume") or ()))
+    report("Reading the file")
+    done = import_files([Path(str(asked["file"]))], bench, find_project().runs, options)
+    return {"run": done.run, "records": done.records, "rows": done.rows, "notes": list(done.notes)}
+
+
+def _changed(report: Report, asked: Asked, kind: str) -> dict[str, Any]:
+    from rigctl.analysis.model_change import Wanted, change_model
+    from rigctl.project import own_model
+
+    path = own_model(Path(str(asked["model"])))
+    effect = str(asked.get("effect") or "")
+
+    def made(model: Model) -> Model:
+        if kind == "add":
+            return model.with_effect(effect, {})
+        return model.without_effect(effect) if kind == "remove" else model
+
+    wanted = Wanted(
+        kind,  # type: ignore[arg-type]
+        made,
+        True,
+        asked.get("hold_out") or None,
+        asked.get("only") or None,
+        tuple(asked.get("assume") or ()),
+        effect=effect,
+    )
+    return change_model(path, wanted, _runs(asked), on_progress=report).document()
+
+
+def _model(asked: Asked) -> Model:
+    from rigctl.model import load_model
+    from rigctl.project import find_file
+
+    return load_model(find_file(Path(str(asked["model"]))))
+
+
+def _runs(asked: Asked) -> list[Run]:
+    from rigctl.dataset import open_run
+    from rigctl.model.measured.assumed import assuming
+
+    runs = list({run.id: run for run in map(open_run, asked["runs"])}.values())
+    assume = tuple(asked.get("assume") or ())
+    if not assume:
+        return runs
+    model = _model(asked)
+    return [assuming(run, model, assume) for run in runs]
+
+
+def _compared(report: Report, asked: Asked) -> Comparison:
+    from rigctl.analysis.comparison import compare as compared
+
+    return compared(
+        _runs(asked),
+        [_model(asked)],
+        hold_out=asked.get("hold_out") or None,
+        only=asked.get("only") or None,
+        on_progress=report,
+    )
+
+
+def _effect_names(found: Diagnosis) -> list[str]:
+    names = [one.effect for one in found.ranking]
+    names += [name for group in found.classes for name in group]
+    return list(dict.fromkeys(names))
+
+
+def _state(trial: RefittedSet) -> dict[str, Any]:
+    """A refitted set as the sliders can show it: its effects, and every value that was fitted, SI."""
+    model = trial.fit.model
+    return {"on": list(trial.effects), "values": {name: model.values[name] for name in model.fitted}}
+
+
+def _signatures(found: Diagnosis) -> dict[str, Any] | None:
+    """What each refitted candidate explains, over the residual of the record that agrees least."""
+    from rigctl.report.analysis.overlay import typical_records
+
+    best = [found.best] if found.best.candidates else []
+    singles = sorted((one for one in found.trials if one.candidates), key=lambda one: one.chi2)
+    trials = list({one.effects: one for one in (*best, *singles)}.values())[:_DRAWN]
+    if not trials or found.before.rows:
+        return None
+    before = found.before.fit
+    k = typical_records(before)[0][1]
+    curves = {
+        " and ".join(map(plain_name, one.effects)): (one.fit.outputs[k] - before.outputs[k])
+        / before.problem.sigma[k]
+        for one in trials
+    }
+    return _curves(found, k, {"measured − model": -before.normalised_error(k), **curves})
+
+
+def _alike(found: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
+    """A group that the data cannot tell apart, and its members less the first where they differ most."""
+    trials = {one.effects: one for one in found.trials}
+    present = [name for name in names if (name,) in trials]
+    drawn = None
+    if len(present) > 1 and not found.before.rows:
+        sigma = found.before.fit.problem.sigma
+        first = trials[(present[0],)].fit
+        apart = {
+            name: [(trials[(name,)].fit.outputs[k] - first.outputs[k]) / sigma[k] for k in range(len(sigma))]
+            for name in present[1:]
+        }
+        k = max(
+            range(len(sigma)), key=lambda at: max(float(np.abs(each[at]).max()) for each in apart.values())
+        )
+        named = {f"{plain_name(name)} − {plain_name(present[0])}": each[k] for name, each in apart.items()}
+        drawn = _curves(found, k, named)
+    return {"names": list(names), "titles": [plain_name(name) for name in names], "difference": drawn}
+
+
+def _curves(found: Diagnosis, k: int, named: Mapping[str, Floats]) -> dict[str, Any]:
+    """Curves of one record in sigmas, by channel."""
+    problem = found.before.fit.problem
+    record = problem.records[k]
+    every = max(1, -(-record.times.size // _POINTS))
+    at = slice(None, None, every)
+    return {
+        "record": record.label,
+        "index": k,
+        "times": _numbers(record.times[at]),
+        "channels": [
+            {
+                "name": name,
+                "title": plain_name(name),
+                "curves": {label: _numbers(values[at, c]) for label, values in named.items()},
+            }
+            for c, name in enumerate(problem.measurements.outputs)
+        ],
+    }
+
+
+def _predictions(found: DesignResult, number: int) -> list[dict[str, Any]]:
+    """What each rival predicts of a proposed record, by channel, in the channel's unit."""
+    from rigctl.report.numbers import symbol
+
+    drawn = []
+    for one in found.records[number].predictions:
+        at = slice(None, None, max(1, -(-one.times.size // _POINTS)))
+        drawn.append(
+            {
+                "channel": plain_name(one.channel),
+                "unit": symbol(one.unit),
+                "times": _numbers(one.times[at]),
+                "by_rival": {name: _numbers(values[at]) for name, values in one.by_rival.items()},
+                "sigma": _numbers(one.sigma[at]),
+            }
+        )
+    return drawn
+
+
+def _numbers(values: Floats) -> list[float | None]:
+    """Five digits, which no screen shows more of; null for what is not there."""
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values]

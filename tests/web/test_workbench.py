@@ -1,0 +1,211 @@
+"""The workbench in a browser: the tutorial of the hidden effect without a terminal, and what may go wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import chdir
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from commands import answer
+from rigctl.cli.init import create_project
+from rigctl.web.workbench.frames import frame, read_frame
+from web.serving import Served, Window, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+#: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC, and one of 60
+RECORDS = {"001", "004", "019", "025", "028"}
+MODEL = "models/hl32-textbook.yaml"
+
+
+@pytest.fixture(scope="module")
+def leaking(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A project with a file of measured data that is no run yet, served."""
+    project = tmp_path_factory.mktemp("leaking") / "bench"
+    create_project(project)
+    lines = (project / "data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
+    kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
+    (project / "few.csv").write_text("".join([lines[0], *kept]), "utf-8")
+    with pytest.MonkeyPatch.context() as patch:  # a job finds what the one before it has fitted
+        patch.setenv("RIGCTL_RESULTS", str(tmp_path_factory.mktemp("results")))
+        with serving(project, "--port", "0", state=tmp_path_factory.mktemp("state")) as found:
+            yield found
+
+
+@pytest.fixture(scope="module")
+def bench(browser: Browser, leaking: Served) -> Iterator[Page]:
+    """The page of the workbench, the data brought in and the textbook opened, as a user does it."""
+    context = browser.new_context(viewport={"width": 1400, "height": 900})
+    context.set_default_timeout(30_000)
+    window = Window(context, leaking)
+    page = window.open("/workbench")
+    page.get_by_text("Bring in measured data").click()
+    page.get_by_label("File").fill("few.csv")
+    page.get_by_label("Bench", exact=True).select_option("rigs/hl32-bench.yaml")
+    page.get_by_label("Assume").first.fill("heater=off")
+    page.get_by_role("button", name="Import").click()
+    page.get_by_role("checkbox", name=re.compile("few")).wait_for()
+    assert page.get_by_label("Model", exact=True).input_value() == MODEL
+    page.get_by_label("Hold out").fill("oil == 60 degC")
+    page.get_by_role("button", name="Open", exact=True).click()
+    settled(page)
+    yield page
+    context.close()
+    assert window.complaints == []
+
+
+def settled(page: Page) -> None:
+    page.locator("[data-exact=yes]").wait_for()
+
+
+def verb(page: Page, name: str) -> str:
+    """Click an analysis, wait for it, and return what it says."""
+    page.get_by_role("toolbar", name="Analyses").get_by_role("button", name=name).click()
+    return card(page, name)
+
+
+def card(page: Page, name: str) -> str:
+    found = page.locator("section.result", has=page.get_by_role("heading", name=name)).first
+    found.wait_for()
+    return found.inner_text()
+
+
+def position(page: Page) -> float:
+    """The root mean square error of the position that the page shows, mm."""
+    shown = page.locator(".now li", has_text="position").inner_text()
+    return float(shown.split()[0])
+
+
+def drag(page: Page, label: str, steps: int) -> None:
+    """Press an arrow key on a slider: a drag as the keyboard makes it."""
+    page.get_by_role("slider", name=label).focus()
+    for _ in range(abs(steps)):
+        page.keyboard.press("ArrowRight" if steps > 0 else "ArrowLeft")
+
+
+def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, leaking: Served) -> None:
+    page = bench
+    before = position(page)
+    with chdir(leaking.project):
+        said = answer("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC")
+    assert before == pytest.approx(said["channels"]["position"]["rmse"], rel=1e-3)
+    assert "held out" in page.locator(".now").inner_text()
+
+    # by hand: another opening, and the leak; everything follows, and comes back
+    drag(page, "flow area fitted", -20)
+    settled(page)
+    moved = position(page)
+    assert moved != before
+    assert "rigctl model set" in page.locator(".standsfor").inner_text()
+    page.get_by_role("switch", name="valve leakage").check()
+    settled(page)
+    assert "--add" in page.locator(".standsfor").inner_text()
+    page.get_by_role("button", name="Undo").click()
+    settled(page)
+    assert position(page) == moved
+    page.get_by_role("button", name="Undo").click()
+    settled(page)
+    assert position(page) == before
+    assert page.get_by_role("switch", name="valve leakage").is_checked() is False
+
+    found = verb(page, "Diagnose")
+    assert "valve leakage" in found
+    page.get_by_role("button", name="Add what is missing").click()
+    assert "added valve_leakage" in card(page, "Diagnose and add")
+    page.locator('[data-open$="@2"]').wait_for()
+    settled(page)
+    assert page.get_by_role("switch", name="valve leakage").is_checked()
+    assert position(page) < 0.2 * before
+    assert "v1" in verb(page, "History")
+    with chdir(leaking.project):
+        history = answer("model", "history", MODEL)
+        said = answer("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC")
+    assert [one["done"] for one in history["versions"]] == ["first version", "add valve_leakage"]
+    assert position(page) == pytest.approx(said["channels"]["position"]["rmse"], rel=1e-3)
+    assert said["adequate"]
+
+    # what is kept by hand is the next version, as its command would write it
+    drag(page, "flow area fitted", 3)
+    settled(page)
+    page.get_by_role("button", name="Keep as version").click()
+    page.locator('[data-open$="@3"]').wait_for()
+    with chdir(leaking.project):
+        assert answer("model", "history", MODEL)["versions"][-1]["kind"] == "set"
+
+
+def test_a_cell_of_the_map_shows_its_record_and_arrows_go_to_the_next(bench: Page) -> None:
+    cells = bench.locator("button.cell")
+    cells.nth(1).click()
+    label = cells.nth(1).get_attribute("aria-label") or ""
+    assert bench.locator("h2.record", has_text=re.compile("20 bar|50 bar")).inner_text()
+    assert "sigma" in label
+    bench.keyboard.press("ArrowLeft")
+    assert bench.evaluate("document.activeElement.getAttribute('aria-label')") != label
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1400, 420])
+def test_nothing_serious_is_in_the_way_of_anybody(bench: Page, scheme: Any, width: int) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    bench.emulate_media(color_scheme=scheme)
+    bench.set_viewport_size({"width": width, "height": 900})
+    bench.wait_for_timeout(100)
+    found = Axe().run(bench).response["violations"]
+    serious = [(one["id"], [node["html"] for node in one["nodes"]]) for one in found]
+    assert [one for one in serious if found[serious.index(one)]["impact"] in ("serious", "critical")] == []
+    assert bench.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_work_is_stopped_and_nothing_of_it_stays(bench: Page, leaking: Served) -> None:
+    bench.get_by_role("toolbar", name="Analyses").get_by_role("button", name="Discover").click()
+    bench.get_by_role("button", name="Stop").click()
+    bench.get_by_text("Discover: stopped").wait_for()
+    status = leaking.ask("GET", "/api/jobs", cookie=leaking.enter())[2]
+    assert json.loads(status)["jobs"][0]["state"] == "stopped"
+
+
+def test_a_refusal_is_said_and_the_sliders_go_on(bench: Page) -> None:
+    """What a hand-made message, or a page of another version, might say."""
+    bench.set_viewport_size({"width": 1400, "height": 900})
+    typed = bench.get_by_label("flow area, typed")
+    typed.fill("a lot")
+    bench.keyboard.press("Tab")
+    assert typed.get_attribute("aria-invalid") == "true"
+    typed.fill("-1")
+    bench.keyboard.press("Tab")
+    bench.get_by_text("out of bounds").wait_for()
+    typed.fill("3.4")
+    bench.keyboard.press("Tab")
+    settled(bench)
+
+
+def test_only_files_of_the_project_are_brought_in(leaking: Served) -> None:
+    outside = {"file": "../../secret.csv", "rig": "", "assume": []}
+    headers = {"Origin": leaking.base}
+    status, _, text = leaking.ask(
+        "POST", "/api/workbench/import", outside, headers=headers, cookie=leaking.enter()
+    )
+    assert status == 400
+    assert "only files of the project" in text
+
+
+@given(
+    hnp.arrays(np.float32, hnp.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=7)),
+    st.dictionaries(st.text(max_size=5), st.text(max_size=9), max_size=3),
+)
+def test_arrays_come_through_as_they_were(values: np.ndarray, header: dict[str, str]) -> None:
+    header.pop("arrays", None)
+    read, arrays = read_frame(frame(header, [("one", values), ("two", values.T)]))
+    assert {key: value for key, value in read.items() if key != "arrays"} == header
+    np.testing.assert_array_equal(arrays["one"], values)
+    np.testing.assert_array_equal(arrays["two"], values.T)
