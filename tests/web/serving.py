@@ -27,6 +27,7 @@ class Served:
     project: Path
     address: str  #: with its token
     process: subprocess.Popen[str]
+    state: Path  #: the user's state folder, in which servers are known
 
     @property
     def token(self) -> str:
@@ -118,7 +119,7 @@ def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
     rest = threading.Thread(target=said.extend, args=(process.stdout,), daemon=True)
     rest.start()
     try:
-        yield Served(project, address, process)
+        yield Served(project, address, process, state)
     finally:
         process.send_signal(signal.SIGINT)
         try:

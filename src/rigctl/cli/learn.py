@@ -13,6 +13,7 @@ from rigctl.cli.compare import HoldOut
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
 from rigctl.cli.reuse import Verbose
+from rigctl.cli.serving import ServeOption
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -97,6 +98,7 @@ def learn(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the last learning; more time or rounds may be given.")
     ] = False,
+    serve: ServeOption = False,
     verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
@@ -118,6 +120,7 @@ def learn(
     """
     from rigctl.cli.design import read_budget
     from rigctl.cli.learn_views import show_learned, show_proposal, show_round
+    from rigctl.cli.serving import shown
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
     from rigctl.learning.learn import Learner
@@ -146,19 +149,20 @@ def learn(
         show_proposal(proposal, design, quiet=as_json, verbose=verbose)
         return yes or _confirmed()
 
-    learned = Learner(
-        kept,
-        _bench(kept.task, person),
-        find_project().runs,
-        ask,
-        working=lambda: telling("what was measured and added stays; 'rigctl learn --resume' goes on"),
-        on_round=lambda one: None if as_json else show_round(one),
-    ).learn()
-    page = _write_page(kept, learned)
-    if as_json:
-        print_json(learned.document() | {"folder": str(kept.folder), "page": str(page)})
-    else:
-        show_learned(learned, kept.folder, page)
+    with shown(wanted=serve):
+        learned = Learner(
+            kept,
+            _bench(kept.task, person),
+            find_project().runs,
+            ask,
+            working=lambda: telling("what was measured and added stays; 'rigctl learn --resume' goes on"),
+            on_round=lambda one: None if as_json else show_round(one),
+        ).learn()
+        page = _write_page(kept, learned)
+        if as_json:
+            print_json(learned.document() | {"folder": str(kept.folder), "page": str(page)})
+        else:
+            show_learned(learned, kept.folder, page)
     raise typer.Exit(int(learned.exit_code))
 
 

@@ -9,6 +9,7 @@ import typer
 
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.serving import ServeOption
 
 
 def run(
@@ -45,6 +46,7 @@ def run(
         bool,
         typer.Option("--answer-in-browser", help="Questions are answered on the page of 'rigctl serve'."),
     ] = False,
+    serve: ServeOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Carry out a procedure on the bench and record it.
@@ -63,6 +65,7 @@ def run(
     from rigctl.cli.identity import identified
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
+    from rigctl.cli.serving import shown
     from rigctl.project import find_project
     from rigctl.runner.access import bench_options, clock_for
     from rigctl.runner.launch import Launch, launch
@@ -87,6 +90,7 @@ def run(
         dry=dry,
     )
     given_answers = read_assignments(answer or (), "--answer")
-    with attended(how, plan, given_answers, remote=answer_in_browser) as ready:
-        result = launch(plan, ready)
-    tell(result, as_json=as_json)
+    with shown(wanted=serve):
+        with attended(how, plan, given_answers, remote=answer_in_browser) as ready:
+            result = launch(plan, ready)
+        tell(result, as_json=as_json)

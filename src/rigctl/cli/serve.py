@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rigctl.cli.echo import echo
-from rigctl.errors import RigctlError
+from rigctl.errors import RigctlError, unknown_name
+
+#: as `rigctl.web.parts` has them; that module needs packages that may be missing
+PAGES = ("runs", "live", "workbench", "procedure", "report", "docs")
 
 
 def serve(
@@ -27,6 +33,8 @@ def serve(
         bool, typer.Option("--expose", help="Let other computers reach it, and so the bench.")
     ] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address only.")] = False,
+    page: Annotated[str, typer.Option(help="What is opened: runs, live, workbench, procedure …")] = "",
+    until_input_ends: Annotated[bool, typer.Option("--until-input-ends", hidden=True)] = False,
 ) -> None:
     """Show the project in a browser: runs, the run in progress, models, procedures, reports.
 
@@ -44,10 +52,14 @@ def serve(
     from rigctl.web.browser import can_open, open_browser
     from rigctl.web.server import Settings, serve
 
+    if page and page not in PAGES:
+        raise unknown_name("page", page, PAGES)
     if project is not None and not project.is_dir():
         raise RigctlError("there is no such folder", value=str(project))
 
     def started(address: str) -> None:
+        base, _, token = address.partition("#")
+        address = f"{base}{page}#{token}"
         echo(f"{found.root.name} is shown at\n  {address}\nCtrl-C ends it; a run in progress goes on.")
         if not no_browser and can_open():
             open_browser(address)
@@ -62,7 +74,20 @@ def serve(
         exposed=expose,
         names=tuple(name or ()),
     )
-    serve(settings, started)
+    serve(settings, started, _input_ended() if until_input_ends else None)
+
+
+def _input_ended() -> Callable[[], bool]:
+    """Whether stdin has come to its end: whoever has begun this program is gone, or wants it to end."""
+    ended = threading.Event()
+
+    def read() -> None:
+        while sys.stdin.read(1):
+            pass
+        ended.set()
+
+    threading.Thread(target=read, name="input", daemon=True).start()
+    return ended.is_set
 
 
 def require_web() -> None:

@@ -9,6 +9,7 @@ import typer
 
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.serving import ServeOption
 
 
 def simulate(
@@ -40,6 +41,7 @@ def simulate(
     notes: NotesOption = None,
     family: FamilyOption = None,
     *,
+    serve: ServeOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Carry out a procedure on the simulated bench and record it like any other run.
@@ -57,6 +59,7 @@ def simulate(
     from rigctl.cli.identity import identified
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, tell
+    from rigctl.cli.serving import shown
     from rigctl.project import find_file, find_project
     from rigctl.runner.launch import launch
     from rigctl.runner.simulation import simulation_launch
@@ -77,6 +80,7 @@ def simulate(
         person=person_in_charge(identity.operator),
         device=identity.device,
     )
-    with attended(how, plan, {}) as ready:
-        result = launch(plan, ready)
-    tell(result, as_json=as_json)
+    with shown(wanted=serve):
+        with attended(how, plan, {}) as ready:
+            result = launch(plan, ready)
+        tell(result, as_json=as_json)
