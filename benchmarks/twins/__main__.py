@@ -1,8 +1,9 @@
 """Six benches that look alike in twos, each learnt from the textbook model: ``python -m benchmarks.twins``.
 
-Each of a pair is hidden in the separate bench (`rigctl.validation.bench`) with 20 sigmas in a first campaign
-of four temperatures and three pressures; `rigctl learn` does the rest, up to six rounds. Either what is
-hidden is added, alone, or the class that is left is said not to be separable, with the sensor that would.
+Each of a pair is hidden in the separate bench (`rigctl.validation.bench`) with 20 sigmas, or `--size`, in a
+first campaign of four temperatures and three pressures; `rigctl learn` does the rest, up to six rounds.
+Either what is hidden is added, alone, or the class that is left is said not to be separable, with the sensor
+that would tell.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def main() -> None:
             print(" | ".join(rows[-1]), flush=True)
     table("The ambiguous twins of the published bench", rows)
     kept = {"size": given.size, "seed": given.seed, "twins": results}
-    print(f"kept in {keep(HERE, kept, 'numpy', 'scipy')}")
+    print(f"kept in {keep(HERE, kept, 'numpy', 'scipy', name=f'sigma_{given.size:g}')}")
     sys.exit(0 if all(right) else 1)
 
 

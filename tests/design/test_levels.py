@@ -45,3 +45,21 @@ def test_staircases_or_ramps_are_designed_that_the_bench_takes_without_a_limit_i
     count = [sum(len(names) for names in one["classes"]) for one in (before, after)]
     assert count[1] < count[0]
     assert "radiation" in {name for names in after["classes"] for name in names}
+
+
+def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise() -> None:
+    """Between the first steps and the designed ones a thermometer has come to lag behind."""
+    first = answer("runs", "list")["runs"][-1]["id"]
+    model = Path("models", "changed.yaml")
+    model.write_bytes(Path(MODEL).read_bytes())
+    how = ("--from", first, "--with", "sensor_lag", "--yes", "--max-rounds", "3")
+    learned = answer("learn", STEPS[0], "--model", model.as_posix(), *how)
+    assert learned["ended"] == "outside_library"
+    assert "the bench answered otherwise than every rival said" in learned["statement"]
+    asked, answered = learned["rounds"]
+    assert "radiation" in asked["classes"][0]
+    assert answered["promised"]["probability"] > 0.5
+    assert (answered["came_out"]["kept"], answered["came_out"]["winner"]) == (False, "")
+    assert learned["added"] == []
+    kept = answer("model", "history", model.as_posix())["versions"]
+    assert [one["kind"] for one in kept] == ["start"]

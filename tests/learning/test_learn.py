@@ -85,6 +85,7 @@ class MadeBench:
     status: Sequence[str] = ("finished",) * 9
     seconds: float = 600.0
     measured: list[int] = field(default_factory=list)
+    vetoed: list[bool] = field(default_factory=list)  #: of each round, whether nothing may be added
     precise: list[tuple[str, ...]] = field(default_factory=list)  #: whose sizes each design was asked for
 
     def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:
@@ -176,8 +177,9 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         said, asked = list(verdicts), list(answers)
         wanted = list(designs) or [design()] * 9
 
-        def improved(*_: Any, **__: Any) -> Any:
+        def improved(*_: Any, **how: Any) -> Any:
             now = said[max(len(bench.measured), 1) - 1]
+            bench.vetoed.append(how["unless"](now))
             return SimpleNamespace(first=now, last=now, steps=())
 
         def designed(*_: Any, **how: Any) -> Any:
@@ -264,6 +266,17 @@ def test_what_does_not_predict_what_it_was_not_fitted_on_is_asked_once_more(stan
 
     blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
     assert stand([UNCONFIRMED], designs=[blunt]).learner.learn().ended is Ended.OUTSIDE_LIBRARY
+
+
+def test_nothing_is_added_for_a_bench_that_answers_otherwise(stand: Any) -> None:
+    """However sure the verdict is: it may be another bench by now, or what it does is not understood."""
+    sure = verdict(Verdict.MISSING_EFFECT, "spring")
+    here = stand([UNSURE, sure])
+    assert here.learner.learn().ended is Ended.OUTSIDE_LIBRARY
+    assert here.bench.vetoed == [False, True]
+    here = stand([UNSURE, verdict(Verdict.MISSING_EFFECT, "drift"), SURE])
+    here.learner.learn()
+    assert here.bench.vetoed[1] is False
 
 
 def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:

@@ -71,6 +71,17 @@ def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise(foun
     assert "answered otherwise than every rival said" in out.statement
 
 
+def test_one_that_was_left_and_not_designed_for_is_no_surprise() -> None:
+    """A class may have more members than are designed for."""
+    found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
+    out = what_came_out(promised(), found, left={"leak", "drift", "spring"})
+    assert (out.kept, out.winner, out.told) == (True, "spring", True)
+    assert out.statement == "spring is named now, which was left too and not designed for"
+    again = diagnosis(Verdict.AMBIGUOUS, [["load", "spring"]], spring=-80.0, load=-81.0)
+    assert not what_came_out(promised(), again, left={"leak", "drift", "spring"}).told
+    assert not what_came_out(promised(), found, left={"leak", "drift"}).kept
+
+
 def test_nothing_may_be_one_of_the_rivals() -> None:
     out = what_came_out(promised(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
     assert out.winner == "none"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
@@ -170,6 +170,7 @@ def improve(
     most: int = 4,
     sure: bool = False,
     excluded: Collection[str] = (),
+    unless: Callable[[Diagnosis], bool] = lambda _: False,
     on_progress: OnProgress | None = None,
 ) -> Improvement:
     """Add to a model what it lacks, one step after the other, each saved as the file's next version.
@@ -184,6 +185,7 @@ def improve(
     path: its file, or ``m.yaml@3`` where it is version 3.
     most: effects to add altogether.
     sure: add only what a verdict of ``missing_effect`` names, not the most probable of several.
+    unless: asked of the first diagnosis; where it holds nothing is added, whatever the verdict.
 
     Raises
     ------
@@ -199,6 +201,7 @@ def improve(
         )
         here = diagnosis.before
         unsure = sure and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.OUTSIDE_LIBRARY)
+        unsure = unsure or (not steps and diagnosis.verdict is not Verdict.ADEQUATE and unless(diagnosis))
         plan = [] if unsure else _plan(diagnosis, room)
         if not plan:
             elsewhere = unseen(compared, here, on_progress=on_progress)

@@ -22,7 +22,7 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import Bench, seconds_of
 from rigctl.learning.keep import Kept
 from rigctl.learning.outcome import promise_of, what_came_out
-from rigctl.learning.result import Ended, Learned, Round
+from rigctl.learning.result import CameOut, Ended, Learned, Round
 from rigctl.model import current_version, load_model, versions
 from rigctl.plan import Plan
 
@@ -116,7 +116,13 @@ class Learner:
                 hold_out=task.hold_out or None,
                 on_progress=on_progress,
             )
-            improved = improve(compared, path, sure=True, on_progress=on_progress)
+            improved = improve(
+                compared,
+                path,
+                sure=True,
+                unless=lambda found: not here.judged and self._otherwise(here, found),
+                on_progress=on_progress,
+            )
         if here.judged:  # before learning was cut off: what was said then stays
             return here, improved
         first, now = improved.first, improved.last.before.fit
@@ -130,11 +136,25 @@ class Learner:
             error={name: error.nrmse for name, error in now.errors.items()},
             chi2=now.chi2_reduced,
             statement=first.statement,
-            came_out=None if here.promised is None else what_came_out(here.promised, first),
+            came_out=self._came_out(here, first),
         )
         self.kept.update(judged)
         self.on_round(judged)
         return judged, improved
+
+    def _came_out(self, here: Round, found: Diagnosis) -> CameOut | None:
+        """What came of a round's promise; None where there was none."""
+        if here.promised is None:
+            return None
+        before = self.kept.rounds[-2] if len(self.kept.rounds) > 1 else here
+        left = {name for names in before.classes for name in names}
+        return what_came_out(here.promised, found, left)
+
+    def _otherwise(self, here: Round, found: Diagnosis) -> bool:
+        """Whether the bench answered otherwise than anybody said: it is not the one that was asked about, or
+        what it does is not known, and nothing is added to the model for that."""
+        came_out = self._came_out(here, found)
+        return came_out is not None and not came_out.kept
 
     def _added(self, path: Path) -> tuple[tuple[str, int], ...]:
         """The effects that the model's versions have since the last round, a kill in between included."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.design.result import NONE, DesignResult
@@ -26,7 +26,7 @@ def promise_of(design: DesignResult) -> Promised:
     )
 
 
-def what_came_out(promised: Promised, found: Diagnosis) -> CameOut:
+def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = ()) -> CameOut:
     """The margins between the rivals now, beside what was promised of them.
 
     The gain of a pair is the change of its margin in mBIC, ``m_rival − m_winner``, from before the round to
@@ -36,12 +36,20 @@ def what_came_out(promised: Promised, found: Diagnosis) -> CameOut:
     Parameters
     ----------
     found: the diagnosis of the same model on the data with those of the round.
+    left: all effects that could not be told apart before the round. Not every one of them need be among the
+        rivals; one that was not and is named now is no surprise.
     """
     if promised.aim == "precision":
         return _sized(promised, found)
     scores = _scores(found)
     here = {name: scores[name] for name in promised.rivals if name in scores}
     winner = _winner(promised, found, here)
+    beside = [name for names in found.classes for name in names if name in left]
+    if not winner and beside and found.verdict is not Verdict.OUTSIDE_LIBRARY:
+        name = min(beside, key=lambda one: scores.get(one, 0.0))
+        alone = all(len(names) == 1 for names in found.classes if name in names)
+        said = f"{name} is named now, which was left too and not designed for"
+        return CameOut(name, {}, {}, told=alone, kept=True, statement=said)
     if not winner:
         named = " + ".join(found.effects) or "nothing that was among them"
         said = f"the bench answered otherwise than every rival said: it asks for {named}"
