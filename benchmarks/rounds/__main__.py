@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     each = -(-given.rounds // len(BENCHES))
-    rows = [("rig", "rounds", "not let through", "no solution", "tripped", "processor s")]
+    rows = [("rig", "rounds", "not let through", "held back", "no solution", "tripped", "processor s")]
     results: dict[str, object] = {"rounds": given.rounds, "seed": given.seed}
     tripped = 0
     for name in BENCHES:
@@ -42,6 +42,7 @@ def main() -> None:
         results[name] = {
             "carried_out": found.carried_out,
             "refused": found.refused,
+            "held_back": found.held_back,
             "failed": found.failed,
             "tripped": [f"{one.alarm.name}: {one.settings}; {'; '.join(one.steps)}" for one in found.tripped],
             "seconds": seconds,
@@ -56,7 +57,8 @@ def main() -> None:
 
 
 def _counts(found: Tally) -> tuple[str, ...]:
-    return str(found.carried_out), str(found.refused), str(found.failed), str(len(found.tripped))
+    numbers = (found.carried_out, found.refused, found.held_back, found.failed, len(found.tripped))
+    return tuple(map(str, numbers))
 
 
 if __name__ == "__main__":

@@ -236,16 +236,17 @@ def predicted_of(rival: Rival, courses: Trajectories, place: int, own: Sequence[
     at = {name: k for k, name in enumerate(courses.columns)}
     problem = rival.fit.problem
     slopes = np.take(courses.sensitivities[place], problem.channels, axis=1)
-    ordered = sorted(own, key=lambda one: not _scatters(one))
+    ordered = sorted(own, key=lambda one: not scatters(one))
     return Predicted(
         np.take(courses.outputs[place], problem.channels, axis=1),
         slopes[:, :, [at[unknown.name] for unknown in problem.shared]] * rival.sizes,
-        slopes[:, :, [at[one.name] for one in ordered]] * np.array([_known_to(one) for one in ordered]),
-        sum(map(_scatters, own)),
+        slopes[:, :, [at[one.name] for one in ordered]] * np.array([known_to(one) for one in ordered]),
+        sum(map(scatters, own)),
     )
 
 
-def _scatters(one: LocalUnknown) -> bool:
+def scatters(one: LocalUnknown) -> bool:
+    """Whether it differs from record to record by chance: a setting, a zero."""
     return one.kind == "parameter" and one.unknown.prior is not None
 
 
@@ -253,6 +254,7 @@ def _expected(own: Sequence[LocalUnknown]) -> Floats:
     return np.array([one.unknown.start for one in own])
 
 
-def _known_to(one: LocalUnknown) -> float:
+def known_to(one: LocalUnknown) -> float:
+    """The standard deviation that it is known to beside the data, SI."""
     unknown = one.unknown
     return _VAGUE * unknown.size if unknown.prior is None else unknown.prior.std

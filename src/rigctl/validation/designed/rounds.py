@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.refit import plain
-from rigctl.design.promise import drawn
+from rigctl.design.promise import DRAWS, Draws, drawn
 from rigctl.design.recipe import Recipe, Stage, lines_of
 from rigctl.design.result import NONE
 from rigctl.design.rivals import Rival, at_usual_size
 from rigctl.design.scheme import Scheme, schemes_of, stage_of
 from rigctl.design.search import Proposal, Workshop
 from rigctl.design.so_far import known_so_far
-from rigctl.design.virtual_records import Outlines
+from rigctl.design.virtual_records import Outlines, known_to, scatters
 from rigctl.engine.simulate import simulate
 from rigctl.errors import RigctlError
 from rigctl.model.measured.record import MeasuredRecord
@@ -52,12 +52,16 @@ class Tally:
     ----------
     carried_out: rounds.
     refused: candidates that were not let through.
+    held_back: those in which an interlock tripped and that a design would not have proposed: before it does
+        it simulates each of its records with draws of every explanation. That is asked of these alone, as it
+        takes some hundred times as long as the round.
     failed: rounds in which the bench's equations had no solution.
-    tripped: those in which an interlock tripped.
+    tripped: those that it would have, and in which an interlock tripped.
     """
 
     carried_out: int
     refused: int
+    held_back: int
     failed: int
     tripped: tuple[Tripped, ...]
 
@@ -89,7 +93,7 @@ class Proposer:
     def carry_out(self, rounds: int, seed: int) -> Tally:
         """So many records at random points of all schemes, each carried out once."""
         rng = np.random.default_rng(seed)
-        carried_out, refused, failed, tripped = 0, 0, 0, list[Tripped]()
+        carried_out, refused, held_back, failed, tripped = 0, 0, 0, 0, list[Tripped]()
         for proposal in self._proposals(rng):
             if carried_out == rounds:
                 break
@@ -102,9 +106,16 @@ class Proposer:
             except RigctlError:
                 failed += 1
                 continue
+            if alarms and not self._draws(seed).keeps_clear(self.rig, proposal):
+                carried_out, held_back = carried_out - 1, held_back + 1
+                continue
             steps = lines_of(proposal.recipe, self.rig)
             tripped += [Tripped(one, str(proposal.recipe.settings(self.rig)), steps) for one in alarms]
-        return Tally(carried_out, refused, failed, tuple(tripped))
+        return Tally(carried_out, refused, held_back, failed, tuple(tripped))
+
+    def _draws(self, seed: int) -> Draws:
+        """As a design looks at what it has chosen."""
+        return Draws(self.workshop.known, self.workshop, seed, DRAWS)
 
     def _proposals(self, rng: np.random.Generator) -> Iterator[Proposal | None]:
         while True:
@@ -144,13 +155,13 @@ class Proposer:
     def _answered(
         self, rival: Rival, values: Floats, record: MeasuredRecord, rng: np.random.Generator
     ) -> Floats:
-        """(n, outputs) readings with their noise; what a record has of its own lies where it may lie."""
+        """(n, outputs) readings with their noise; settings and zeros of the record's own lie where they may
+        lie, and it begins where the bench was brought to."""
         outlines = Outlines(rival, [record])
         problem = outlines.problem
         own = np.array(
             [
-                one.unknown.start
-                + (one.unknown.prior.std * rng.standard_normal() if one.unknown.prior is not None else 0.0)
+                one.unknown.start + (known_to(one) * rng.standard_normal() if scatters(one) else 0.0)
                 for one in problem.local[0]
             ]
         )

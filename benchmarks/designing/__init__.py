@@ -1,0 +1,1 @@
+"""What designing the next records takes."""
