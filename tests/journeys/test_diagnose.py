@@ -71,6 +71,19 @@ def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
     assert not Path("models/.history/hl32-textbook").exists()  # without --apply nothing is written
 
 
+def test_the_answer_comes_in_a_few_lines() -> None:
+    shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1")
+    lines = shown.partition("\n\nNext:")[0].splitlines()
+    assert "valve_leakage" in lines[0]
+    assert len(lines) <= 7
+    heads = [line.split("  ")[1] for line in lines[1:]]
+    assert {"how sure", "error", "left", "-v shows"} <= set(heads)
+    assert "l/min at 50 bar, 80 degC" in shown
+    assert "position from" in shown
+    for only_when_asked in ("ΔmBIC", "Noise:", "not testable"):
+        assert only_when_asked not in shown
+
+
 def test_an_effect_is_added_and_taken_out_with_the_error_before_and_after() -> None:
     model = textbook_copy("by-hand")
     added = answer("model", "add", model, "valve_leakage:conductance=1e-15 m^3", "--fit", "latest")

@@ -16,6 +16,7 @@ from rigctl.analysis.diagnosis_result import FoundParameter
 from rigctl.model import load_model
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import Measurements
+from rigctl.report.analysis.overlay import fall_plot, running_mean
 from rigctl.report.everyday import everyday
 from rigctl.report.systematic import falls
 
@@ -58,6 +59,27 @@ def test_what_is_said_to_be_left_stays_in_both() -> None:
     assert position.sizes[1] == 20.0
     assert position.sizes[0] > 20.0
     assert position.amounts[1] > 0.0
+
+
+def test_a_residual_below_the_noise_is_drawn_as_means_in_which_it_is_seen() -> None:
+    before, after = before_and_after()
+    plot = fall_plot([("before", before), ("after", after)], 0, "o", "a record", ["position"])
+    assert "as means of 3 readings" in plot.caption
+    worse, better, above, below = (trace.y for trace in plot.panels[1].traces)
+    assert np.nanmean(worse - better) == pytest.approx(OFF / 0.1)
+    assert above[0] == -below[0] == pytest.approx(2.0 / 3**0.5)
+    outside = np.abs(better) > above[0]
+    assert 0.01 < outside.mean() < 0.12  # 1 of 20
+    coarse = made_fit(made_noise(), 3, lambda place, times: np.full(times.size, 0.5))
+    alone = fall_plot([("model", coarse)], 0, "o", "a record", ["position"])
+    assert alone.caption == "a record"
+    assert np.array_equal(alone.panels[1].traces[0].y, coarse.normalised_error(0)[:, 0])
+
+
+def test_a_running_mean_stays_in_its_phase_and_leaves_out_what_is_missing() -> None:
+    values = np.array([1.0, np.nan, 4.0, 10.0, 20.0])
+    found = running_mean(values, np.array([0, 0, 0, 1, 1]), 3)
+    assert found.tolist() == [1.0, 2.5, 4.0, 15.0, 15.0]
 
 
 @pytest.fixture

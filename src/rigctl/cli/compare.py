@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
@@ -102,7 +102,7 @@ def compare(
     ] = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from rich.markup import escape
@@ -76,13 +77,22 @@ def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
         console().print(f"  {escape(finding)}.", soft_wrap=True)
 
 
+#: a note on the spikes of one channel
+_SPIKES = re.compile(r"^\d+ spikes? of \w+ (was|were) masked: ")
 #: how the notes begin, or what is in those, that every comparison has of how its data were taken
-_ROUTINE = ("Noise: ", "assumed of ", "Commands were written down", " masked: ")
+_ROUTINE = ("Noise: ", "Noise of ", "assumed of ", "Commands were written down", " masked: ")
 
 
 def routine(notes: Sequence[str]) -> list[str]:
     """The notes that say no more than how the data were taken; each answer would repeat them."""
     return [note for note in notes if any(part in note for part in _ROUTINE)]
+
+
+def show_notes(notes: Sequence[str]) -> None:
+    """All of them, each thing once: that of the noise counts the spikes, and the channels' table has them."""
+    for note in notes:
+        if not re.search(_SPIKES, note):
+            console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
 
 
 def show_unusual(notes: Sequence[str]) -> None:
@@ -102,8 +112,7 @@ def _show_evidence(found: Comparison) -> None:
             out.print(f"  {escape(band.statement)}.", soft_wrap=True)
         for finding in model.findings:
             out.print(f"  {escape(finding)}.", soft_wrap=True)
-    for note in found.notes:
-        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    show_notes(found.notes)
     if found.held_out:
         out.print(f"  held out: {len(found.held_out)} records ({escape(_few(found.held_out))})")
     if len(found.models) > 1:

@@ -9,7 +9,7 @@ import typer
 
 from rigctl.cli.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
@@ -68,7 +68,7 @@ def design(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Design the records, or name the sensor, that would tell the explanations apart that are left.

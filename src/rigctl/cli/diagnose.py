@@ -11,7 +11,7 @@ import typer
 
 from rigctl.cli.compare import Assume, Force, HoldOut, OneModel, Only, Page, Runs
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 from rigctl.cli.workers import Cluster
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def diagnose(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     laws: Annotated[
         Path | None,
         typer.Option(

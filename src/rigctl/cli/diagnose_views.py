@@ -16,7 +16,7 @@ from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.law_answer import LawAnswer
 from rigctl.analysis.text import parameters_text
 from rigctl.cli.answer_view import counted, show_answer
-from rigctl.cli.compare_views import routine, show_departures, show_unusual
+from rigctl.cli.compare_views import routine, show_departures, show_notes, show_unusual
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
 from rigctl.report.answer import diagnosis_answer, improvement_answer
@@ -82,8 +82,7 @@ def _show_whole(found: Diagnosis) -> None:
     show_departures(found.outside)
     if found.remainder_text:
         out.print(f"  {escape(found.remainder_text)}.", soft_wrap=True)
-    for note in found.notes:
-        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    show_notes(found.notes)
     for finding in found.before.findings:
         out.print(f"  {escape(finding)}.", soft_wrap=True)
     if found.verdict is Verdict.ADEQUATE:  # how much these data could have shown

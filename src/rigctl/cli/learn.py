@@ -12,7 +12,7 @@ import typer
 from rigctl.cli.compare import HoldOut
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.identity import NotesOption, PartOption, SerialNumberOption
-from rigctl.cli.reuse import Verbose
+from rigctl.cli.reuse import Evidence
 from rigctl.cli.serving import ServeOption
 from rigctl.errors import ExitCode, RigctlError
 
@@ -99,7 +99,7 @@ def learn(
         bool, typer.Option("--resume", help="Go on with the last learning; more time or rounds may be given.")
     ] = False,
     serve: ServeOption = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Measure in rounds until the model agrees and every effect in it is told from its rivals.

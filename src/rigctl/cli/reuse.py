@@ -55,6 +55,16 @@ Verbose = Annotated[
         "--verbose",
         "-v",
         callback=_say_at_end,
-        help="Show the evidence, and say on stderr how much of earlier commands was reused.",
+        help="Say on stderr how much of earlier commands was reused.",
+    ),
+]
+#: of those that print an answer first
+Evidence = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        callback=_say_at_end,
+        help="Show the evidence too, and say on stderr how much of earlier commands was reused.",
     ),
 ]

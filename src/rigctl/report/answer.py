@@ -7,13 +7,14 @@ left. The page and the terminal show the same; the evidence stands behind it, wi
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.diagnosis_result import Diagnosis, Ranked, Verdict
+from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
 from rigctl.analysis.improve import Ended, Improvement
 from rigctl.analysis.remainder import share_text
 from rigctl.learning import result as learning
@@ -22,6 +23,7 @@ from rigctl.planning.outline import clock_time
 from rigctl.report.everyday import everyday
 from rigctl.report.numbers import plural
 from rigctl.report.systematic import ChannelFall, falls, left_of, left_of_diagnosis
+from rigctl.units import parse_unit
 
 Tone = Literal["good", "warn", "bad"]
 
@@ -31,6 +33,8 @@ _TONES: dict[Verdict, Tone] = {
     Verdict.AMBIGUOUS: "warn",
     Verdict.OUTSIDE_LIBRARY: "bad",
 }
+#: as `chance_text` has it
+_CHANCE = re.compile(r" \(p [<=] [0-9.e+-]+\)")
 #: a share of an error by which it has changed
 _CHANGED = 0.02
 #: effects of which the size is told
@@ -83,7 +87,12 @@ def models_answer(models: Sequence[ModelComparison]) -> Answer:
 
 def plain_statement(model: ModelComparison) -> str:
     """A comparison's statement without the chance that it rests on."""
-    return model.statement.replace(f" ({chance_text(model.adequacy.p_value)})", "")
+    return without_chance(model.statement)
+
+
+def without_chance(text: str) -> str:
+    """A sentence without the ``(p = 0.53)`` that it rests on."""
+    return _CHANCE.sub("", text)
 
 
 def diagnosis_answer(found: Diagnosis) -> Answer:
@@ -148,6 +157,7 @@ def learning_answer(
     promises = [f"round {one.number}: {one.came_out.statement}" for one in found.rounds if one.came_out]
     facts = [
         ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),
+        ("size", _sizes_in(fits[-1], found.added) if fits else ""),
         ("error", _error_text(falls(fits, left or {})) if fits else ""),
         ("held out", _held_out(fits) if fits else ""),
         ("promised", "; ".join(promises[-1:])),
@@ -324,6 +334,22 @@ def _left(found: Diagnosis) -> str:
     where = f", most at {left.slot}" if left.slot else ""
     over = f", over {left.over}" if left.over else ""
     return f"{share_text(left.share)} of the misfit, {left.size:.0f} sigma{where}{over}"
+
+
+def _sizes_in(fit: FitResult, added: Sequence[str]) -> str:
+    """The parameters of effects that a fitted model has, with what they come to on a bench."""
+    parts = []
+    for name in added:
+        effect = fit.model.effect(name)
+        for key, one in fit.model.effects[name].items():
+            if not one.fit:
+                continue
+            unit = parse_unit(one.unit or effect.parameter(key).unit)
+            value = FoundParameter(one.si / unit.factor, unit.text, (one.std or math.nan) / unit.factor)
+            plain = everyday(effect, key, value, fit.problem)
+            of = f"{name} " if len(added) > 1 else ""
+            parts.append(f"{of}{key} {value}" + (f", {plain}" if plain else ""))
+    return "; ".join(parts)
 
 
 def _added(found: Diagnosis, effects: Sequence[str]) -> str:

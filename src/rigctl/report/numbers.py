@@ -40,6 +40,12 @@ def words(text: str) -> str:
     return prose(_UNDERSCORE.sub(lambda match: match.group().replace("_", " "), text))
 
 
+def begun(text: str) -> str:
+    """A sentence with a capital letter; one that begins with a name, ``hl32-textbook``, as it is."""
+    first = text.split(maxsplit=1)[0] if text.strip() else ""
+    return text[0].upper() + text[1:] if first.strip(",:;'").isalpha() else text
+
+
 def _scientific(mantissa: str, exponent: str) -> str:
     power = f"10{str(int(exponent)).translate(_SUPERSCRIPT)}"
     return power if mantissa == "1" else f"{mantissa}·{power}"

@@ -74,6 +74,7 @@ def environment() -> Environment:
     )
     made.filters.update(
         amount=numbers.amount,
+        begun=numbers.begun,
         chance=lambda p_value: numbers.prose(chance(p_value)),
         duration=numbers.duration,
         moment=numbers.moment,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.overlay import condition_of, fall_plot
-from rigctl.report.answer import Answer
+from rigctl.report.answer import Answer, without_chance
 from rigctl.report.numbers import words
 from rigctl.report.plot import Plot
 from rigctl.report.section import Section, plot_slot, render
@@ -22,6 +22,8 @@ Floats = NDArray[np.float64]
 
 #: channels that one overlay shows at most
 _MOST_CHANNELS = 2
+#: facts that are drawn as bars, or have a fold of their own
+_ELSEWHERE = ("error", "wanted")
 #: a channel of which less than this share of the largest stands out is not drawn
 _DRAWN = 0.5
 
@@ -76,10 +78,8 @@ def answer_section(answer: Answer, told: Told | None, *, about: str, sentence: s
     body = render(
         "answer.html",
         answer=answer,
-        sentence=words(sentence or answer.sentence),
-        facts=[
-            (words(head), words(text)) for head, text in answer.facts if head not in ("error", "held out")
-        ],
+        sentence=words(without_chance(sentence or answer.sentence)),
+        facts=[(words(head), words(text)) for head, text in answer.facts if head not in _ELSEWHERE],
         falls=None if told is None else _chart(shown, told),
         quiet=_unchanged(found, shown),
         plot=None if plot is None else plot_slot(plot),

@@ -34,16 +34,14 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
     ----------
     answered: what the page is asked has been said already: the evidence alone.
     """
-    first, last = comparison.models[0], comparison.models[-1]
+    first = comparison.models[0]
     tables = table_parts(comparison)
     told = told_of(comparison.models)
     top = [] if answered else [_answer(comparison.models, told)]
     seen = told.record if top and top[0].plots else None
     where = _where(first, several=len(comparison.models) > 1) if not first.adequate else None
-    measured = _table(comparison, tables) if tables else _measured(comparison, seen)
+    measured = _table(tables, () if answered else first.findings) if tables else _measured(comparison, seen)
     numbers = _numbers(comparison)
-    if tables:
-        measured = replace(measured, folded=answered and last.adequate)
     return [*top, *([] if where is None else [where]), measured, numbers]
 
 
@@ -61,7 +59,10 @@ def page_name(model: ModelComparison) -> str:
 
 def _answer(models: Sequence[ModelComparison], told: Told) -> Section:
     answer, last = models_answer(models), models[-1]
+    own = last.fit.problem.model
     sentence = plain_statement(last)
+    if sentence.startswith(f"{own.name} "):
+        sentence = model_title(own) + sentence.removeprefix(own.name)
     top = answer_section(answer, told, about=model_title(last.fit.problem.model), sentence=sentence)
     outside = [one.statement for model in models for one in model.outside]
     remarks = render("table_remarks.html", findings=(), steps=(), outside=outside)
@@ -109,11 +110,11 @@ def _measured(comparison: Comparison, seen: int | None) -> Section:
     return Section("comparison", "Model against measurement", body, drawn, folded=True, hint=hint)
 
 
-def _table(comparison: Comparison, tables: Sequence[TablePart]) -> Section:
-    """A table's values beside the models'."""
-    body = Markup(table_body(tables, comparison.models[0].findings))  # noqa: S704 - rendered, autoescaped
+def _table(tables: Sequence[TablePart], findings: Sequence[str]) -> Section:
+    """A table's values beside the models': it is the picture of the answer, and not folded."""
+    body = Markup(table_body(tables, findings))  # noqa: S704 - rendered, autoescaped
     plots = tuple(part.plot for part in tables)
-    return Section("comparison", "Model against measurement", body, plots, hint="value by value")
+    return Section("comparison", "Model against measurement", body, plots)
 
 
 def _numbers(comparison: Comparison) -> Section:

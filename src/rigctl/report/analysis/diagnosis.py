@@ -82,7 +82,9 @@ def _sentence(diagnosis: Diagnosis, answer: Answer, about: str) -> str:
     if diagnosis.doubt:
         return answer.sentence
     if diagnosis.verdict is Verdict.ADEQUATE:
-        return plain_statement(diagnosis.before)
+        name = diagnosis.before.fit.problem.model.name
+        said = plain_statement(diagnosis.before)
+        return about + said.removeprefix(name) if said.startswith(f"{name} ") else said
     if diagnosis.verdict is Verdict.MISSING_EFFECT:
         names = " and ".join(diagnosis.effects)
         is_missing = "is" if len(diagnosis.effects) == 1 else "are"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigctl.model.curve_bands import CurveBand, combined
 from rigctl.model.fit.fit import FitResult
+from rigctl.noise import ChannelNoise
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Span, Trace
 from rigctl.report.signals import plain_name
@@ -48,20 +49,59 @@ def fall_plot(
     """One record of some channels, measured and of one or two models, with what each leaves below it.
 
     `models` are names and what each says of the same records. Residuals are in sigmas of one reading, with
-    the band that holds 19 of 20 readings of noise alone.
+    the band that holds 19 of 20 of noise alone. Where they are smaller than the noise of one reading they are
+    drawn as means of some readings, in which it averages out.
     """
     problem = models[0][1].problem
     record, outputs = problem.records[k], problem.measurements.outputs
     rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
     times = record.times[rows]
+    count = _averaged(models, k, [outputs.index(name) for name in channels])
     panels: list[Panel] = []
     for name in channels:
         c = outputs.index(name)
         panels.append(_curves(models, k, c, rows, times, named=not panels))
-        panels.append(_left(models, k, c, rows, times, named=len(panels) == 1))
+        panels.append(_left(models, k, c, rows, times, count, named=len(panels) == 1))
+    if count > 1:
+        caption += f"; below it the residuals, as means of {count} readings"
     return Plot(key, caption, "time in the record [s]", tuple(panels), _spans(record.times, record.phase))
 
 
+def _averaged(models: Sequence[tuple[str, FitResult]], k: int, columns: Sequence[int]) -> int:
+    """Of how many readings means are drawn: of one where what the first model leaves is seen in them."""
+    first, last = models[0][1], models[-1][1]
+    error = first.normalised_error(k)[:, columns]
+    if len(models) > 1:
+        error = error - last.normalised_error(k)[:, columns]
+    elif np.nanmean(error**2) > _SEEN**2 + 1.0:
+        return 1
+    if len(models) > 1 and np.nanmean(error**2) > _SEEN**2:
+        return 1
+    return int(np.clip(error.shape[0] // _MEANS, 1, _MOST_AVERAGED)) | 1
+
+
+def running_mean(values: Floats, phase: NDArray[np.intp], count: int) -> Floats:
+    """(n) the mean of `count` values around each, of its own phase and of those that there are."""
+    if count < 2:
+        return values
+    found = np.full(values.shape, np.nan)
+    window = np.ones(count)
+    for number in np.unique(phase):
+        inside = phase == number
+        here = values[inside]
+        known = np.isfinite(here)
+        sums = np.convolve(np.where(known, here, 0.0), window)
+        counts = np.convolve(known.astype(float), window)
+        middle = slice(count // 2, count // 2 + here.size)
+        with np.errstate(invalid="ignore"):
+            found[inside] = np.where(counts[middle] > 0.0, sums[middle] / counts[middle], np.nan)
+    return found
+
+
+#: root mean square in sigmas from which on residuals are seen without averaging
+_SEEN = 1.0
+#: means along a record, and of how many readings each at most
+_MEANS, _MOST_AVERAGED = 50, 50
 #: of the first and the last model: what was is orange, what is is blue
 _OF_MODELS = (1, 0)
 
@@ -93,18 +133,28 @@ def _left(
     c: int,
     rows: NDArray[np.intp],
     times: Floats,
+    count: int,
     *,
     named: bool,
 ) -> Panel:
+    problem = models[0][1].problem
+    noise = next(one for one in problem.noise.channels if one.name == problem.measurements.outputs[c])
     traces = []
     for (name, fit), colour in zip(models, _OF_MODELS, strict=False):
-        error = fit.normalised_error(k)[rows, c]
+        error = running_mean(fit.normalised_error(k)[:, c], problem.records[k].phase, count)[rows]
         traces.append(Trace(f"{name} − measured", times, error, Look.LINE, colour, "sigma", in_legend=False))
     ends = np.array([float(times[0]), float(times[-1])])
-    for side, said in ((2.0, "± 2 sigma of the noise"), (-2.0, "")):
+    band = 2.0 * _spread_of_mean(noise, count)
+    for side, said in ((band, "19 of 20 of noise alone"), (-band, "")):
         level = np.full(2, side)
         traces.append(Trace(said, ends, level, Look.LINE, 7, "sigma", True, named and bool(said)))
-    return Panel("model − measured [sigma]", tuple(traces), height=1.1)
+    return Panel("model − measured [σ]", tuple(traces), height=1.2)
+
+
+def _spread_of_mean(noise: ChannelNoise, count: int) -> float:
+    """Standard deviation of the mean of neighbouring readings, in sigmas of one."""
+    shared = (1.0 - noise.white) * noise.correlation ** np.arange(1, count)
+    return float(np.sqrt((1.0 + 2.0 * np.sum((1.0 - np.arange(1, count) / count) * shared)) / count))
 
 
 def overlay_plot(

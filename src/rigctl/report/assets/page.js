@@ -42,7 +42,7 @@
   const fitted = (place, layout) => {
     if (place.clientWidth >= 640) return [layout, config];
     const margin = { ...layout.margin, l: 56, t: 8 };
-    const below = 52 / Math.max(layout.height - margin.t - margin.b, 1); // the axis' numbers and its title
+    const below = 66 / Math.max(layout.height - margin.t - margin.b, 1); // the axis' numbers and its title
     const legend = { ...layout.legend, y: -below, yanchor: "top" };
     return [{ ...layout, legend, margin }, { ...config, displayModeBar: false }];
   };
