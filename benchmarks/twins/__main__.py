@@ -1,6 +1,6 @@
 """Six benches that look alike in twos, each learnt from the textbook model: ``python -m benchmarks.twins``.
 
-Each of a pair is hidden in the separate bench (`rigctl.validation.bench`) with 20 sigmas, or `--size`, in a
+Each of a pair is hidden in the separate bench (`rigctl.validation.bench`) with 10 sigmas, or `--size`, in a
 first campaign of four temperatures and three pressures; `rigctl learn` does the rest, up to six rounds.
 Either what is hidden is added, alone, or the class that is left is said not to be separable, with the sensor
 that would tell.
@@ -28,7 +28,7 @@ ROUNDS = 6
 def main() -> None:
     """Learn each, print what came of it, and keep it beside this file."""
     parser = argparse.ArgumentParser(description="Let the separate bench learn.")
-    parser.add_argument("--size", type=float, default=20.0, help="of what is hidden, in sigmas")
+    parser.add_argument("--size", type=float, default=10.0, help="of what is hidden, in sigmas")
     parser.add_argument("--seed", type=int, default=73_000)
     given = parser.parse_args()
     rows = [("hidden", "beside", "rounds", "ended", "added", "left by the campaign", "sensor", "right")]
@@ -68,7 +68,7 @@ def main() -> None:
             print(" | ".join(rows[-1]), flush=True)
     table("The ambiguous twins of the published bench", rows)
     kept = {"size": given.size, "seed": given.seed, "twins": results}
-    print(f"kept in {keep(HERE, kept, 'numpy', 'scipy', name=f'sigma_{given.size:g}')}")
+    print(f"kept in {keep(HERE, kept, 'numpy', 'scipy')}")
     sys.exit(0 if all(right) else 1)
 
 

@@ -122,14 +122,18 @@ SHARPER = Sharpened("leak.conductance", "m^3", 3e-16, 1e-16)
 
 
 def design(
-    separable: bool = True, *, names: tuple[str, ...] = ("leak", "drift"), sharpened: Any = None
+    separable: bool = True,
+    *,
+    names: tuple[str, ...] = ("leak", "drift"),
+    sharpened: Any = None,
+    sensor: float = 0.9,
 ) -> Any:
     rivals = [SimpleNamespace(name=name, weight=1.0 / len(names)) for name in names]
     return SimpleNamespace(
         aim="discrimination" if sharpened is None else "precision",
         sharpened=() if sharpened is None else (sharpened,),
         separable=separable,
-        sensor=None if separable else SimpleNamespace(channels=("flow",)),
+        sensor=None if separable else SimpleNamespace(channels=("flow",), probability=sensor),
         rivals=rivals,
         outlooks=[],
         records=[SimpleNamespace(settings={"oil": "60 degC"})],
@@ -308,6 +312,8 @@ def test_where_no_condition_can_be_set_the_sensor_is_named(stand: Any) -> None:
 def test_a_sensor_is_named_where_no_record_does_it(stand: Any) -> None:
     learned = stand([UNSURE], designs=[design(separable=False)]).learner.learn()
     assert learned.sensor == ("flow",)
+    hardly = design(separable=False, sensor=0.05)  # the best that it could have, and still no answer
+    assert stand([UNSURE], designs=[hardly]).learner.learn().sensor == ()
 
 
 def test_a_proposal_that_was_declined_is_kept_and_made_again(stand: Any) -> None:

@@ -40,11 +40,12 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
         f"\n[bold {'green' if good else 'yellow'}]{_TITLES[learned.ended]}[/]: {escape(learned.statement)}",
         soft_wrap=True,
     )
-    if learned.promises:
+    compared = [one for one in learned.rounds if one.promised and one.promised.aim != "precision"]
+    if any(one.came_out for one in compared):
         made = table("round", "D promised", "came out", "P promised", "told apart")
         for column in made.columns[1:4]:
             column.justify = "right"
-        for one in learned.rounds:
+        for one in compared:
             if one.promised is None or one.came_out is None:
                 continue
             gained = min(one.came_out.gains.values(), default=None)
@@ -56,6 +57,9 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
                 "yes" if one.came_out.told else "no",
             )
         out.print(made)
+    for one in learned.rounds:
+        if one.came_out is not None and one not in compared:
+            out.print(f"  round {one.number}: {escape(one.came_out.statement)}", soft_wrap=True)
     added = ", ".join(learned.added) or "nothing"
     out.print(
         f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True
@@ -63,8 +67,9 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     out.print(
         f"  {clock_time(learned.spent)} of the rig's time; the story: {escape(str(page))}", soft_wrap=True
     )
-    for name in learned.sensor:
-        out.print(f"  a sensor of {escape(name)} would tell them apart", soft_wrap=True)
+    if learned.sensor:
+        names = " and ".join(learned.sensor)
+        out.print(f"  with {escape(names)} measured too, they would be told apart", soft_wrap=True)
     _lead_on(learned, folder)
 
 

@@ -185,7 +185,8 @@ class Learner:
         promising = bool(design.records) and design.after >= self.worth
         if promising and (design.aim != "precision" or _sharpens(design)):
             return self._proposed(design)
-        channels = () if design.sensor is None else design.sensor.channels
+        tells = design.sensor is not None and design.sensor.probability >= HALF
+        channels = design.sensor.channels if design.sensor is not None and tells else ()
         return self._ended(_without_records(last), design.statement, channels)
 
     def _exhausted(self, judged: Round) -> Learned | None:

@@ -105,7 +105,7 @@ class Learnt:
     chances: of the first designed round, the probability that what is hidden is told from each rival.
     apart: those that it is told from, where it is named.
     of_random: what the median of the records is worth that the design began with; `of_first` its first one.
-    sensor: that would tell what is left apart.
+    sensor: that would tell what is left apart; `statement` says why it ended.
     """
 
     ended: str = ""
@@ -124,6 +124,7 @@ class Learnt:
     of_random: float | None = None
     of_first: float | None = None
     sensor: tuple[str, ...] = ()
+    statement: str = ""
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Learnt:

@@ -107,9 +107,10 @@ def _mixed(found: Sequence[DesignTrial], seed: int) -> list[DesignTrial]:
 
 
 def _at_random() -> Iterator[DesignTrial]:
-    """First campaigns again, gone on with by one to four records at random points."""
+    """First campaigns again, gone on with by one to four records at random points; of the largest size most
+    campaigns leave nothing to ask."""
     for one in _twins():
-        if one.seed == _FIRST_SEED:
+        if one.seed == _FIRST_SEED and one.size < SIZES[-1]:
             for draw in range(_DRAWS):
                 yield replace(one, taken=1 + draw, draw=draw)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,11 +30,11 @@ DesignOutcome: TypeAlias = TrialOutcome[DesignTrial]
 
 
 @one_thread()
-@switched_off()
 def carry_out_design(trial: DesignTrial) -> DesignOutcome:
     """Hide, measure, diagnose, design, measure what was designed, and say what came of the promise.
 
-    Of a trial with records at random these are measured in the place of designed ones, whatever they promise.
+    Of a trial with records at random these are measured in the place of designed ones, whatever they promise;
+    what was fitted to the same first campaign before need not be fitted again.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def carry_out_design(trial: DesignTrial) -> DesignOutcome:
     )
     if not all(each.reached for each in amplitudes):
         return replace(made, untested="no amplitude has the size wanted")
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, nullcontext() if trial.taken else switched_off():
         learned, designs = _learned(trial, made.amplitudes, Path(folder))
     first, last = learned.rounds[0], [one for one in learned.rounds if one.judged][-1]
     return replace(
@@ -124,6 +125,7 @@ def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult
         of_random=designs[0].of_random if designs else None,
         of_first=designs[0].records[0].separation if designs else None,
         sensor=learned.sensor,
+        statement=learned.statement,
         ended=learned.ended.value,
         rounds=len([one for one in learned.rounds if one.judged]),
         added=learned.added,
