@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import Choice
 from rigctl.analysis.localisation import variable_units
@@ -137,17 +138,19 @@ def fit_problem(
     held_out: Sequence[int] = (),
     *,
     refit: bool = True,
+    local: Sequence[NDArray[np.float64]] | None = None,
     on_progress: OnProgress = no_progress,
     iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """Fit a model that is on its measurements already, and again in the noise that its residuals show.
 
-    `iterated` is called with each iteration; what it raises ends the fit.
+    `local` are the records' own unknowns where the fit begins near its end; `iterated` is told of each step of
+    the solver.
     """
     if not refit:
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
-    result = fit(problem, held_out, refit=bool(problem.shared), progress=iterated)
+    result = fit(problem, held_out, refit=bool(problem.shared), local=local, progress=iterated)
     for learn in (_spikes_off, _noise_off):
         cleaned = learn(result, noise)
         if cleaned is not None:

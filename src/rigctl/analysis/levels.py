@@ -79,3 +79,7 @@ FOLDS_GAIN: Final = 3.0
 FOLD_LOSS: Final = -3.0
 #: an effect that is not larger than this in the records that are left, in sigmas, has no size there
 FOLD_SEEN: Final = 2.0
+
+# --- has it changed over many runs?
+#: the chance that a survey of runs in which nothing changes names a change of any of its quantities
+SURVEY_ALPHA: Final = ALPHA

@@ -236,10 +236,12 @@ def linearise(
     problem: Problem,
     tried: Sequence[Candidate] | None = None,
     shapes: tuple[Sequence[str], Sequence[Floats]] = ((), ()),
+    free: Sequence[Unknown] | None = None,
 ) -> Linearisation:
     """Linearise `fit` on its fitted records; `problem` has the same data with the whole library at its null.
 
-    `shapes` are names and (n, channels, columns) of each fitted record: further columns, with a prior.
+    `shapes` are names and (n, channels, columns) of each fitted record: further columns, with a prior. `free`
+    are those of the fit's shared unknowns that become nuisances: when left out, all that it could still move.
 
     Raises
     ------
@@ -247,7 +249,7 @@ def linearise(
         the model cannot be simulated there.
     """
     chosen = tuple(candidates(fit.problem.model) if tried is None else tried)
-    free = free_unknowns(fit)
+    free = free_unknowns(fit) if free is None else list(free)
     indices = {unknown.name: k for k, unknown in enumerate(fit.problem.shared)}
     inner = problem.only(fit.fitted)
     names = [unknown.name for unknown in free]

@@ -59,6 +59,7 @@ ENTRIES = (
         PHYSICS,
         "A set-point schedule that keeps a quantity, and its check.",
     ),
+    Entry("survey", "rigctl.cli.survey:survey", PHYSICS, "Many runs, one model: what changed, since when."),
     Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
     Entry(
         "family", "rigctl.cli.family_new:app", PHYSICS, "A first family, rig and model from your own data."

@@ -30,7 +30,14 @@ _NAME = "separate bench"
 _PERIOD = 60.0
 
 
-def make_run(campaign: Campaign, rig_path: Path, runs: Path, *, imported: bool = False) -> Path:
+def make_run(
+    campaign: Campaign,
+    rig_path: Path,
+    runs: Path,
+    *,
+    imported: bool = False,
+    started: datetime | None = None,
+) -> Path:
     """Measure the campaign and keep it as a run in the folder `runs`; returns the run's own folder.
 
     Parameters
@@ -38,6 +45,7 @@ def make_run(campaign: Campaign, rig_path: Path, runs: Path, *, imported: bool =
     rig_path: the rig file, e.g. ``rigs/hl32-bench.yaml``; it must have every channel of the campaign.
     imported: through a CSV file and the import, so that switch times are known to within a sample only;
         otherwise as a board reports them, exactly.
+    started: when it was measured, of one that is not imported; now when left out.
 
     Raises
     ------
@@ -45,7 +53,7 @@ def make_run(campaign: Campaign, rig_path: Path, runs: Path, *, imported: bool =
         the rig has another bench's channels, or the folder cannot be written.
     """
     rig = load_rig(rig_path)
-    return _imported(campaign, rig, runs) if imported else _carried_out(campaign, rig, runs)
+    return _imported(campaign, rig, runs) if imported else _carried_out(campaign, rig, runs, started)
 
 
 def _imported(campaign: Campaign, rig: Rig, runs: Path) -> Path:
@@ -59,9 +67,9 @@ def _imported(campaign: Campaign, rig: Rig, runs: Path) -> Path:
         return import_file(path, rig, runs).path
 
 
-def _carried_out(campaign: Campaign, rig: Rig, runs: Path) -> Path:
+def _carried_out(campaign: Campaign, rig: Rig, runs: Path, started: datetime | None) -> Path:
     layout = _layout(campaign, rig)
-    now = datetime.now(UTC)
+    now = started or datetime.now(UTC)
     calibrations = calibrations_of(rig)
     header = RunHeader(
         id=new_run_id(_NAME, now, runs),

@@ -53,27 +53,27 @@ def _suite(suites: ET.Element, run: Run) -> int:
         "errors": int(not ended),
         "skipped": 0,
     }
-    suite = _element(
+    suite = element(
         suites,
         "testsuite",
         name=name,
         package=slug(str(run.info["rig"]["name"])),
         id=0,
         hostname="localhost",  # as the schema says where it is not known
-        timestamp=_utc(run.info["started"]),
+        timestamp=utc(run.info["started"]),
         time=f"{run.info['duration']:.3f}",
         **counts,
     )
-    properties = _element(suite, "properties")
+    properties = element(suite, "properties")
     for key, value in _facts(run.info).items():
-        _element(properties, "property", name=key, value=value)
-    case = _element(suite, "testcase", classname=slug(name), name="run", time=f"{run.info['duration']:.3f}")
+        element(properties, "property", name=key, value=value)
+    case = element(suite, "testcase", classname=slug(name), name="run", time=f"{run.info['duration']:.3f}")
     if not ended:
-        _element(case, "error", type=run.info["status"], message=run.info.get("reason") or run.info["status"])
+        element(case, "error", type=run.info["status"], message=run.info.get("reason") or run.info["status"])
     for measure in judged:
         _case(suite, slug(name), measure)
-    _element(suite, "system-out").text = _plain(_all_values(taken_in(run)))
-    _element(suite, "system-err").text = ""
+    element(suite, "system-out").text = plain(_all_values(taken_in(run)))
+    element(suite, "system-err").text = ""
     return len(judged) + 1
 
 
@@ -83,10 +83,10 @@ def _case(suite: ET.Element, procedure: str, measure: Judged) -> None:
     group = f"{procedure}.{slug(measure.record)}" if measure.record is not None else procedure
     index = f" (record {measure.taken.record})" if measure.record is not None else ""
     step = f" at {value.path}" if value.path else ""
-    case = _element(suite, "testcase", classname=group, name=f"{value.name}{index}{step}", time="0.000")
+    case = element(suite, "testcase", classname=group, name=f"{value.name}{index}{step}", time="0.000")
     if not measure.passed:
         said = measure.sentence()
-        _element(case, "failure", type="limit", message=said).text = _plain(said)
+        element(case, "failure", type="limit", message=said).text = plain(said)
 
 
 def _facts(info: Any) -> dict[str, str]:
@@ -114,15 +114,16 @@ def _all_values(measures: Sequence[TakenMeasure]) -> str:
     return "\n".join(lines)
 
 
-def _element(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
-    return ET.SubElement(parent, tag, {name: _plain(str(value)) for name, value in attributes.items()})
+def element(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
+    """A part of the document; what XML cannot have is replaced."""
+    return ET.SubElement(parent, tag, {name: plain(str(value)) for name, value in attributes.items()})
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """A text without the signs that no XML can have."""
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
-def _utc(written: str) -> str:
+def utc(written: str) -> str:
     """A calendar time as the schema takes it: in UTC, to the second, without its zone."""
     return f"{datetime.fromisoformat(written).astimezone(UTC):%Y-%m-%dT%H:%M:%S}"

@@ -22,7 +22,17 @@ logger = logging.getLogger(__name__)
 T = TypeVar("T")
 
 #: packages whose code a kept result may come out of
-_PACKAGES = ("analysis", "effects", "engine", "expressions", "families", "model", "noise", "physics")
+_PACKAGES = (
+    "analysis",
+    "effects",
+    "engine",
+    "expressions",
+    "families",
+    "model",
+    "noise",
+    "physics",
+    "survey",
+)
 _LIBRARIES = ("llvmlite", "numba", "numpy", "scipy")
 
 

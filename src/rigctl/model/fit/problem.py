@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -448,15 +448,19 @@ def make_problem(
     effects = {name: {p: value.si for p, value in values.items()} for name, values in model.effects.items()}
     everything = superset(model.family, effects, model.own_effects) if library else effects
     own_effects = (*model.own_effects, *((level.effect,) if level.effect is not None else ()))
-    system = build_system(
-        model.family,
-        {**everything, **level.null},
-        measurements.rig or model.rig,
-        parameters={name: value for name, value in model.values.items() if "." not in name},
-        oil=model.oil,
-        own_effects=own_effects,
-        unrecorded=unrecorded,
+    compiled = _compiled(
+        (
+            model.family,
+            {**everything, **level.null},
+            measurements.rig or model.rig,
+            {name: value for name, value in model.values.items() if "." not in name},
+            model.oil,
+            own_effects,
+            unrecorded,
+        ),
+        progress,
     )
+    system = compiled.system
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
     records = measurements.records
@@ -472,7 +476,7 @@ def make_problem(
         measurements=measurements,
         noise=noise,
         ok=tuple(ok),
-        compiled=compile_system(system, progress=progress),
+        compiled=compiled,
         level=level,
         shared=(
             *shared_unknowns(model),
@@ -489,6 +493,36 @@ def make_problem(
         starts=tuple(np.array([start[name] for name in system.state_names]) for start in starts),
         grown=grown,
     )
+
+
+#: the last systems that were compiled here, with what they were made of
+_COMPILED: list[tuple[tuple[Any, ...], CompiledSystem]] = []
+_MOST_COMPILED = 6
+
+
+def _compiled(made_of: tuple[Any, ...], progress: Progress | None) -> CompiledSystem:
+    """The system of a family, effects, bench, parameters, oil, own effects and unrecorded inputs, compiled.
+
+    To write its equations and their derivatives takes as long as to fit a few records: many runs looked at
+    with one model have it once.
+    """
+    for known, compiled in _COMPILED:
+        if known == made_of:
+            return compiled
+    family, effects, rig, parameters, oil, own_effects, unrecorded = made_of
+    system = build_system(
+        family,
+        effects,
+        rig,
+        parameters=parameters,
+        oil=oil,
+        own_effects=own_effects,
+        unrecorded=unrecorded,
+    )
+    found = compile_system(system, progress=progress)
+    _COMPILED.insert(0, (made_of, found))
+    del _COMPILED[_MOST_COMPILED:]
+    return found
 
 
 def _grown(

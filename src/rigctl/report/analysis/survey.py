@@ -1,0 +1,190 @@
+"""The page of a survey: what has changed, and every quantity's course over the runs."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.dataset.outputs import is_page, require_output
+from rigctl.files.write import write_text
+from rigctl.report.numbers import plural, symbol
+from rigctl.report.page import page
+from rigctl.report.plot import Look, Mark, Panel, Plot, Trace
+from rigctl.report.run_data import RunData
+from rigctl.report.section import Section, cut, plot_slot, render
+from rigctl.report.signals import plain_name
+from rigctl.survey.entries import DATE, ORDER
+from rigctl.survey.judge import Course
+from rigctl.survey.result import INTERVAL, Survey
+from rigctl.units import parse_unit
+
+#: courses that are drawn
+_DRAWN = 12
+_DAY = 86_400.0
+
+
+def survey_sections(found: Survey) -> list[Section]:
+    """The statement with a chart of what changed and of the parameters, and the table of runs."""
+    courses = found.shown()
+    plots = [_plot(found, course, k) for k, course in enumerate(courses[:_DRAWN])]
+    first = plots[: max(1, len(found.changes))]
+    body = render(
+        "survey.html",
+        found=found,
+        heading={"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}[
+            found.verdict
+        ],
+        plots=[plot_slot(plot) for plot in first],
+        changes=[_change(found, k) for k in range(len(found.changes))],
+        level=f"{100 * SURVEY_ALPHA:g}",
+        tests=[_test(found, k) for k in range(len(found.judged.tested))],
+        remarks=[*found.named.remarks, *found.notes],
+    )
+    others = render("survey_courses.html", plots=[plot_slot(plot) for plot in plots[len(first) :]])
+    return [
+        Section("survey", "What has changed", body, tuple(first)),
+        Section("courses", "Every quantity over the runs", others, tuple(plots[len(first) :])),
+        Section("runs", "The runs", _runs(found, courses[:4]), ()),
+    ]
+
+
+def write_survey_page(found: Survey, rig: str, output: Path, *, force: bool = False) -> None:
+    """Write one self-contained page of a survey.
+
+    Raises
+    ------
+    RigctlError
+        another file is there, or it cannot be written.
+    """
+    require_output(output, replaces=is_page, force=force)
+    about = {
+        "procedure": {"name": f"Survey of {plural(len(found.lines), 'run')}"},
+        "rig": {"name": rig},
+    }
+    nothing = np.empty(0)
+    shown = RunData("survey", about, nothing, {}, (), (), (), None)
+    write_text(output, page([shown], survey_sections(found)))
+
+
+def _places(found: Survey) -> tuple[NDArray[np.float64], str]:
+    """Where the runs lie on the chart, and what that axis is called."""
+    places = np.array([line.entry.place for line in found.read])
+    if found.axis.name == DATE:
+        start = datetime.fromtimestamp(float(places[0]), UTC) if places.size else datetime.now(UTC)
+        return (places - float(places[0])) / _DAY, f"days since {start:%Y-%m-%d}"
+    if found.axis.name == ORDER:
+        return places, "number of the run"
+    unit = parse_unit(found.axis.unit)
+    return (
+        np.array([unit.from_si(float(place)) for place in places]),
+        f"{plain_name(found.axis.name)} [{symbol(found.axis.unit)}]",
+    )
+
+
+def _plot(found: Survey, course: Course, number: int) -> Plot:
+    """The values of one quantity with their 95 % intervals, and where it was first sure."""
+    quantity = course.quantity
+    unit = parse_unit(quantity.unit)
+    values = np.array([unit.from_si(float(v), difference=quantity.difference) for v in course.values])
+    wide = INTERVAL * course.std / unit.factor
+    x, title = _places(found)
+    bars_x, bars_y = np.repeat(x, 3), np.full(3 * x.size, np.nan)
+    bars_y[0::3], bars_y[1::3] = values - wide, values + wide
+    shown = symbol(quantity.unit)
+    traces = [
+        Trace("95 % interval, by the run alone", bars_x, bars_y, Look.LINE, 0, shown),
+        Trace("value", x, values, Look.POINTS, 0, shown),
+    ]
+    change = next((one for one in found.changes if one.quantity.name == quantity.name), None)
+    marks = []
+    if change is not None:
+        marks.append(Mark(float(x[min(change.first_sure, x.size) - 1]), "first sure"))
+        traces.append(Trace("as it changed", *_shape(found, number, x), Look.LINE, 1, shown))
+    label = f"{plain_name(quantity.name)} [{shown}]" if shown not in ("", "1") else plain_name(quantity.name)
+    return Plot(
+        f"course-{number + 1}",
+        f"{plain_name(quantity.name)}{f': {quantity.meaning}' if quantity.meaning else ''}",
+        title,
+        (Panel(label, tuple(traces), 1.3),),
+        marks=tuple(marks),
+    )
+
+
+def _shape(
+    found: Survey, number: int, x: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The change as it was fitted: a growth from where it began, or its steps."""
+    change = found.changes[number]
+    quantity, unit = change.quantity, parse_unit(change.quantity.unit)
+
+    def shown(si: float) -> float:
+        return unit.from_si(si, difference=quantity.difference)
+
+    if change.steps:
+        edges = [0, *change.steps, x.size]
+        levels = [shown(level) for level in change.levels]
+        pairs = [(first, last) for first, last in pairwise(edges) if last > first]
+        xs = [place for first, last in pairs for place in (x[first], x[last - 1], np.nan)]
+        ys = [value for level in levels for value in (level, level, np.nan)]
+        return np.array(xs), np.array(ys)
+    begins = max(change.shape.begins - 1, 0)
+    before, after = shown(change.shape.before), shown(change.shape.after)
+    return np.array([x[0], x[begins], x[-1]]), np.array([before, before, after])
+
+
+def _change(found: Survey, number: int) -> dict[str, str]:
+    change = found.changes[number]
+    early, late = found.between(change)
+    return {
+        "name": plain_name(change.quantity.name),
+        "before": found.amount(change.quantity, change.shape.before, change.shape.before_std),
+        "after": found.amount(change.quantity, change.shape.after, change.shape.after_std),
+        "between": f"{early} to {late}",
+        "first": found.read[min(change.first_sure, len(found.read)) - 1].entry.label,
+        "chance": chance_text(change.p_value),
+        "alike": ", ".join(plain_name(name) for name in change.alike),
+    }
+
+
+def _test(found: Survey, number: int) -> dict[str, str]:
+    one = found.judged.tested[number]
+    quantity, read = one.course.quantity, found.read
+    between = "not known" if one.between is None else found.amount_difference(quantity, one.between)
+    return {
+        "name": plain_name(quantity.name),
+        "kind": {"parameter": "of each run", "held": "shared", "effect": "effect"}[quantity.kind],
+        "between": between,
+        "chance": "not tested" if one.p_value is None else chance_text(one.p_value),
+        "apart": ", ".join(read[k].entry.label for k in one.apart[:3]),
+    }
+
+
+def _runs(found: Survey, courses: tuple[Course, ...]) -> str:
+    lines, left_out = cut(found.lines)
+    return render(
+        "survey_runs.html",
+        over=plain_name(found.axis.name),
+        heads=[f"{plain_name(c.quantity.name)} [{symbol(c.quantity.unit)}]" for c in courses],
+        rows=[
+            {
+                "label": line.entry.label,
+                "over": found.axis.text(line.entry),
+                "failed": line.failed,
+                "agrees": "" if line.reading is None else "yes" if line.reading.adequate else "no",
+                "values": [
+                    ""
+                    if line.reading is None
+                    else found.bare(course.quantity, course.values[line.index], course.std[line.index])
+                    for course in courses
+                ],
+            }
+            for line in lines
+        ],
+        left_out=left_out,
+    )

@@ -1,0 +1,164 @@
+"""The course of one quantity over the runs: its scatter from run to run, and the shape of a change.
+
+    x_i = level(t_i) + b_i + e_i,   Var e_i = s_i²,   Var b_i = τ²
+
+s_i is what run i says of its own value, τ what the bench adds from run to run, of which no run knows. τ comes
+from the median of the differences of neighbours, which neither a change nor an outlier enters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+#: of a normal distribution, half lies within so many standard deviations
+_HALF: Final = 0.674490
+#: from fewer runs their scatter is not learned
+FEWEST: Final = 6
+#: a value further than this from its neighbours' median, in standard deviations, counts as so far off
+_OFF: Final = 2.5
+_NEIGHBOURS: Final = 3
+#: cuts at which a shape is tried
+_CUTS: Final = 200
+#: the fall of χ² over which the time of a change is not known better, 95 %
+_ALIKE: Final = 3.84
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A change of level: a step between two runs, or a growth from one run on.
+
+    Attributes
+    ----------
+    kind: ``step`` or ``growth``.
+    begins: how many runs lie before it; `earliest` and `latest` between which numbers that lies, 95 %.
+    before, after: the level of the first and of the last run, with their standard deviations.
+    """
+
+    kind: Literal["step", "growth"]
+    begins: int
+    earliest: int
+    latest: int
+    before: float
+    before_std: float
+    after: float
+    after_std: float
+
+
+def scatter_between(values: Floats, std: Floats) -> float | None:
+    """τ: the scatter from run to run beyond what the runs say of themselves; None where too few runs tell.
+
+    Solves ``median |d_i| / √(τ² + v_i) = 0.674`` for the differences d of neighbours over √2, v_i the mean of
+    their s².
+    """
+    if values.size < FEWEST:
+        return None
+    size = np.abs(np.diff(values)) / math.sqrt(2.0)
+    own = 0.5 * (np.square(std[1:]) + np.square(std[:-1]))
+
+    def share(square: float) -> float:
+        return float(np.median(size / np.sqrt(square + own + 1e-300)))
+
+    if share(0.0) <= _HALF:
+        return 0.0
+    low, high = 0.0, float(np.max(size)) / _HALF
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if share(middle**2) > _HALF else (low, middle)
+    return high
+
+
+def standardised(values: Floats, std: Floats) -> Floats:
+    """The values about their median, each over all that it scatters by: runs told poorly count for less."""
+    between = scatter_between(values, std) or 0.0
+    whole = np.sqrt(between**2 + np.square(std))
+    centred = values - float(np.median(values))
+    return np.asarray(centred / whole if np.all(whole > 0.0) else centred)
+
+
+def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, steps: bool = False) -> Shape:
+    """The step or the growth that the course is nearest to, by least squares without its outliers.
+
+    Parameters
+    ----------
+    over: (runs) rising; a growth is straight over it.
+    correlation: of neighbours: so much less is known of the levels.
+    steps: only a step is looked for.
+    """
+    between = scatter_between(values, std) or 0.0
+    whole = np.sqrt(between**2 + np.square(std))
+    if not np.all(whole > 0.0):
+        whole = np.full(values.size, float(np.std(values)) or 1.0)
+    tame = _tamed(values, whole)
+    weights = 1.0 / np.square(whole)
+    # what the shape leaves may be more than the runs' scatter: then that is what levels are known by
+    best: tuple[float, str, int] | None = None
+    costs: dict[tuple[str, int], float] = {}
+    for kind in ("step",) if steps else ("step", "growth"):
+        for cut in _cuts(values.size, kind):
+            _, cost, _ = _fitted(kind, cut, tame, weights, over)
+            costs[kind, cut] = cost
+            if best is None or cost < best[0]:
+                best = cost, kind, cut
+    if best is None:
+        raise ValueError("too few runs for a change of level")
+    cost, kind, cut = best
+    inflated = (1.0 + correlation) / (1.0 - correlation) * max(1.0, cost / max(1, values.size - 3))
+    alike = [at for (name, at), other in costs.items() if name == kind and other - cost <= _ALIKE * inflated]
+    coefficients, _, covariance = _fitted(kind, cut, tame, weights, over)
+    first, last = _columns(kind, cut, over)[[0, -1]]
+    error = [math.sqrt(max(0.0, float(row @ covariance @ row)) * inflated) for row in (first, last)]
+    return Shape(
+        kind="step" if kind == "step" else "growth",
+        begins=cut,
+        earliest=min(alike),
+        latest=max(alike),
+        before=float(first @ coefficients),
+        before_std=error[0],
+        after=float(last @ coefficients),
+        after_std=error[1],
+    )
+
+
+def _tamed(values: Floats, whole: Floats) -> Floats:
+    """The values, an outlier moved to where it is no more than `_OFF` from its neighbours' median."""
+    found = values.copy()
+    for k in range(values.size):
+        low = max(0, min(k - _NEIGHBOURS, values.size - 2 * _NEIGHBOURS - 1))
+        middle = float(np.median(values[low : low + 2 * _NEIGHBOURS + 1]))
+        found[k] = middle + min(max(values[k] - middle, -_OFF * whole[k]), _OFF * whole[k])
+    return found
+
+
+def _cuts(count: int, kind: str) -> list[int]:
+    """Before which run a change may begin: a step with a run on either side, a growth with the first one."""
+    first, last = (2, count - 2) if kind == "step" else (1, count - 3)
+    if last < first:
+        return []
+    return sorted({round(float(k)) for k in np.linspace(first, last, min(last - first + 1, _CUTS))})
+
+
+def _columns(kind: str, cut: int, over: Floats) -> Floats:
+    if kind == "step":
+        moved = (np.arange(over.size) >= cut).astype(float)
+    else:
+        moved = np.maximum(over - over[cut - 1], 0.0) / max(float(over[-1] - over[0]), 1e-300)
+    return np.column_stack([np.ones(over.size), moved])
+
+
+def _fitted(
+    kind: str, cut: int, values: Floats, weights: Floats, over: Floats
+) -> tuple[Floats, float, Floats]:
+    """Coefficients, what they leave in χ², and their covariance."""
+    columns = _columns(kind, cut, over)
+    scaled = columns * weights[:, None]
+    covariance = np.linalg.pinv(columns.T @ scaled, hermitian=True)
+    coefficients = covariance @ (scaled.T @ values)
+    left = values - columns @ coefficients
+    return coefficients, float(np.sum(weights * np.square(left))), np.asarray(covariance, dtype=float)

@@ -1,0 +1,291 @@
+"""What has changed: every quantity's course tested, and the levels of chance shared out.
+
+All quantities are tested at one level together (Holm), each against every run on which it could have begun
+to change. That a quantity changes does not make it the cause: a leak moves a fitted friction too, and every
+effect that is a little like it. Which effect it is, is `rigctl.survey.naming`'s to say.
+
+Source: S. Holm, Scand. J. Statist. 6 (1979) 65.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.survey.course import Shape, scatter_between, shape_of, standardised
+from rigctl.survey.reading import Plan, Reading, solved
+from rigctl.survey.scan import FEWEST_BESIDE, Scan, best_possible, critical, scan
+
+Floats = NDArray[np.float64]
+
+#: a value further than this from where its course is stands apart, in standard deviations
+APART = 6.0
+#: steps that are looked for beside the first one
+_STEPS = 12
+#: an entry of so many standard deviations within which its neighbours lie says where the course is
+_AROUND = 4
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter or an effect's size, as a survey looks at it.
+
+    Attributes
+    ----------
+    name: of the parameter, or of the effect.
+    column: its place among the plan's columns; `beside` those of the effect's other parameters.
+    offset: what is added to a step of a held parameter or of an effect, SI.
+    kind: ``parameter`` freed in each run, ``held`` or ``effect``.
+    unit: what it is shown in; `difference` for an interval of temperature.
+    """
+
+    name: str
+    kind: str
+    column: int
+    beside: tuple[int, ...]
+    offset: float
+    unit: str
+    meaning: str = ""
+    difference: bool = False
+
+
+@dataclass(frozen=True)
+class Course:
+    """The values of one quantity, by run; NaN where a run does not say it."""
+
+    quantity: Quantity
+    values: Floats = field(repr=False)
+    std: Floats = field(repr=False)
+    over: Floats = field(repr=False)
+
+    @property
+    def known(self) -> NDArray[np.intp]:
+        """The places of the runs that say it."""
+        return np.flatnonzero(np.isfinite(self.values))
+
+
+@dataclass(frozen=True)
+class Tested:
+    """A course and what the test says of it.
+
+    Attributes
+    ----------
+    p_value: Holm's, over all quantities; None where it could not be tested.
+    between: the scatter from run to run beyond what runs say of themselves, SI; None where too few tell.
+    apart: places of runs that stand apart from their neighbours.
+    """
+
+    course: Course
+    found: Scan | None
+    p_value: float | None
+    between: float | None
+    apart: tuple[int, ...] = ()
+
+    @property
+    def gain(self) -> float:
+        """By how much χ² of all runs would grow, did the quantity stay the same: beyond the runs' scatter."""
+        known = self.course.known
+        values = self.course.values[known]
+        whole = np.hypot(self.course.std[known], self.between or 0.0)
+        if values.size < 2 or not np.all(whole > 0.0):
+            return 0.0
+        weights = 1.0 / np.square(whole)
+        return float(np.sum(weights * np.square(values - np.sum(weights * values) / np.sum(weights))))
+
+
+@dataclass(frozen=True)
+class Change:
+    """One thing that has changed.
+
+    Attributes
+    ----------
+    quantity: what is nearest to it; `alike` the others that these runs cannot tell from it.
+    p_value: Holm's, that of the surest of all that changed.
+    shape: how it went; `steps` the numbers of runs before each step, where there are several.
+    levels: of the stretches between the steps, SI.
+    first_sure: after how many runs, from the first, it was sure for the first time that anything changes.
+    course: as it was fitted.
+    """
+
+    quantity: Quantity
+    alike: tuple[str, ...]
+    p_value: float
+    shape: Shape
+    steps: tuple[int, ...]
+    levels: tuple[float, ...]
+    first_sure: int
+    course: Course = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a survey finds.
+
+    Attributes
+    ----------
+    tested: every quantity, those that changed most surely first.
+    level: what a quantity's own p-value has to be below to be called a change, by itself the surest.
+    enough: False where so few runs cannot show a change however clear it is.
+    """
+
+    tested: tuple[Tested, ...]
+    level: float
+    enough: bool
+
+    @property
+    def changed(self) -> tuple[Tested, ...]:
+        """The quantities that change, those that the data of the runs ask for most first."""
+        found = [one for one in self.tested if _or_one(one.p_value) <= SURVEY_ALPHA]
+        return tuple(sorted(found, key=lambda one: -one.gain))
+
+    @property
+    def p_value(self) -> float:
+        """Of the surest change: that anything has changed."""
+        return min((_or_one(one.p_value) for one in self.tested), default=1.0)
+
+    @property
+    def first_sure(self) -> int:
+        """After how many runs it was sure for the first time that something has changed."""
+        return min((sure_from(one, self.level) for one in self.changed), default=0)
+
+
+def course_of(
+    plan: Plan, readings: Sequence[Reading], over: Floats, quantity: Quantity, others: Sequence[Quantity] = ()
+) -> Course:
+    """The course of a quantity over the readings, with `others` freed beside it in each run."""
+    freed = {*range(len(plan.freed)), quantity.column, *quantity.beside}
+    for other in others:
+        freed |= {other.column, *other.beside}
+    values, std = np.full(len(readings), np.nan), np.full(len(readings), np.nan)
+    for k, reading in enumerate(readings):
+        if quantity.kind == "parameter":
+            fitted = float(reading.values[quantity.column])
+            if quantity.name in reading.at_bound and not others:
+                values[k] = fitted
+                continue
+        else:
+            fitted = quantity.offset
+        step, error = solved(reading, quantity.column, sorted(freed))
+        values[k], std[k] = fitted + step, error * max(1.0, reading.chi2_reduced) ** 0.5
+    known = std[np.isfinite(std)]
+    std = np.where(np.isfinite(std), std, float(np.median(known)) if known.size else 0.0)
+    return Course(quantity, values, std, over)
+
+
+def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Sequence[Quantity]) -> Judged:
+    """Test every quantity, and say what has changed."""
+    courses = [course_of(plan, readings, over, one) for one in quantities]
+    found = {one.quantity.name: _scanned(one) for one in courses}
+    testable = [name for name, one in found.items() if one is not None]
+    adjusted = _holm({name: one.p_value for name, one in found.items() if one is not None})
+    tested = [
+        Tested(
+            one,
+            found[one.quantity.name],
+            adjusted.get(one.quantity.name),
+            scatter_between(one.values[one.known], one.std[one.known]),
+            _apart(one),
+        )
+        for one in courses
+    ]
+    tested.sort(key=lambda one: (_or_one(one.p_value), -(one.found.statistic if one.found else 0.0)))
+    level = SURVEY_ALPHA / max(1, len(testable))
+    return Judged(tuple(tested), level, best_possible(over) <= level if testable else False)
+
+
+def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Change:
+    """A quantity's change, as its course shows it; that anything changes is of the whole survey."""
+    course = tested.course
+    shape = _shape(course)
+    steps = _steps(course, judged.level) if shape.kind == "step" else ()
+    edges = [0, *(int(np.searchsorted(course.known, step)) for step in steps), course.known.size]
+    levels = [
+        float(np.median(course.values[course.known[first:last]]))
+        for first, last in pairwise(edges)
+        if last > first
+    ]
+    return Change(
+        course.quantity, alike, judged.p_value, shape, steps, tuple(levels), judged.first_sure, course
+    )
+
+
+def sure_from(tested: Tested, level: float) -> int:
+    """After how many runs a quantity's change was sure for the first time."""
+    course, found = tested.course, tested.found
+    known = course.known
+    if found is None:
+        return course.values.size
+    count = found.first_end(critical(course.over[known], found.correlation, level))
+    return int(known[(count or known.size) - 1]) + 1
+
+
+def _scanned(course: Course) -> Scan | None:
+    known = course.known
+    if known.size < 2 * FEWEST_BESIDE or len(set(course.over[known].tolist())) < 2:
+        return None
+    values = course.values[known]
+    if float(np.ptp(values)) == 0.0:
+        return None
+    return scan(standardised(values, course.std[known]), course.over[known])
+
+
+def _holm(p_values: dict[str, float]) -> dict[str, float]:
+    """Adjusted p-values: each as large as the level at which it would just be called a change."""
+    found: dict[str, float] = {}
+    largest = 0.0
+    for rank, (name, p) in enumerate(sorted(p_values.items(), key=lambda item: item[1])):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p))
+        found[name] = largest
+    return found
+
+
+def _or_one(p_value: float | None) -> float:
+    return 1.0 if p_value is None else p_value
+
+
+def _shape(course: Course) -> Shape:
+    """The shape, its numbers of runs counted among all runs of the survey."""
+    known = course.known
+    values, std, over = course.values[known], course.std[known], course.over[known]
+    found = shape_of(values, std, over, 0.0)
+    at = [int(known[min(k, known.size - 1)]) for k in (found.begins, found.earliest, found.latest)]
+    return replace(found, begins=at[0], earliest=at[1], latest=at[2])
+
+
+def _steps(course: Course, level: float) -> tuple[int, ...]:
+    """The numbers of runs before each step: the course is cut where it changes, and each part again."""
+    known = course.known
+    parts: list[tuple[int, int]] = [(0, known.size)]
+    cuts: list[int] = []
+    while parts and len(cuts) < _STEPS:
+        first, last = parts.pop()
+        places = known[first:last]
+        part = Course(course.quantity, course.values[places], course.std[places], course.over[places])
+        scanned = _scanned(part)
+        if scanned is None or scanned.p_value > max(level, 1e-4):
+            continue
+        cut = shape_of(part.values, part.std, np.arange(places.size, dtype=float), 0.0, steps=True).begins
+        cuts.append(first + cut)
+        parts += [(first, first + cut), (first + cut, last)]
+    return tuple(int(known[cut]) for cut in sorted(cuts))
+
+
+def _apart(course: Course) -> tuple[int, ...]:
+    """The places of runs that lie far from the median of their neighbours, and these not from each other."""
+    known = course.known
+    if known.size < 2 * _AROUND + 1:
+        return ()
+    values, std = course.values[known], course.std[known]
+    whole = np.hypot(std, scatter_between(values, std) or 0.0)
+    found = []
+    for k in range(known.size):
+        low = max(0, min(k - _AROUND, known.size - 2 * _AROUND - 1))
+        around = np.delete(values[low : low + 2 * _AROUND + 1], k - low)
+        if whole[k] > 0.0 and abs(values[k] - float(np.median(around))) > APART * whole[k]:
+            found.append(int(known[k]))
+    return tuple(found)

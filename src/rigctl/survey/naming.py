@@ -1,0 +1,229 @@
+"""Which effect it is that has changed: a diagnosis of a run on which the change is plain, then a fit of all.
+
+The course of a single effect says that something has changed, hardly what: near twins follow each other, and
+what is large is not straight. So a run after the change is diagnosed as `rigctl diagnose` does it, with all
+parameters that the model's file frees, refits, held-out records and classes of what cannot be told apart.
+What it names joins the model, and every run is fitted again with its size free: a constant lack of the model
+then has a constant size, and only what changes is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rigctl.analysis.comparison import judge as compared
+from rigctl.analysis.diagnosis import diagnose_comparison
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.fitting import fit_problem
+from rigctl.analysis.levels import SLIGHT
+from rigctl.effects.declaration import Effect, qualified
+from rigctl.errors import RigctlError
+from rigctl.model.stated import stated_values
+from rigctl.survey.entries import Entry
+from rigctl.survey.judge import Change, Judged, Quantity, Tested, change_of, judge
+from rigctl.survey.reading import Plan, Reading, problem_of
+
+#: readings in a diagnosis at least; runs that have fewer, rows of a table say, are taken together
+_SAMPLES: Final = 60
+_MOST_RUNS: Final = 40
+#: the share of the runs among which the one in the middle is taken, those that have moved most
+_MOVED: Final = 0.25
+
+
+@dataclass(frozen=True)
+class Named:
+    """What has changed, and how it was found out.
+
+    Attributes
+    ----------
+    changes: the surest first.
+    verdict: of the diagnosis; empty where none could be made.
+    remarks: what is to be known of it.
+    """
+
+    changes: tuple[Change, ...]
+    verdict: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+def name_changes(
+    plan: Plan,
+    entries: Sequence[Entry],
+    readings: Sequence[Reading],
+    judged: Judged,
+    read: Callable[[Plan, str], Sequence[Reading | None]],
+    said: Callable[[str], None],
+) -> Named:
+    """Name what has changed.
+
+    Parameters
+    ----------
+    entries, readings: those that could be read, in order.
+    read: reads all of them with another plan.
+    """
+    changed = judged.changed
+    if not changed:
+        return Named(())
+    chosen = _plain(changed[0], entries, readings)
+    said(f"Diagnosing {chosen.label}, where the change is plain")
+    try:
+        found = _diagnosed(plan, chosen)
+    except RigctlError as problem:
+        return _unnamed(judged, "", f"{chosen.label} could not be diagnosed: {str(problem).splitlines()[0]}")
+    if found.verdict is Verdict.ADEQUATE:
+        return _of_parameters(plan, judged, found)
+    if not found.effects or found.verdict is Verdict.OUTSIDE_LIBRARY:
+        text = "no effect of the library explains what the model lacks there: 'rigctl discover' looks further"
+        return _unnamed(judged, found.verdict.value, text)
+    return _of_effects(plan, entries, judged, found, read)
+
+
+def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]) -> Entry:
+    """A run, or as many as make readings enough, in the middle of those that have moved furthest."""
+    course = surest.course
+    known = course.known
+    begins = max(3, change_begins(surest))
+    start = float(np.median(course.values[known[:begins]]))
+    moved = known[np.argsort(-np.abs(course.values[known] - start), kind="stable")]
+    most = moved[: max(1, round(_MOVED * moved.size))]
+    middle = len(most) // 2
+    ordered = [*most[middle:], *most[:middle][::-1]]
+    taken: list[int] = []
+    for place in ordered[:_MOST_RUNS]:
+        taken.append(int(place))
+        if sum(readings[k].samples for k in taken) >= _SAMPLES:
+            break
+    return together([entries[k] for k in sorted(taken)])
+
+
+def change_begins(tested: Tested) -> int:
+    """How many runs that say the quantity lie before its change."""
+    known = tested.course.known
+    begins = change_of(tested, Judged((), 1.0, True)).shape.begins
+    return int(np.searchsorted(known, begins))
+
+
+def together(entries: Sequence[Entry]) -> Entry:
+    """Several entries as one."""
+    if len(entries) == 1:
+        return entries[0]
+    records = [one.records for one in entries]
+    every = None if any(one is None for one in records) else tuple(r for one in records for r in one or ())
+    runs = tuple(dict.fromkeys(run for one in entries for run in one.runs))
+    return replace(entries[0], label=f"{entries[0].label} to {entries[-1].label}", runs=runs, records=every)
+
+
+def _diagnosed(plan: Plan, entry: Entry) -> Diagnosis:
+    free = replace(plan, freed=(*plan.freed, *plan.held), held=())
+    problem, data = problem_of(free, entry)
+    before = compared(fit_problem(problem, data.noise), plan.model.name)
+    return diagnose_comparison(before, data.measurements.runs)
+
+
+def _unnamed(judged: Judged, verdict: str, why: str) -> Named:
+    """The quantity that the data ask for most, with every other that changed: no one knows which it is."""
+    first, *others = judged.changed
+    alike = tuple(one.course.quantity.name for one in others)
+    return Named((change_of(first, judged, alike),), verdict, (why,))
+
+
+def _of_parameters(plan: Plan, judged: Judged, found: Diagnosis) -> Named:
+    """With the model adequate after the change, what changed are its parameters."""
+    own = [one for one in judged.changed if one.course.quantity.kind != "effect"]
+    freed = [one for one in own if one.course.quantity.kind == "parameter"]
+    if freed:
+        return Named(tuple(change_of(one, judged) for one in freed), found.verdict.value)
+    why = "one run does not show enough of it to name it"
+    if own:
+        why = f"the model agrees after the change with {' and '.join(plan.held)} free in that run"
+    return _unnamed(judged, found.verdict.value, why)
+
+
+def _of_effects(
+    plan: Plan,
+    entries: Sequence[Entry],
+    judged: Judged,
+    found: Diagnosis,
+    read: Callable[[Plan, str], Sequence[Reading | None]],
+) -> Named:
+    """Every run again, with what was named in the model: told is what of it changes."""
+    effects = [plan.model.effect(name) for name in found.effects]
+    again, quantities = _with_effects(plan, effects)
+    outcomes = read(again, " and ".join(found.effects))
+    kept = [k for k, one in enumerate(outcomes) if one is not None]
+    readings = [one for one in outcomes if one is not None]
+    where = np.array([entries[k].place for k in kept])
+    second = _spread(judge(again, readings, where, quantities), kept, np.array([e.place for e in entries]))
+    classes = {name: [n for n in group if n != name] for group in found.classes for name in group}
+    changes = [
+        replace(
+            change_of(one, second, tuple(classes.get(one.course.quantity.name, ()))),
+            p_value=judged.p_value,
+            first_sure=judged.first_sure,
+        )
+        for one in _not_slight(second.changed)
+    ]
+    if not changes:
+        text = f"with {' and '.join(found.effects)} in the model no quantity changes for sure by itself"
+        return _unnamed(judged, found.verdict.value, text)
+    remark = f"named by a diagnosis of one run: {found.verdict.value.replace('_', ' ')}"
+    return Named(tuple(changes), found.verdict.value, (remark,))
+
+
+def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
+    """Without what moves so little beside the first that it may be the shape of that one's law."""
+    return [one for one in changed if one.gain >= SLIGHT * changed[0].gain]
+
+
+def _spread(judged: Judged, kept: Sequence[int], over: np.ndarray) -> Judged:
+    """The same, with a place for every run: those that could not be read again say nothing."""
+    if len(kept) == over.size:
+        return judged
+    tested = []
+    for one in judged.tested:
+        values, std = np.full(over.size, np.nan), np.full(over.size, np.nan)
+        values[list(kept)], std[list(kept)] = one.course.values, one.course.std
+        tested.append(replace(one, course=replace(one.course, values=values, std=std, over=over)))
+    return replace(judged, tested=tuple(tested))
+
+
+def _with_effects(plan: Plan, effects: Sequence[Effect]) -> tuple[Plan, list[Quantity]]:
+    """The plan with effects in the model, their sizes free in every run; and what is tested then."""
+    model = plan.model
+    names: list[str] = []
+    quantities: list[Quantity] = []
+    for effect in effects:
+        model = model.with_effect(effect, {})
+        names += [qualified(effect.name, one.name) for one in effect.parameters if not one.shape]
+    freed = (*plan.freed, *names)
+    again = replace(plan, model=model, freed=freed, held=(), candidates=())
+    for effect in effects:
+        first = next(one for one in effect.parameters if not one.shape)
+        place = freed.index(qualified(effect.name, first.name))
+        meaning, unit = effect.summary, first.unit
+        quantities.append(Quantity(effect.name, "parameter", place, (), 0.0, unit, meaning, first.difference))
+    quantities += parameters_of(again, plan.freed)
+    return again, quantities
+
+
+def parameters_of(plan: Plan, names: Sequence[str]) -> list[Quantity]:
+    """Parameters of the model as quantities of a survey."""
+    places = {name: k for k, name in enumerate(plan.columns)}
+    stated = {one.name: one for one in stated_values(plan.model)}
+    return [
+        Quantity(
+            name,
+            "parameter" if name in plan.freed else "held",
+            places[name],
+            (),
+            0.0 if name in plan.freed else plan.model.values[name],
+            stated[name].unit,
+            stated[name].meaning,
+            stated[name].difference,
+        )
+        for name in names
+    ]

@@ -1,0 +1,263 @@
+"""One entry of a survey, read with the survey's model: what it says of every parameter and every effect.
+
+The freed parameters are fitted to the entry's records, begun where the reference ends; the others are held at
+its values. Around that point everything is linear,
+
+    r = W(y − f(θ̂)) ≈ Σ_j a_j δ_j,   G = AᵀA,   b = Aᵀr,
+
+with a column a_j for each parameter that the model's file frees, held ones too, and for each effect that the
+model may lack; what records have of their own is projected off. G and b are all that is kept of an entry:
+they say the size of any effect with any others freed, without another look at the data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.analysis.adequacy import adequacy
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.fitting import Data, fit_problem, read_runs
+from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.nuisance_projection import HIDDEN, project
+from rigctl.analysis.score_test import screen
+from rigctl.dataset import open_run
+from rigctl.engine.kept import kept
+from rigctl.engine.kept.keep import switched_off
+from rigctl.engine.one_thread import one_thread
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.fit.unknowns import parameter_unknown
+from rigctl.model.measured.assumed import assuming
+from rigctl.model.model import Model
+from rigctl.survey.entries import Entry
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What every entry is read with; it is sent to each worker once.
+
+    Attributes
+    ----------
+    model: its values are where fits begin, and where the held parameters stay.
+    freed, held: of the parameters that its file frees, those that each entry has of its own, and the others.
+    candidates: the effects that it may lack, each at one shape, the same for all entries.
+    only: a condition that chooses records; `assume` what inputs were that nobody recorded.
+    """
+
+    model: Model
+    freed: tuple[str, ...]
+    held: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    only: str | None = None
+    assume: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of A's columns: freed, held, and those of the candidates."""
+        return (*self.freed, *self.held, *(name for one in self.candidates for name in one.columns))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one entry says.
+
+    Attributes
+    ----------
+    values: of the freed parameters, SI, as fitted.
+    at_bound: those that the fit left at a bound.
+    gram, score: (columns, columns) G and (columns) b.
+    lengths: (columns) lengths of the whitened columns before anything was projected off.
+    p_value: of the three tests of whether the model agrees; `adequate` whether it does.
+    chi2_reduced: squared misfit for each degree of freedom.
+    records, samples: how many there are.
+    """
+
+    values: Floats
+    at_bound: tuple[str, ...]
+    gram: Floats = field(repr=False)
+    score: Floats = field(repr=False)
+    lengths: Floats = field(repr=False)
+    p_value: float = 1.0
+    adequate: bool = True
+    chi2_reduced: float = 1.0
+    records: int = 0
+    samples: int = 0
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An entry that could not be read, and why, in words."""
+
+    reason: str
+
+
+@one_thread()
+def read_entry(plan: Plan, entry: Entry) -> Reading | Failure:
+    """Read one entry; what goes wrong with it is no error of the survey."""
+    try:
+        return _read(plan, entry)
+    except RigctlError as problem:
+        return Failure(str(problem).splitlines()[0])
+    except (ArithmeticError, np.linalg.LinAlgError) as problem:
+        return Failure(f"the fit broke down: {problem}")
+
+
+def _read(plan: Plan, entry: Entry) -> Reading:
+    problem, data = problem_of(plan, entry)
+    whole = problem.rebuilt(problem.model, library=bool(plan.candidates))
+    tried = [(one.columns, one.shapes, one.secants) for one in plan.candidates]
+    base = [plan.model.values[name] for name in plan.held]
+    content = (whole.content, plan.freed, plan.held, base, tried)
+    return kept("survey", content, Reading, lambda: _made(plan, problem, data))
+
+
+def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
+    """The entry's records and the freed parameters of the model as a problem.
+
+    Raises
+    ------
+    RigctlError
+        as `rigctl.analysis.fitting.read_runs`, and where a record of the entry is gone.
+    """
+    runs = [assuming(open_run(ref), plan.model, plan.assume) for ref in entry.runs]
+    data = read_runs(plan.model, runs, only=plan.only)
+    if entry.records is not None:
+        wanted = set(entry.records)
+        measured = data.measurements.records
+        places = [k for k, record in enumerate(measured) if (record.run, record.index) in wanted]
+        if not places:
+            raise RigctlError("none of its records can be used")
+        data = Data(data.measurements.only(places), data.noise.only(places), ())
+    model = freeing(plan.model, plan.freed)
+    return make_problem(
+        model, data.measurements, data.noise.model, data.noise.ok, grown=data.noise.grown
+    ), data
+
+
+def freeing(model: Model, names: Sequence[str]) -> Model:
+    """The model with these parameters, and no others, to be fitted."""
+    chosen = set(names)
+
+    def marked(values: Mapping, before: str = "") -> MappingProxyType:  # type: ignore[type-arg]
+        return MappingProxyType(
+            {name: replace(value, fit=before + name in chosen) for name, value in values.items()}
+        )
+
+    return replace(
+        model,
+        parameters=marked(model.parameters),
+        effects=MappingProxyType(
+            {effect: marked(values, f"{effect}.") for effect, values in model.effects.items()}
+        ),
+    )
+
+
+def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
+    with switched_off():  # the reading is kept, and nothing else of it is asked for again
+        local = [np.array([one.start for one in unknowns]) for unknowns in problem.local_unknowns()]
+        fitted = fit_problem(problem, data.noise, local=local)
+        linear = _linearised(plan, fitted)
+        # what the tests take out is what the fit could move: held parameters are none of it
+        movable = [k for k, name in enumerate(linear.nuisances) if name not in plan.held]
+        tested = project(_with_nuisances(linear, movable))
+        judged = adequacy(tested, screen(tested))
+    gram, score, lengths = _normal_equations(plan, linear)
+    measured = fitted.problem.measurements
+    found = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
+    return Reading(
+        values=np.array([found.get(name, plan.model.values[name]) for name in plan.freed]),
+        at_bound=tuple(sorted(fitted.at_bound & set(plan.freed))),
+        gram=gram,
+        score=score,
+        lengths=lengths,
+        p_value=judged.p_value,
+        adequate=judged.adequate,
+        chi2_reduced=fitted.chi2_reduced,
+        records=len(measured.records),
+        samples=measured.samples,
+    )
+
+
+def _linearised(plan: Plan, fitted: FitResult) -> Linearisation:
+    """At the fitted point, the held parameters among the columns, without what is known of them."""
+    held = [replace(parameter_unknown(plan.model, name), prior=None) for name in plan.held]
+    values = np.concatenate([fitted.values, [one.start for one in held]])
+    problem = fitted.problem.with_shared((*fitted.problem.shared, *held))
+    free = [one for one in problem.shared if one.name not in fitted.at_bound]
+    whole = problem.rebuilt(problem.model, library=bool(plan.candidates))
+    return linearise(replace(fitted, problem=problem, values=values), whole, plan.candidates, free=free)
+
+
+def _with_nuisances(linear: Linearisation, places: Sequence[int]) -> Linearisation:
+    """The same with some of the nuisances alone."""
+    chosen = list(places)
+    weight, residual = linear.prior
+    return replace(
+        linear,
+        nuisances=tuple(linear.nuisances[k] for k in chosen),
+        records=tuple(replace(one, nuisance=one.nuisance[:, chosen]) for one in linear.records),
+        prior=(weight[np.ix_(chosen, chosen)], residual[chosen]),
+    )
+
+
+def _normal_equations(plan: Plan, linear: Linearisation) -> tuple[Floats, Floats, Floats]:
+    """G, b and the columns' lengths, in the order of the plan; what the entry knows nothing of is zero.
+
+    Shared unknowns that are no parameters of the model, such as how late a logger writes, are projected off.
+    """
+    names = [*linear.nuisances, *(name for one in linear.candidates for name in one.columns)]
+    weight, prior = linear.prior
+    rows = [np.hstack([one.nuisance, one.signatures]) for one in linear.records]
+    below = np.zeros((weight.shape[0], len(names)))
+    below[:, : weight.shape[1]] = weight
+    columns = np.vstack([*rows, below])
+    residual = np.concatenate([*(one.residual for one in linear.records), prior])
+    known = {name: k for k, name in enumerate(names)}
+    others = [k for k, name in enumerate(linear.nuisances) if name not in plan.columns]
+    shared = len(linear.nuisances)
+    lengths = np.append(np.linalg.norm(columns[:, :shared], axis=0), linear.full_lengths)
+    if others:
+        basis = np.linalg.qr(columns[:, others])[0]
+        columns = columns - basis @ (basis.T @ columns)
+        residual = residual - basis @ (basis.T @ residual)
+    count = len(plan.columns)
+    gram, score, full = np.zeros((count, count)), np.zeros(count), np.zeros(count)
+    there = [k for k, name in enumerate(plan.columns) if name in known]
+    places = [known[plan.columns[k]] for k in there]
+    chosen = columns[:, places]
+    gram[np.ix_(there, there)] = chosen.T @ chosen
+    score[there] = chosen.T @ residual
+    full[there] = lengths[places]
+    return gram, score, full
+
+
+def solved(reading: Reading, wanted: int, freed: Sequence[int]) -> tuple[float, float]:
+    """The step of one column with others freed beside it, and its standard deviation; NaN where it is hidden.
+
+    Parameters
+    ----------
+    wanted, freed: places of columns; `wanted` is freed too.
+    """
+    others = [k for k in freed if k != wanted and reading.gram[k, k] > 0.0]
+    own, pull = float(reading.gram[wanted, wanted]), float(reading.score[wanted])
+    if own <= 0.0:
+        return math.nan, math.nan
+    if others:
+        block = reading.gram[np.ix_(others, others)]
+        scale = 1.0 / np.sqrt(np.diag(block))
+        inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-10, hermitian=True)
+        cross = reading.gram[others, wanted] * scale
+        own -= float(cross @ inverse @ cross)
+        pull -= float(cross @ inverse @ (reading.score[others] * scale))
+    if own <= (HIDDEN * float(reading.lengths[wanted])) ** 2:
+        return math.nan, math.nan
+    return pull / own, 1.0 / math.sqrt(own)

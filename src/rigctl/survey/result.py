@@ -1,0 +1,255 @@
+"""What a survey found, in words and as data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.notebook import as_html, one_line
+from rigctl.survey.entries import DATE, Axis, Entry
+from rigctl.survey.judge import Change, Course, Judged, Quantity
+from rigctl.survey.naming import Named
+from rigctl.survey.reading import Reading
+from rigctl.units import parse_unit, show, with_uncertainty
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: standard deviations of a 95 % interval
+INTERVAL = 1.96
+
+
+@dataclass(frozen=True)
+class Line:
+    """One entry: what it says, or why it says nothing; `index` its place among those that were read."""
+
+    entry: Entry
+    reading: Reading | None
+    failed: str = ""
+    index: int = -1
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Many runs looked at with one model.
+
+    Attributes
+    ----------
+    freed, held: parameters that each run has of its own, and that all have in common.
+    axis: what the runs are looked at over.
+    lines: every entry, in that order.
+    judged: every quantity's course, tested.
+    named: what has changed.
+    notes: what is to be known of the order.
+    """
+
+    model: str
+    freed: tuple[str, ...]
+    held: tuple[str, ...]
+    axis: Axis
+    lines: tuple[Line, ...] = field(repr=False)
+    judged: Judged = field(repr=False)
+    named: Named = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What has changed."""
+        return self.named.changes
+
+    @property
+    def read(self) -> tuple[Line, ...]:
+        """The entries that could be read."""
+        return tuple(line for line in self.lines if line.reading is not None)
+
+    @property
+    def failed(self) -> tuple[Line, ...]:
+        """The entries that could not."""
+        return tuple(line for line in self.lines if line.reading is None)
+
+    @property
+    def verdict(self) -> Literal["changed", "no_change_seen", "cannot_tell"]:
+        """Whether something has changed; ``cannot_tell`` where so few runs could not show it."""
+        if self.changes:
+            return "changed"
+        return "no_change_seen" if self.judged.enough else "cannot_tell"
+
+    @property
+    def statement(self) -> str:
+        """What was found, in one or more sentences."""
+        count = len(self.read)
+        tests = sum(one.found is not None for one in self.judged.tested)
+        what = f"{count} run{'' if count == 1 else 's'}, {tests} quantit{'y' if tests == 1 else 'ies'}"
+        if self.changes:
+            return ". ".join(self.sentence(change) for change in self.changes)
+        if not self.judged.enough:
+            return (
+                f"These data cannot tell: {what}. So few runs do not show how much one differs from the next "
+                "where nothing changes, and no change of them could be told from that"
+            )
+        return f"No change is seen: {what}, none of which changes by more than the runs scatter"
+
+    def sentence(self, change: Change) -> str:
+        """One change: what, from what to what, since when, when it was first sure, and how sure."""
+        shape, lines = change.shape, self.read
+        names = " or ".join([change.quantity.name, *change.alike[:4]])
+        if len(change.alike) > 4:
+            names += f" or one of {len(change.alike) - 4} others"
+        before, after = self.amount(change.quantity, shape.before), self.amount(change.quantity, shape.after)
+        verb = "grew" if shape.after > shape.before else "fell"
+        verb = (
+            f"{verb} from {before} to {after}"
+            if len(change.steps) < 2
+            else (
+                "changed in steps, "
+                + ", ".join(self.amount(change.quantity, level) for level in change.levels)
+            )
+        )
+        since = lines[min(change.steps[0] if change.steps else shape.begins, len(lines) - 1)]
+        first = lines[min(change.first_sure, len(lines)) - 1]
+        text = (
+            f"{names} {verb}, since {self.axis.text(since.entry)}, first sure on {first.entry.label} "
+            f"({chance_text(change.p_value)})"
+        )
+        if change.alike:
+            text += "; these runs cannot tell which of them"
+        return text
+
+    def between(self, change: Change) -> tuple[str, str]:
+        """Where the change began at the earliest and at the latest, in words."""
+        lines = self.read
+        early, late = max(change.shape.earliest - 1, 0), min(change.shape.latest, len(lines) - 1)
+        return self.axis.text(lines[early].entry), self.axis.text(lines[late].entry)
+
+    def amount(self, quantity: Quantity, si: float, std: float | None = None) -> str:
+        """A value of a quantity in its unit."""
+        unit = parse_unit(quantity.unit)
+        value = unit.from_si(si, difference=quantity.difference)
+        if std is None or not std > 0.0 or not math.isfinite(std):
+            return show(si, quantity.unit, difference=quantity.difference, digits=3)
+        return with_uncertainty(value, std / unit.factor, quantity.unit)
+
+    def bare(self, quantity: Quantity, si: float, std: float) -> str:
+        """A value with its standard deviation, without its unit; empty where a run does not say it."""
+        if not math.isfinite(si):
+            return ""
+        unit = parse_unit(quantity.unit)
+        return with_uncertainty(
+            unit.from_si(float(si), difference=quantity.difference), float(std) / unit.factor
+        )
+
+    def amount_difference(self, quantity: Quantity, si: float) -> str:
+        """A scatter of a quantity in its unit."""
+        return show(si, quantity.unit, difference=True, digits=2)
+
+    def shown(self) -> tuple[Course, ...]:
+        """The courses that are drawn: what has changed and every parameter, then the largest of the rest."""
+        changed = {change.quantity.name: change.course for change in self.changes}
+        rest = {one.course.quantity.name: one.course for one in self.judged.tested}
+        own = {name: rest[name] for name in (*self.freed, *self.held)}
+        return tuple({**changed, **own, **rest, **changed}.values())
+
+    def document(self) -> dict[str, Any]:
+        """The machine-readable answer."""
+        return {
+            "model": self.model,
+            "verdict": self.verdict,
+            "statement": self.statement,
+            "level": SURVEY_ALPHA,
+            "over": self.axis.name,
+            "over_unit": "s since 1970" if self.axis.name == DATE else self.axis.unit,
+            "free": list(self.freed),
+            "shared": list(self.held),
+            "changes": [self._change(one) for one in self.changes],
+            "diagnosis": self.named.verdict or None,
+            "remarks": list(self.named.remarks),
+            "quantities": [self._tested(k) for k in range(len(self.judged.tested))],
+            "runs": [self._line(line) for line in self.lines],
+            "notes": list(self.notes),
+        }
+
+    def _change(self, change: Change) -> dict[str, Any]:
+        quantity, shape, lines = change.quantity, change.shape, self.read
+        early, late = self.between(change)
+        return {
+            "quantity": quantity.name,
+            "indistinguishable": list(change.alike),
+            "kind": "steps" if len(change.steps) > 1 else shape.kind,
+            "before": self._in_unit(quantity, shape.before),
+            "before_std": self._in_unit(quantity, shape.before_std, difference=True),
+            "after": self._in_unit(quantity, shape.after),
+            "after_std": self._in_unit(quantity, shape.after_std, difference=True),
+            "unit": quantity.unit,
+            "levels": [self._in_unit(quantity, level) for level in change.levels],
+            "since": lines[min(shape.begins, len(lines) - 1)].entry.label,
+            "between": [early, late],
+            "first_sure": lines[min(change.first_sure, len(lines)) - 1].entry.label,
+            "p_value": change.p_value,
+            "statement": self.sentence(change),
+        }
+
+    def _tested(self, index: int) -> dict[str, Any]:
+        one = self.judged.tested[index]
+        quantity = one.course.quantity
+        read = self.read
+        return {
+            "name": quantity.name,
+            "kind": quantity.kind,
+            "unit": quantity.unit,
+            "p_value": one.p_value,
+            "between_runs": self._in_unit(quantity, one.between, difference=True),
+            "neighbour_correlation": None if one.found is None else one.found.correlation,
+            "apart": [read[k].entry.label for k in one.apart],
+            "values": [self._in_unit(quantity, float(value)) for value in one.course.values],
+            "std": [self._in_unit(quantity, float(std), difference=True) for std in one.course.std],
+        }
+
+    def _line(self, line: Line) -> dict[str, Any]:
+        told = {"run": line.entry.label, "started": line.entry.started, "over": line.entry.place}
+        if line.reading is None:
+            return told | {"failed": line.failed}
+        return told | {
+            "adequate": line.reading.adequate,
+            "p_value": line.reading.p_value,
+            "chi2_reduced": line.reading.chi2_reduced,
+            "records": line.reading.records,
+        }
+
+    def _in_unit(self, quantity: Quantity, si: float | None, *, difference: bool = False) -> float | None:
+        if si is None or not math.isfinite(si):
+            return None
+        unit = parse_unit(quantity.unit)
+        return si / unit.factor if difference else unit.from_si(si, difference=quantity.difference)
+
+    def __repr__(self) -> str:
+        """What was found, on one line."""
+        return one_line(self, self.summary())
+
+    def summary(self) -> str:
+        """What was found, in words."""
+        return self.statement
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each run and quantity, in the unit of the quantity."""
+        import pandas as pd
+
+        rows = [
+            {
+                "run": line.entry.label,
+                self.axis.name: line.entry.started if self.axis.name == DATE else line.entry.place,
+                "quantity": course.quantity.name,
+                "value": self._in_unit(course.quantity, float(course.values[line.index])),
+                "std": self._in_unit(course.quantity, float(course.std[line.index]), difference=True),
+                "unit": course.quantity.unit,
+            }
+            for course in self.shown()
+            for line in self.read
+        ]
+        return pd.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        """The statement and the values, as a notebook shows them."""
+        return as_html(self.summary(), self.frame())

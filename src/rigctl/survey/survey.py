@@ -1,0 +1,207 @@
+"""Survey many runs with one model: read each, test every quantity for a change, refit what changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from rigctl.analysis.candidates import Candidate, by_effect, candidates, data_ranges
+from rigctl.analysis.fitting import fit_problem, no_progress
+from rigctl.dataset import Run
+from rigctl.engine.one_thread import one_thread
+from rigctl.errors import ExitCode, RigctlError, unknown_name
+from rigctl.model.measured.record import Measurements
+from rigctl.model.model import Model
+from rigctl.survey.entries import Entries, Entry, entries_of
+from rigctl.survey.judge import Quantity, change_of, judge
+from rigctl.survey.naming import Named, name_changes, parameters_of
+from rigctl.survey.reading import Failure, Plan, Reading, problem_of, read_entry
+from rigctl.survey.result import Line, Survey
+from rigctl.tasks import Workers, map_tasks
+
+#: entries that are tried for where fits begin
+_TRIED: Final = 5
+#: how often progress is told, in shares of the whole
+_OFTEN: Final = 50
+
+
+@one_thread()
+def survey(
+    runs: Sequence[Run],
+    model: Model,
+    *,
+    by: str = "run",
+    over: str | None = None,
+    share: Sequence[str] = (),
+    effects: Sequence[str] | None = None,
+    only: str | None = None,
+    assume: Sequence[str] = (),
+    name: bool = True,
+    workers: Workers | None = None,
+    on_progress: Callable[[str], None] | None = None,
+) -> Survey:
+    """Look at many runs with one model: what changes over them, since when, and how sure that is.
+
+    Parameters
+    ----------
+    by: ``run``, ``record``, ``day``, ``week``, ``month``, or a column of the records.
+    over: ``date``, ``order``, or a column, an argument or a channel.
+    share: parameters that all runs have in common, at the model's values; ``all`` for every one. The others
+        that the model's file frees each run has of its own.
+    effects: those that are looked at, besides the model's; every one that it may lack when left out.
+    only, assume: as of `rigctl compare`.
+    name: diagnose a run after a change, and fit what is named in every run; False tells what moves alone.
+
+    Raises
+    ------
+    RigctlError
+        there is nothing to look at, a name or a column is unknown, or no run can be read.
+    """
+    said = on_progress or no_progress
+    shared = _shared(model, share)
+    freed = tuple(name for name in model.fitted if name not in shared)
+    found = entries_of(runs, by, over)
+    started, picked = _begun(model, freed, found.entries, only, tuple(assume), effects, said)
+    plan = Plan(started, freed, shared, picked, only, tuple(assume))
+    quantities = _quantities(plan)
+    if not quantities:
+        raise RigctlError(
+            "nothing is looked at: the model has nothing to fit, and no effect is asked for",
+            hint="Mark parameters with 'fit: true', or name effects with '--effects'",
+        )
+    outcomes = _read(plan, found.entries, workers, said, "Reading")
+    places = [k for k, one in enumerate(outcomes) if isinstance(one, Reading)]
+    if not places:
+        first = next(one for one in outcomes if isinstance(one, Failure))
+        raise RigctlError(f"no run could be read; the first: {first.reason}", exit_code=ExitCode.FAILED)
+    readings = [one for one in outcomes if isinstance(one, Reading)]
+    where = np.array([found.entries[k].place for k in places])
+    said("Looking for changes")
+    judged = judge(plan, readings, where, quantities)
+    entries = [found.entries[k] for k in places]
+
+    def again(other: Plan, what: str) -> list[Reading | None]:
+        read = _read(other, entries, workers, said, f"Fitting with {what}")
+        return [one if isinstance(one, Reading) else None for one in read]
+
+    if name and judged.changed:
+        named = name_changes(plan, entries, readings, judged, again, said)
+    else:
+        named = Named(tuple(change_of(one, judged) for one in judged.changed))
+    return Survey(
+        model=model.name,
+        freed=plan.freed,
+        held=plan.held,
+        axis=found.axis,
+        lines=tuple(_lines(found, outcomes)),
+        judged=judged,
+        named=named,
+        notes=found.notes,
+    )
+
+
+def _lines(found: Entries, outcomes: Sequence[Reading | Failure]) -> Iterator[Line]:
+    read = 0
+    for entry, outcome in zip(found.entries, outcomes, strict=True):
+        if isinstance(outcome, Reading):
+            yield Line(entry, outcome, "", read)
+            read += 1
+        else:
+            yield Line(entry, None, outcome.reason)
+
+
+def _shared(model: Model, share: Sequence[str]) -> tuple[str, ...]:
+    """The parameters that are held, in the model's order."""
+    if list(share) == ["all"]:
+        return model.fitted
+    for name in share:
+        if name not in model.fitted:
+            raise unknown_name("free parameter of the model", name, ["all", *model.fitted])
+    return tuple(name for name in model.fitted if name in share)
+
+
+def _begun(
+    model: Model,
+    freed: tuple[str, ...],
+    entries: Sequence[Entry],
+    only: str | None,
+    assume: tuple[str, ...],
+    effects: Sequence[str] | None,
+    said: Callable[[str], None],
+) -> tuple[Model, tuple[Candidate, ...]]:
+    """The model where fits begin, at what the first run that fits says; and the effects looked at."""
+    picked = _picked(model, None, effects)
+    trial = Plan(model, freed, (), (), only, assume)
+    for entry in entries[:_TRIED]:
+        said(f"Fitting {model.name} to {entry.label}, where the others begin")
+        try:
+            problem, data = problem_of(trial, entry)
+            picked = _picked(model, data.measurements, effects)
+            if not freed:
+                return model, picked
+            fitted = fit_problem(problem, data.noise)
+        except RigctlError:  # it is told with the others
+            continue
+        found = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
+        inside = {n: float(found[n]) for n in freed if n in found and n not in fitted.at_bound}
+        return model.with_values(inside), picked
+    return model, picked
+
+
+def _picked(
+    model: Model, measurements: Measurements | None, wanted: Sequence[str] | None
+) -> tuple[Candidate, ...]:
+    """One candidate for each effect: of those over a grid of shapes the one in the middle.
+
+    All runs are looked at with the same shapes, or their sizes would not be of one thing.
+    """
+    ranges = {} if measurements is None else data_ranges(model.family, measurements)
+    tried = candidates(model, ranges=ranges)
+    found = by_effect(tried)
+    for name in wanted or ():
+        if name not in found:
+            raise unknown_name("effect that the model may lack", name, ["none", *found])
+    chosen = found if wanted is None else {name: found[name] for name in found if name in wanted}
+    return tuple(tried[places[len(places) // 2]] for places in chosen.values())
+
+
+def _quantities(plan: Plan) -> list[Quantity]:
+    """Everything that is tested: the parameters, and each effect by its first parameter."""
+    places = {name: k for k, name in enumerate(plan.columns)}
+    found = parameters_of(plan, (*plan.freed, *plan.held))
+    for one in plan.candidates:
+        first = one.parameter(one.columns[0])
+        found.append(
+            Quantity(
+                one.name,
+                "effect",
+                places[one.columns[0]],
+                tuple(places[name] for name in one.columns[1:]),
+                first.at_null,
+                first.unit,
+                one.effect.summary,
+                first.difference,
+            )
+        )
+    return found
+
+
+def _read(
+    plan: Plan,
+    entries: Sequence[Entry],
+    workers: Workers | None,
+    said: Callable[[str], None],
+    doing: str,
+) -> list[Reading | Failure]:
+    """Every entry with the plan, in order, by whoever works."""
+    every = max(1, len(entries) // _OFTEN)
+
+    def told(done: int, total: int) -> None:
+        if done % every == 0 or done == total:
+            said(f"{doing}: {done} of {total}")
+
+    found = dict(map_tasks(partial(read_entry, plan), entries, workers, on_progress=told))
+    return [found[k] for k in range(len(entries))]
