@@ -21,6 +21,7 @@ NAMES = (
     "catalogue",
     "tasks",
     "storage",
+    "survey",
 )
 
 for name in NAMES:

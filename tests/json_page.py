@@ -18,6 +18,7 @@ _SECTIONS = {
     "learn": ("compare", "diagnose", "design", "learn"),
     "demo": ("compare", "diagnose", "design", "discover", "learn", "demo"),
     "compensate": ("compare", "compensate"),
+    "survey": ("compare", "survey"),
     "run": ("run, simulate, resume",),
     "simulate": ("run, simulate, resume",),
     "resume": ("run, simulate, resume",),

@@ -2,12 +2,17 @@
 
     python tools/make_pump_data.py CYCLES STATES
 
-CYCLES: its channels at 1 Hz, a row for each second: ``time [s], record, PS1 [bar], FS1 [l/min], TS1 [degC]``.
+CYCLES: its channels at 1 Hz, a row for each second: ``time [s], record, PS1 [bar], PS2 [bar], FS1 [l/min],
+TS1 [degC]``.
 STATES: a row for each cycle: ``record, cooler_efficiency [%], valve_switching [%], pump_leakage,
 accumulator_pressure [bar], unstable``.
 
 Of each pump state the last stable cycle of every state of cooler and accumulator is taken, with the sound
 valve; of a cycle the four stretches of five seconds in which the pressure has settled. Nothing is averaged.
+
+``pump-cycles.csv`` has a row for each of 133 cycles in a row, as they were run: means over seconds 14 to 17
+of pressure, oil temperature and delivery, and the pressure behind the valve in the second in which it opens and
+after it.
 """
 
 from __future__ import annotations
@@ -43,15 +48,41 @@ def lines_of(cycles: pd.DataFrame) -> list[str]:
     return found
 
 
+#: cycles in a row with the cooler and the accumulator as good as new, and the seconds that are averaged
+CYCLES, LEVEL = range(1664, 1797), range(14, 18)
+#: seconds in which the valve opens, and in which the pressure behind it has settled
+OPENS, OPEN = 9, 11
+CYCLE_HEADING = (
+    "cycle [1],pressure [bar],oil_temperature [degC],open_pressure [bar],flow [l/min],opening_pressure [bar]"
+)
+
+
+def cycle_lines(cycles: pd.DataFrame) -> list[str]:
+    """A row for each cycle."""
+    found = []
+    for number in CYCLES:
+        one = cycles[cycles["record"] == number].reset_index(drop=True)
+        level = one.loc[list(LEVEL), ["PS1 [bar]", "TS1 [degC]", "FS1 [l/min]"]].mean()
+        opened, opening = one.loc[OPEN, "PS2 [bar]"], one.loc[OPENS, "PS2 [bar]"]
+        pressure, oil, flow = level
+        found.append(f"{number},{pressure:.5g},{oil:.5g},{opened:.5g},{flow:.5g},{opening:.5g}")
+    return found
+
+
 def main() -> None:
     cycles, states = (pd.read_csv(path) for path in sys.argv[1:3])
     whole = cycles.merge(states, on="record")
     whole = whole[(whole["valve_switching [%]"] == 100) & (whole["unstable"] == 0)]
+    _write("pump-cycles", [CYCLE_HEADING, *cycle_lines(cycles)])
     for state, name in NAMES.items():
         lines = [HEADING, *lines_of(whole[whole["pump_leakage"] == state])]
-        path = Path("data", f"pump-{name}.csv")
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-        print(f"{path}: {len(lines) - 1} rows")
+        _write(f"pump-{name}", lines)
+
+
+def _write(name: str, lines: list[str]) -> None:
+    path = Path("data", f"{name}.csv")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    print(f"{path}: {len(lines) - 1} rows")
 
 
 if __name__ == "__main__":

@@ -144,8 +144,8 @@ def fit_problem(
 ) -> FitResult:
     """Fit a model that is on its measurements already, and again in the noise that its residuals show.
 
-    `local` are the records' own unknowns where the fit begins near its end; `iterated` is told of each step of
-    the solver.
+    `local` are the records' own unknowns where the fit begins near its end. `iterated` is called with each
+    iteration; what it raises ends the fit.
     """
     if not refit:
         fitted = problem.model.fitted

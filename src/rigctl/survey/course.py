@@ -39,6 +39,7 @@ class Shape:
     kind: ``step`` or ``growth``.
     begins: how many runs lie before it; `earliest` and `latest` between which numbers that lies, 95 %.
     before, after: the level of the first and of the last run, with their standard deviations.
+    cost: what it leaves of the course, in χ², outliers tamed.
     """
 
     kind: Literal["step", "growth"]
@@ -49,6 +50,7 @@ class Shape:
     before_std: float
     after: float
     after_std: float
+    cost: float = 0.0
 
 
 def scatter_between(values: Floats, std: Floats) -> float | None:
@@ -74,12 +76,25 @@ def scatter_between(values: Floats, std: Floats) -> float | None:
     return high
 
 
+def whole_scatter(values: Floats, std: Floats) -> Floats:
+    """(runs) all that each value scatters by: τ with the run's own share.
+
+    Where neighbours differ by less than the runs say of themselves, they say too much by the same factor.
+    """
+    between = scatter_between(values, std)
+    if between is None or between > 0.0:
+        whole = np.sqrt((between or 0.0) ** 2 + np.square(std))
+    else:
+        own = np.sqrt(0.5 * (np.square(std[1:]) + np.square(std[:-1])) + 1e-300)
+        whole = std * float(np.median(np.abs(np.diff(values)) / own)) / (math.sqrt(2.0) * _HALF)
+    if np.all(whole > 0.0):
+        return np.asarray(whole)
+    return np.full(values.size, float(np.std(values)) or 1.0)
+
+
 def standardised(values: Floats, std: Floats) -> Floats:
     """The values about their median, each over all that it scatters by: runs told poorly count for less."""
-    between = scatter_between(values, std) or 0.0
-    whole = np.sqrt(between**2 + np.square(std))
-    centred = values - float(np.median(values))
-    return np.asarray(centred / whole if np.all(whole > 0.0) else centred)
+    return np.asarray((values - float(np.median(values))) / whole_scatter(values, std))
 
 
 def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, steps: bool = False) -> Shape:
@@ -91,11 +106,8 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
     correlation: of neighbours: so much less is known of the levels.
     steps: only a step is looked for.
     """
-    between = scatter_between(values, std) or 0.0
-    whole = np.sqrt(between**2 + np.square(std))
-    if not np.all(whole > 0.0):
-        whole = np.full(values.size, float(np.std(values)) or 1.0)
-    tame = _tamed(values, whole)
+    whole = whole_scatter(values, std)
+    tame = tamed(values, whole)
     weights = 1.0 / np.square(whole)
     # what the shape leaves may be more than the runs' scatter: then that is what levels are known by
     best: tuple[float, str, int] | None = None
@@ -123,10 +135,17 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
         before_std=error[0],
         after=float(last @ coefficients),
         after_std=error[1],
+        cost=cost,
     )
 
 
-def _tamed(values: Floats, whole: Floats) -> Floats:
+def left_by(levels: Floats, values: Floats, std: Floats) -> float:
+    """What levels leave of a course, in χ², outliers tamed."""
+    whole = whole_scatter(values, std)
+    return float(np.sum(np.square((tamed(values, whole) - levels) / whole)))
+
+
+def tamed(values: Floats, whole: Floats) -> Floats:
     """The values, an outlier moved to where it is no more than `_OFF` from its neighbours' median."""
     found = values.copy()
     for k in range(values.size):

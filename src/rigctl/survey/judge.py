@@ -9,6 +9,7 @@ Source: S. Holm, Scand. J. Statist. 6 (1979) 65.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.levels import SURVEY_ALPHA
-from rigctl.survey.course import Shape, scatter_between, shape_of, standardised
+from rigctl.survey.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
 from rigctl.survey.reading import Plan, Reading, solved
 from rigctl.survey.scan import FEWEST_BESIDE, Scan, best_possible, critical, scan
 
@@ -91,10 +92,9 @@ class Tested:
         """By how much χ² of all runs would grow, did the quantity stay the same: beyond the runs' scatter."""
         known = self.course.known
         values = self.course.values[known]
-        whole = np.hypot(self.course.std[known], self.between or 0.0)
-        if values.size < 2 or not np.all(whole > 0.0):
+        if values.size < 2:
             return 0.0
-        weights = 1.0 / np.square(whole)
+        weights = 1.0 / np.square(whole_scatter(values, self.course.std[known]))
         return float(np.sum(weights * np.square(values - np.sum(weights * values) / np.sum(weights))))
 
 
@@ -105,7 +105,7 @@ class Change:
     Attributes
     ----------
     quantity: what is nearest to it; `alike` the others that these runs cannot tell from it.
-    p_value: Holm's, that of the surest of all that changed.
+    p_value: Holm's; of what a diagnosis has named that of the surest of all that changed.
     shape: how it went; `steps` the numbers of runs before each step, where there are several.
     levels: of the stretches between the steps, SI.
     first_sure: after how many runs, from the first, it was sure for the first time that anything changes.
@@ -199,19 +199,28 @@ def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Seq
 
 
 def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Change:
-    """A quantity's change, as its course shows it; that anything changes is of the whole survey."""
+    """A quantity's change, as its course shows it."""
     course = tested.course
-    shape = _shape(course)
-    steps = _steps(course, judged.level) if shape.kind == "step" else ()
-    edges = [0, *(int(np.searchsorted(course.known, step)) for step in steps), course.known.size]
-    levels = [
-        float(np.median(course.values[course.known[first:last]]))
-        for first, last in pairwise(edges)
-        if last > first
-    ]
-    return Change(
-        course.quantity, alike, judged.p_value, shape, steps, tuple(levels), judged.first_sure, course
+    shape, steps = _shape(course), _steps(course)
+    known = course.known
+    values, std = course.values[known], course.std[known]
+    edges = [0, *(int(np.searchsorted(known, step)) for step in steps), known.size]
+    parts = [(first, last) for first, last in pairwise(edges) if last > first]
+    levels = np.concatenate(
+        [np.full(last - first, float(np.median(values[first:last]))) for first, last in parts]
     )
+    # each step costs its height and its place
+    dear = 2.0 * len(steps) * math.log(max(known.size, 2))
+    if not steps or left_by(levels, values, std) + dear > shape.cost + 2.0 * math.log(max(known.size, 2)):
+        steps = ()
+    told = tuple(float(levels[first]) for first, _ in parts) if steps else ()
+    if steps:
+        one = _shape(course, steps=True)
+        first = steps[0]
+        several = replace(one, before=told[0], after=told[-1], begins=first, earliest=first, latest=first)
+        shape = several if len(steps) > 1 else one
+    sure, p_value = sure_from(tested, judged.level), _or_one(tested.p_value)
+    return Change(course.quantity, alike, p_value, shape, steps, told, sure, course)
 
 
 def sure_from(tested: Tested, level: float) -> int:
@@ -248,17 +257,20 @@ def _or_one(p_value: float | None) -> float:
     return 1.0 if p_value is None else p_value
 
 
-def _shape(course: Course) -> Shape:
+def _shape(course: Course, *, steps: bool = False) -> Shape:
     """The shape, its numbers of runs counted among all runs of the survey."""
     known = course.known
     values, std, over = course.values[known], course.std[known], course.over[known]
-    found = shape_of(values, std, over, 0.0)
+    found = shape_of(values, std, over, 0.0, steps=steps)
     at = [int(known[min(k, known.size - 1)]) for k in (found.begins, found.earliest, found.latest)]
     return replace(found, begins=at[0], earliest=at[1], latest=at[2])
 
 
-def _steps(course: Course, level: float) -> tuple[int, ...]:
-    """The numbers of runs before each step: the course is cut where it changes, and each part again."""
+def _steps(course: Course) -> tuple[int, ...]:
+    """The numbers of runs before each step: the course is cut where it changes, and each part again.
+
+    That it changes is sure: each further step is asked for by itself.
+    """
     known = course.known
     parts: list[tuple[int, int]] = [(0, known.size)]
     cuts: list[int] = []
@@ -267,7 +279,7 @@ def _steps(course: Course, level: float) -> tuple[int, ...]:
         places = known[first:last]
         part = Course(course.quantity, course.values[places], course.std[places], course.over[places])
         scanned = _scanned(part)
-        if scanned is None or scanned.p_value > max(level, 1e-4):
+        if scanned is None or scanned.p_value > SURVEY_ALPHA:
             continue
         cut = shape_of(part.values, part.std, np.arange(places.size, dtype=float), 0.0, steps=True).begins
         cuts.append(first + cut)
@@ -281,7 +293,7 @@ def _apart(course: Course) -> tuple[int, ...]:
     if known.size < 2 * _AROUND + 1:
         return ()
     values, std = course.values[known], course.std[known]
-    whole = np.hypot(std, scatter_between(values, std) or 0.0)
+    whole = whole_scatter(values, std)
     found = []
     for k in range(known.size):
         low = max(0, min(k - _AROUND, known.size - 2 * _AROUND - 1))

@@ -24,7 +24,7 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
 from rigctl.model.stated import stated_values
 from rigctl.survey.entries import Entry
-from rigctl.survey.judge import Change, Judged, Quantity, Tested, change_of, judge
+from rigctl.survey.judge import Change, Course, Judged, Quantity, Tested, change_of, judge
 from rigctl.survey.reading import Plan, Reading, problem_of
 
 #: readings in a diagnosis at least; runs that have fewer, rows of a table say, are taken together
@@ -43,11 +43,13 @@ class Named:
     changes: the surest first.
     verdict: of the diagnosis; empty where none could be made.
     remarks: what is to be known of it.
+    courses: as they are with what was named in the model; none where nothing was.
     """
 
     changes: tuple[Change, ...]
     verdict: str = ""
     remarks: tuple[str, ...] = ()
+    courses: tuple[Course, ...] = ()
 
 
 def name_changes(
@@ -90,14 +92,16 @@ def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]
     start = float(np.median(course.values[known[:begins]]))
     moved = known[np.argsort(-np.abs(course.values[known] - start), kind="stable")]
     most = moved[: max(1, round(_MOVED * moved.size))]
-    middle = len(most) // 2
-    ordered = [*most[middle:], *most[:middle][::-1]]
-    taken: list[int] = []
-    for place in ordered[:_MOST_RUNS]:
-        taken.append(int(place))
-        if sum(readings[k].samples for k in taken) >= _SAMPLES:
+    chosen = int(np.searchsorted(known, most[len(most) // 2]))
+    first = last = chosen
+    while last - first + 1 < min(_MOST_RUNS, known.size):
+        if sum(readings[int(k)].samples for k in known[first : last + 1]) >= _SAMPLES:
             break
-    return together([entries[k] for k in sorted(taken)])
+        if last + 1 < known.size:  # those that follow have changed as far
+            last += 1
+        else:
+            first -= 1
+    return together([entries[int(k)] for k in known[first : last + 1]])
 
 
 def change_begins(tested: Tested) -> int:
@@ -122,6 +126,14 @@ def _diagnosed(plan: Plan, entry: Entry) -> Diagnosis:
     problem, data = problem_of(free, entry)
     before = compared(fit_problem(problem, data.noise), plan.model.name)
     return diagnose_comparison(before, data.measurements.runs)
+
+
+def not_diagnosed(judged: Judged) -> Named:
+    """What changes, without a diagnosis: parameters that were fitted together each by itself."""
+    changed = judged.changed
+    if any(one.course.quantity.kind != "parameter" for one in changed):
+        return _unnamed(judged, "", "not diagnosed: told is what moves, which need not be what has changed")
+    return Named(tuple(change_of(one, judged) for one in changed))
 
 
 def _unnamed(judged: Judged, verdict: str, why: str) -> Named:
@@ -171,7 +183,8 @@ def _of_effects(
         text = f"with {' and '.join(found.effects)} in the model no quantity changes for sure by itself"
         return _unnamed(judged, found.verdict.value, text)
     remark = f"named by a diagnosis of one run: {found.verdict.value.replace('_', ' ')}"
-    return Named(tuple(changes), found.verdict.value, (remark,))
+    courses = tuple(one.course for one in second.tested)
+    return Named(tuple(changes), found.verdict.value, (remark,), courses)
 
 
 def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
@@ -202,7 +215,7 @@ def _with_effects(plan: Plan, effects: Sequence[Effect]) -> tuple[Plan, list[Qua
     freed = (*plan.freed, *names)
     again = replace(plan, model=model, freed=freed, held=(), candidates=())
     for effect in effects:
-        first = next(one for one in effect.parameters if not one.shape)
+        first, *_ = (one for one in effect.parameters if not one.shape)
         place = freed.index(qualified(effect.name, first.name))
         meaning, unit = effect.summary, first.unit
         quantities.append(Quantity(effect.name, "parameter", place, (), 0.0, unit, meaning, first.difference))

@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,8 +129,7 @@ def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
     RigctlError
         as `rigctl.analysis.fitting.read_runs`, and where a record of the entry is gone.
     """
-    runs = [assuming(open_run(ref), plan.model, plan.assume) for ref in entry.runs]
-    data = read_runs(plan.model, runs, only=plan.only)
+    data = _measured(plan, entry.runs)
     if entry.records is not None:
         wanted = set(entry.records)
         measured = data.measurements.records
@@ -141,6 +141,21 @@ def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
     return make_problem(
         model, data.measurements, data.noise.model, data.noise.ok, grown=data.noise.grown
     ), data
+
+
+#: the runs that were read last here, with the plan: many entries may be records of one run
+_LAST: list[tuple[tuple[Any, ...], Data]] = []
+
+
+def _measured(plan: Plan, refs: tuple[str, ...]) -> Data:
+    key = (plan.model.family, plan.model.rig, plan.only, plan.assume, refs)
+    for known, data in _LAST:
+        if known == key:
+            return data
+    runs = [assuming(open_run(ref), plan.model, plan.assume) for ref in refs]
+    data = read_runs(plan.model, runs, only=plan.only)
+    _LAST[:] = [(key, data)]
+    return data
 
 
 def freeing(model: Model, names: Sequence[str]) -> Model:

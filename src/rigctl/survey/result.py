@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: standard deviations of a 95 % interval
 INTERVAL = 1.96
+#: levels of a change in steps that a sentence has
+_LEVELS = 6
 
 
 @dataclass(frozen=True)
@@ -100,14 +102,11 @@ class Survey:
             names += f" or one of {len(change.alike) - 4} others"
         before, after = self.amount(change.quantity, shape.before), self.amount(change.quantity, shape.after)
         verb = "grew" if shape.after > shape.before else "fell"
-        verb = (
-            f"{verb} from {before} to {after}"
-            if len(change.steps) < 2
-            else (
-                "changed in steps, "
-                + ", ".join(self.amount(change.quantity, level) for level in change.levels)
-            )
-        )
+        verb = f"{verb} from {before} to {after}"
+        if len(change.steps) > 1:
+            told = [self.amount(change.quantity, level) for level in change.levels[:_LEVELS]]
+            more = f" and {len(change.levels) - _LEVELS} more" if len(change.levels) > _LEVELS else ""
+            verb = f"changed in steps, {', '.join(told)}{more}"
         since = lines[min(change.steps[0] if change.steps else shape.begins, len(lines) - 1)]
         first = lines[min(change.first_sure, len(lines)) - 1]
         text = (
@@ -149,6 +148,7 @@ class Survey:
         """The courses that are drawn: what has changed and every parameter, then the largest of the rest."""
         changed = {change.quantity.name: change.course for change in self.changes}
         rest = {one.course.quantity.name: one.course for one in self.judged.tested}
+        rest |= {course.quantity.name: course for course in self.named.courses}
         own = {name: rest[name] for name in (*self.freed, *self.held)}
         return tuple({**changed, **own, **rest, **changed}.values())
 

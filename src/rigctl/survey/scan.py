@@ -1,9 +1,9 @@
 """Does a course of values change? A scan over all ways to cut it, and what chance makes of that scan.
 
 The values x_1 … x_N of one quantity, a run each, in the order of the date or of whatever they are looked at
-over, are replaced by normal scores of their ranks, ``q = Φ⁻¹((rank − ½)/N)``. Scanned are all ends n and, for
-each of them, a step after every run k and the straight line through the first n: of the squares of q about
-their mean the share R² that it explains, as the signed root of a likelihood ratio,
+over, are replaced by normal scores of their ranks, ``q = Φ⁻¹((rank − ½)/N)`` within ±1. Scanned are all ends
+n and, for each of them, a step after every run k and the straight line through the first n: of the squares of
+q about their mean the share R² that it explains, as the root of a likelihood ratio,
 
     Z = √(−(n − 3/2)·ln(1 − R²))
 
@@ -12,7 +12,7 @@ run after which it could have been seen.
 
 What chance makes of it is drawn: Gaussian sequences whose neighbours have the correlation that the course
 shows, ranked and scanned likewise. Without correlation this is the permutation distribution, exact for
-whatever the scatter from run to run is drawn from: an outlier has the score of the largest rank and no more.
+whatever the scatter from run to run is drawn from: of an outlier only its side counts.
 
 Sources: A. N. Pettitt, Appl. Statist. 28 (1979) 126 (ranks, an unknown change point); the end is scanned too,
 as in sequential detection (D. Siegmund, Sequential Analysis, 1985).
@@ -28,11 +28,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.survey.course import tamed, whole_scatter
+
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 #: a change is not told that rests on fewer runs on one of its sides
 FEWEST_BESIDE: Final = 3
+#: scores of ranks further out count as this: of an outlier only its side is left
+_MOST = 1.0
 #: ends and, for each, cuts that are scanned at most
 _ENDS, _CUTS = 120, 40
 #: sequences that are drawn, and at a time
@@ -43,9 +47,11 @@ _CLEAR = 101
 _STEP = 0.1
 _STRONGEST = 0.9
 #: a correlation of more of its standard errors than this is no chance
-_SEEN = 1.5
+_SEEN = 1.0
 #: what a fitted step or growth takes away of it, over the number of runs
 _TAKEN = 3.0
+#: the share of the differences that tell it, the smaller ones
+_KEPT = 0.75
 
 
 @dataclass(frozen=True)
@@ -129,7 +135,7 @@ def normal_scores(values: Floats) -> Floats:
     from scipy.special import ndtri
     from scipy.stats import rankdata
 
-    scores = ndtri((rankdata(values) - 0.5) / values.size)
+    scores = np.clip(ndtri((rankdata(values) - 0.5) / values.size), -_MOST, _MOST)
     size = float(np.sqrt(np.mean(np.square(scores))))
     return np.asarray(scores / size if size > 0.0 else scores)
 
@@ -137,24 +143,31 @@ def normal_scores(values: Floats) -> Floats:
 def neighbours(values: Floats, scores: Floats) -> float:
     """The correlation of neighbouring runs, with neither a step nor a steady growth in it; rounded up.
 
-    The smaller of two estimates. Of a sequence with correlations ρ, ρ², … the mean squared differences of
-    neighbours and of next but one are as 1 − ρ and 1 − ρ²: a step does not enter these, a steep growth does.
-    And of what the nearest step or growth of the values, or of their scores, leaves, the correlation itself,
-    of which it takes some away.
+    The smaller of two estimates. Of a sequence with correlations ρ, ρ², … the squared differences of
+    neighbours and of next but one are as 1 − ρ and 1 − ρ²: the largest of them left out, steps do not enter
+    these, and a steep growth does.
+    And of what the nearest step or growth of the values, outliers tamed, or of their scores, leaves, the
+    correlation itself, of which it takes some away.
     """
     if scores.size < 2 * FEWEST_BESIDE:
         return 0.0
-    near = float(np.mean(np.square(scores[1:] - scores[:-1])))
-    far = float(np.mean(np.square(scores[2:] - scores[:-2])))
+    tame = tamed(values, whole_scatter(values, np.ones(values.size)))
+    near, far = (_usual(values[lag:] - values[:-lag]) for lag in (1, 2))
     if near <= 0.0:
         return 0.0
-    after = min(_correlation(_left(scores)), _correlation(normal_scores(_left(values))))
+    after = min(_correlation(_left(scores)), _correlation(normal_scores(_left(tame))))
     after += (_TAKEN + 4.0 * max(after, 0.0)) / scores.size
     found = max(min(far / near - 1.0, after), 0.0)
     error = 1.0 / math.sqrt(scores.size)
     if found > _SEEN * error:  # it is there, and half of the time it is stronger than it looks
         found += error
     return max(0.0, round(math.ceil(min(found, _STRONGEST) / _STEP - 1e-9) * _STEP, 6))
+
+
+def _usual(differences: Floats) -> float:
+    """The mean square of all but the largest differences."""
+    squares = np.sort(np.square(differences))
+    return float(np.mean(squares[: max(1, round(_KEPT * squares.size))]))
 
 
 def _correlation(left: Floats) -> float:
@@ -172,7 +185,7 @@ def _left(scores: Floats) -> Floats:
             left = scores - scores.mean() - centred * float(centred @ scores) / float(centred @ centred)
             if (cost := float(left @ left)) < least:
                 best, least = left, cost
-    return best
+    return np.asarray(best)
 
 
 def null(count: int, apart: tuple[bool, ...] | None, correlation: float) -> Floats:

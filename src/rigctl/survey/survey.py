@@ -16,8 +16,8 @@ from rigctl.errors import ExitCode, RigctlError, unknown_name
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 from rigctl.survey.entries import Entries, Entry, entries_of
-from rigctl.survey.judge import Quantity, change_of, judge
-from rigctl.survey.naming import Named, name_changes, parameters_of
+from rigctl.survey.judge import Quantity, judge
+from rigctl.survey.naming import name_changes, not_diagnosed, parameters_of
 from rigctl.survey.reading import Failure, Plan, Reading, problem_of, read_entry
 from rigctl.survey.result import Line, Survey
 from rigctl.tasks import Workers, map_tasks
@@ -75,8 +75,8 @@ def survey(
     outcomes = _read(plan, found.entries, workers, said, "Reading")
     places = [k for k, one in enumerate(outcomes) if isinstance(one, Reading)]
     if not places:
-        first = next(one for one in outcomes if isinstance(one, Failure))
-        raise RigctlError(f"no run could be read; the first: {first.reason}", exit_code=ExitCode.FAILED)
+        why, *_ = (one.reason for one in outcomes if isinstance(one, Failure))
+        raise RigctlError(f"no run could be read; the first: {why}", exit_code=ExitCode.FAILED)
     readings = [one for one in outcomes if isinstance(one, Reading)]
     where = np.array([found.entries[k].place for k in places])
     said("Looking for changes")
@@ -87,10 +87,11 @@ def survey(
         read = _read(other, entries, workers, said, f"Fitting with {what}")
         return [one if isinstance(one, Reading) else None for one in read]
 
-    if name and judged.changed:
-        named = name_changes(plan, entries, readings, judged, again, said)
-    else:
-        named = Named(tuple(change_of(one, judged) for one in judged.changed))
+    named = (
+        name_changes(plan, entries, readings, judged, again, said)
+        if name and plan.candidates
+        else not_diagnosed(judged)
+    )
     return Survey(
         model=model.name,
         freed=plan.freed,
@@ -161,6 +162,8 @@ def _picked(
     ranges = {} if measurements is None else data_ranges(model.family, measurements)
     tried = candidates(model, ranges=ranges)
     found = by_effect(tried)
+    if wanted is not None and list(wanted) == ["none"]:
+        wanted = ()
     for name in wanted or ():
         if name not in found:
             raise unknown_name("effect that the model may lack", name, ["none", *found])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar
@@ -43,6 +43,7 @@ class _Handing:
         self._client, self._work, self._pieces = client, work, pieces
         self._waiting = deque(range(len(pieces)))
         self._running: dict[Future, int] = {}
+        self._places: dict[Future, str] = {}
         self._lost = 0
         self._sent: Future | None = None
 
@@ -56,6 +57,7 @@ class _Handing:
                 self._gone(problem)
             for future in finished:
                 index = self._running.pop(future)
+                del self._places[future]
                 if future.status == "finished":
                     yield index, self._result(future)
                 elif future.status == "error":
@@ -64,16 +66,33 @@ class _Handing:
                     self._again(index)
 
     def _hand_out(self) -> None:
-        """As many as there are workers for: some may have come, and some may have gone."""
-        threads = sum(self._client.nthreads().values())
-        while self._waiting and len(self._running) < max(1, _AHEAD * threads):
+        """As many as there are workers for: some may have come, and some may have gone.
+
+        Each to the worker that has the fewest of ours, and the others wait here: left to itself the scheduler
+        gives what is short to whoever has the data already, and moves little of it to who is idle. A worker
+        that dies is replaced by any other.
+        """
+        threads = self._client.nthreads() or {
+            "": 1
+        }  # none is there: the scheduler keeps one for whoever comes
+        while self._waiting:
+            held = Counter(self._places[future] for future in self._running)
+            place = min(threads, key=lambda address: (held[address] / threads[address], address))
+            if held[place] >= _AHEAD * threads[place]:
+                return
             if self._sent is None:
                 self._sent = self._client.scatter(_Sent(self._work), broadcast=True, hash=False)
             index = self._waiting.popleft()
             future = self._client.submit(
-                _carried_out, self._sent, self._pieces[index], _version(), pure=False
+                _carried_out,
+                self._sent,
+                self._pieces[index],
+                _version(),
+                pure=False,
+                workers=[place] if place else None,
+                allow_other_workers=bool(place),
             )
-            self._running[future] = index
+            self._running[future], self._places[future] = index, place
 
     def _finished(self) -> list[Future]:
         from distributed import wait

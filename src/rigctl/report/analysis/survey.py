@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chance_text
@@ -165,7 +166,7 @@ def _test(found: Survey, number: int) -> dict[str, str]:
     }
 
 
-def _runs(found: Survey, courses: tuple[Course, ...]) -> str:
+def _runs(found: Survey, courses: tuple[Course, ...]) -> Markup:
     lines, left_out = cut(found.lines)
     return render(
         "survey_runs.html",

@@ -1,0 +1,181 @@
+"""`rigctl survey` as a user calls it: runs of a pump whose gaps widen, and runs that are wrong."""
+
+from __future__ import annotations
+
+import json
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from junitparser import JUnitXml
+
+import rigctl
+from commands import answer, call, refusal, told
+from rigctl.dataset import list_runs
+from rigctl.errors import ExitCode
+from rigctl.survey.survey import survey
+from rigctl.tasks import Workers
+
+FAMILY = """\
+family: pump
+inputs:
+  pressure: {value: 150 bar}
+parameters:
+  delivery: {value: 8.5 l/min, bounds: [1 l/min, 50 l/min]}
+  slip: {value: 0.005 l/(min*bar), bounds: [0 l/(min*bar), 0.1 l/(min*bar)]}
+outputs:
+  flow: {unit: l/min, formula: delivery - slip*pressure}
+"""
+RIG = """\
+name: pump
+model: families/pump.yaml
+channels:
+  pressure: {unit: bar, quantity: pressure}
+  flow: {unit: l/min, quantity: flow}
+"""
+MODEL = """\
+model: families/pump.yaml
+rig: rigs/pump.yaml
+parameters:
+  delivery: {value: 8.5 l/min, fit: true}
+  slip: {value: 0.005 l/(min*bar), fit: true}
+"""
+SHARED = ("--model", "models/pump.yaml", "--effects", "none", "--workers", "1")
+#: runs, and after how many the gaps begin to widen
+RUNS, WIDEN = 26, 12
+
+
+def _slip(run: int) -> float:
+    return 0.005 + 0.0003 * max(0, run - WIDEN)
+
+
+@pytest.fixture(scope="module")
+def year(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with a run every second week; the third scatters far, and one has another bench's column."""
+    folder = tmp_path_factory.mktemp("year")
+    for name, text in {"families": FAMILY, "rigs": RIG, "models": MODEL}.items():
+        (folder / name).mkdir()
+        (folder / name / "pump.yaml").write_text(text, encoding="utf-8")
+    (folder / "rigctl.toml").write_text("", encoding="utf-8")
+    draw = np.random.default_rng(1)
+    with chdir(folder):
+        for run in range(RUNS):
+            slip = _slip(run) * (1.4 if run == 2 else 1.0)
+            level = 8.5 * (1.0 + 0.002 * draw.standard_normal())
+            rows = ["time,pressure [bar],flow [l/min]"]
+            for k in range(24):
+                pressure = 120.0 + 20.0 * (k // 6)
+                flow = level - slip * pressure + 0.01 * draw.standard_normal()
+                stamp = np.datetime64("2026-01-05T08:00:00") + np.timedelta64(14 * 86_400 * run + k, "s")
+                rows.append(f"{stamp},{pressure + 0.02 * draw.standard_normal():.4f},{flow:.5f}")
+            Path("log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+            told("import", "log.csv", "--rig", "rigs/pump.yaml")
+    return folder
+
+
+def _one(found: dict[str, Any], name: str) -> dict[str, Any]:
+    return next(one for one in found["quantities"] if one["name"] == name)
+
+
+def test_what_grows_is_told_with_its_size_and_its_date(year: Path) -> None:
+    with chdir(year):
+        found = answer("survey", *SHARED)
+    assert (found["verdict"], found["over"]) == ("changed", "date")
+    (change,) = found["changes"]
+    assert (change["quantity"], change["kind"]) == ("slip", "growth")
+    assert change["before"] == pytest.approx(0.005, abs=0.0003)
+    assert change["after"] == pytest.approx(_slip(RUNS - 1), abs=0.0003)
+    labels = [run["run"] for run in found["runs"]]
+    assert WIDEN < labels.index(change["first_sure"]) < RUNS
+    assert _one(found, "slip")["apart"] == [labels[2]]
+    assert _one(found, "delivery")["p_value"] > 0.01
+
+
+def test_an_alarm_is_an_exit_code_and_a_failed_case(year: Path) -> None:
+    with chdir(year):
+        done = call("survey", *SHARED, "--alarm", "--junit", "s.xml", "--force", "-o", "s.html")
+        assert done.exit_code == 1, done.output
+        (suite,) = JUnitXml.fromfile("s.xml")
+        page = Path("s.html").read_text(encoding="utf-8")
+    assert (suite.tests, suite.failures, suite.errors) == (2, 1, 0)
+    assert [case.name for case in suite if case.result] == ["slip"]
+    assert "Changed." in page and "course-1" in page and "<script src" not in page
+
+
+def test_before_anything_has_changed_nothing_is_told(year: Path) -> None:
+    with chdir(year):
+        ids = [run.id for run in list_runs()][: WIDEN + 1]
+        found = answer("survey", *ids, *SHARED, "--alarm")
+    assert found["changes"] == []
+    assert found["verdict"] in ("cannot_tell", "no_change_seen")
+
+
+def test_one_run_and_two_runs_say_that_they_cannot_tell(year: Path) -> None:
+    with chdir(year):
+        ids = [run.id for run in list_runs()]
+        for few in ([ids[0]], [ids[0], ids[-1]]):
+            found = answer("survey", *few, *SHARED)
+            assert found["verdict"] == "cannot_tell"
+            assert _one(found, "slip")["p_value"] is None
+            assert _one(found, "slip")["between_runs"] is None
+
+
+def test_runs_that_cannot_be_read_are_told_and_left_out(year: Path) -> None:
+    with chdir(year):
+        ids = [run.id for run in list_runs()]
+        told("runs", "exclude", ids[5], "0", "--reason", "air in the line")
+        try:
+            found = answer("survey", *SHARED)
+        finally:
+            told("runs", "exclude", ids[5], "0", "--reason", "none was", "--undo")
+    failed = {run["run"]: run["failed"] for run in found["runs"] if "failed" in run}
+    assert list(failed) == [ids[5]] and "excluded" in failed[ids[5]]
+    assert found["verdict"] == "changed"
+    assert len(_one(found, "slip")["values"]) == RUNS - 1
+
+
+def test_nothing_depends_on_how_many_work(year: Path) -> None:
+    with chdir(year):
+        model, runs = rigctl.load_model("models/pump.yaml"), [rigctl.open_run(r.id) for r in list_runs()]
+        one, two = (
+            survey(runs, model, effects=["none"], workers=Workers(count)).document() for count in (1, 2)
+        )
+    assert json.dumps(one) == json.dumps(two)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--over", "oil_hour"), "oil_hour"),
+        (("--by", "colour"), "colour"),
+        (("--share", "slop"), "slip"),
+        (("--effects", "none", "--share", "thinning"), "thinning"),
+        (("--where", "rig = 'other'"), "no run to survey"),
+    ],
+)
+def test_what_is_not_there_is_refused(year: Path, options: tuple[str, ...], says: str) -> None:
+    with chdir(year):
+        assert says in refusal("survey", *SHARED, *options)
+
+
+def test_a_shared_parameter_is_held_and_tested_still(year: Path) -> None:
+    with chdir(year):
+        found = answer("survey", *SHARED, "--share", "delivery", "--over", "pressure", "--by", "month")
+    assert (found["free"], found["shared"]) == (["slip"], ["delivery"])
+    assert {one["kind"] for one in found["quantities"]} == {"parameter", "held"}
+
+
+def test_a_run_of_another_bench_is_no_run_of_this_survey(year: Path) -> None:
+    fan = RIG.replace("name: pump", "name: fan").replace("model: families/pump.yaml\n", "")
+    with chdir(year):
+        Path("rigs/fan.yaml").write_text(fan.replace("flow:", "draught:"), encoding="utf-8")
+        Path("fan.csv").write_text("time [s],draught [l/min]\n" + "".join(f"{k},1\n" for k in range(9)))
+        run = json.loads(told("import", "fan.csv", "--rig", "rigs/fan.yaml", "--json"))["run"]
+        try:
+            said = refusal("survey", run, *SHARED, exit_code=ExitCode.FAILED)
+        finally:
+            for file in sorted((year / "runs").glob(f"**/{run}/*")):
+                file.unlink()
+    assert "draught" in said or "fan" in said
