@@ -74,7 +74,7 @@ class _Handing:
         """
         threads = self._client.nthreads() or {
             "": 1
-        }  # none is there: the scheduler keeps one for whoever comes
+        }  # the scheduler keeps it for whoever comes
         while self._waiting:
             held = Counter(self._places[future] for future in self._running)
             place = min(threads, key=lambda address: (held[address] / threads[address], address))
