@@ -72,9 +72,7 @@ class _Handing:
         gives what is short to whoever has the data already, and moves little of it to who is idle. A worker
         that dies is replaced by any other.
         """
-        threads = self._client.nthreads() or {
-            "": 1
-        }  # the scheduler keeps it for whoever comes
+        threads = self._client.nthreads() or {"": 1}  # the scheduler keeps it for whoever comes
         while self._waiting:
             held = Counter(self._places[future] for future in self._running)
             place = min(threads, key=lambda address: (held[address] / threads[address], address))
