@@ -19,6 +19,7 @@ NAMES = (
     "protocols",
     "endings",
     "catalogue",
+    "serve",
     "tasks",
     "storage",
     "survey",

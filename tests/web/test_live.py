@@ -91,6 +91,7 @@ def test_two_windows_see_the_same_and_one_commands(window: Window, cookie: str, 
     two.get_by_role("button", name="Continue").click()
     one.locator(".run-state", has_text="running").wait_for()
     two.get_by_role("button", name="Give them back").click()
+    one.get_by_text("Nobody has the controls").wait_for()
 
 
 def test_a_procedure_s_name_with_markup_is_text(window: Window, running: InProgress) -> None:
@@ -147,6 +148,8 @@ def test_the_run_is_aborted_and_whole_and_holds_what_was_seen(window: Window, ru
     page.get_by_role("button", name="Abort", exact=True).click()
     page.get_by_role("button", name="Abort now").click()
     page.get_by_text("This run is over: aborted").wait_for()
+    assert page.locator(".commands dd").all_inner_texts() == ["off (safe)", "neutral (safe)", "–"]
+    page.locator(".statement", has_text="at a browser").wait_for()
     running.process.wait(30)
     assert verify(running.folder).good
     run = open_run(running.folder)

@@ -21,14 +21,15 @@ from web.serving import Served
 
 PROCEDURE = """\
 procedure: <b onclick=alert(1)>watch me</b>
-rig: rigs/hl32-bench.yaml
+rig: rigs/patient.yaml
 steps:
   - repeat: 400
     do:
       - record: {name: pulse, rate: 100 Hz}
         do:
           - extend: 0.05 s
-          - wait: 0.2 s
+          - wait: 0.1 s
+          - retract: 0.1 s
       - wait: 0.2 s
 finally:
   - set: {heater: off, valve: neutral}
@@ -63,6 +64,11 @@ def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
 def run_in_progress(project: Path) -> Iterator[InProgress]:
     """A run of `PROCEDURE`; aborted at the end, if it has not ended by then."""
     (project / "procedures" / "watch-me.yaml").write_text(PROCEDURE, encoding="utf-8")
+    # a busy machine may stop the simulated bench for longer than a second
+    rig = (project / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
+    assert "stale_after: 1 s " in rig
+    patient = rig.replace("stale_after: 1 s ", "stale_after: 60 s ")
+    (project / "rigs" / "patient.yaml").write_text(patient, encoding="utf-8")
     before = set((project / "runs").iterdir()) if (project / "runs").is_dir() else set()
     command = [sys.executable, "-m", "rigctl", "simulate", "procedures/watch-me.yaml", "--speed", "1x"]
     process = subprocess.Popen(

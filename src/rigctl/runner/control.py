@@ -120,8 +120,13 @@ def summary(view: View) -> dict[str, Any]:
     }
 
 
-def send(folder: Path, request: Request, *, timeout: float = 10.0) -> str:
+def send(folder: Path, request: Request, *, timeout: float = 10.0, at: str = "another terminal") -> str:
     """Ask something of the run in `folder` and wait until it says what has become of it.
+
+    Parameters
+    ----------
+    timeout: s of wall time.
+    at: where it is asked, for the run's events.
 
     Returns
     -------
@@ -141,7 +146,7 @@ def send(folder: Path, request: Request, *, timeout: float = 10.0) -> str:
             exit_code=ExitCode.FAILED,
         )
     order_id = uuid4().hex
-    line = {"id": order_id, "request": request.value, "source": sender()}
+    line = {"id": order_id, "request": request.value, "source": sender(at)}
     try:
         with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
             file.write(json.dumps(line) + "\n")
@@ -183,10 +188,10 @@ def _read_order(line: bytes) -> Order | None:
         return None
 
 
-def sender() -> str:
+def sender(at: str) -> str:
     """Who asks, for the run's events."""
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):  # a user without a name, as in a container
         user = "somebody"
-    return f"{user} at another terminal"
+    return f"{user} at {at}"

@@ -131,7 +131,13 @@ def send_answer(folder: Path, question: str, text: str) -> None:
         raise RigctlError(
             "something else is asked by now", value=question, expected=asked, exit_code=ExitCode.FAILED
         )
-    line = {"id": uuid4().hex, "request": _ANSWER, "question": asked, "text": text[:1000], "source": sender()}
+    line = {
+        "id": uuid4().hex,
+        "request": _ANSWER,
+        "question": asked,
+        "text": text[:1000],
+        "source": sender("a browser"),
+    }
     try:
         with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
             file.write(json.dumps(line) + "\n")

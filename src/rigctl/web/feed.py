@@ -359,7 +359,12 @@ def about(header: RunHeader) -> dict[str, Any]:
         for name in layout.channels
     ]
     commands = [
-        {"name": name, "unit": layout.unit(name), "kind": rig.actuators[name].kind if rig else ""}
+        {
+            "name": name,
+            "unit": layout.unit(name),
+            "kind": rig.actuators[name].kind if rig else "",
+            "safe": _safe(rig, name),
+        }
         for name in layout.commands
     ]
     return {
@@ -381,6 +386,15 @@ def _rig(header: RunHeader) -> Rig | None:
         return parse_rig(header.rig.text, Path(header.rig.path))
     except RigctlError:
         return None
+
+
+def _safe(rig: Rig | None, name: str) -> float | None:
+    """Where an actuator is when all is well ended, in its unit; None where nobody says."""
+    from rigctl.units import parse_unit
+
+    if rig is None or name not in rig.safe_state:
+        return None
+    return parse_unit(rig.actuators[name].display_unit).from_si(float(rig.safe_state[name]))
 
 
 def _places_of(rig: Rig | None, name: str) -> int:

@@ -101,7 +101,7 @@ class Live:
             ) from None
         folder = self._folder(asked.text("run"))
         self._lease.take(asked.viewer, over=False)
-        return {"run": folder.name, "answer": send(folder, request)}
+        return {"run": folder.name, "answer": send(folder, request, at="a browser")}
 
     def answer(self, asked: Asked) -> dict[str, Any]:
         """Answer what the operator is asked, where the run was begun by this page."""

@@ -51,6 +51,9 @@ export const h = (tag, attributes = {}, ...inside) => {
   return made;
 };
 
+// What may be wider than the screen, reached by keys too.
+export const scrolling = (label, ...inside) => h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, ...inside);
+
 export const wait = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
 
 // At most once in so many milliseconds, the last call never lost.

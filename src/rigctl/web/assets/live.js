@@ -218,7 +218,7 @@ export const show = async (place) => {
   const idle = h("div", { class: "panel idle" });
   const body = h("div", { class: "split live", hidden: true },
     h("div", {}, h("div", { class: "toolbar" }, h("label", { for: "span" }, "Shown"), span), plots), beside);
-  place.replaceChildren(head, body, idle);
+  place.replaceChildren(head, idle, body);
 
   const told = (found) => {
     lease = found;
@@ -315,7 +315,7 @@ export const show = async (place) => {
     }
     about.commands.forEach((one, index) => {
       const cell = commands.children[index]?.lastElementChild;
-      if (cell) cell.textContent = position(one, samples.columns[1 + about.channels.length + index]?.[last]);
+      if (cell && !state?.ended) cell.textContent = position(one, samples.columns[1 + about.channels.length + index]?.[last]);
     });
     if (samples.newest !== null) {
       drawnAt.push([samples.newest, (performance.timeOrigin + performance.now()) / 1000]);
@@ -329,6 +329,7 @@ export const show = async (place) => {
   frame();
 
   const showState = () => {
+    if (!about) return;
     stateTag.replaceChildren(tag(state.state ?? "unknown"));
     progress.value = state.ended && state.state === "finished" ? 1 : state.progress ?? 0;
     const record = state.records_total ? `record ${Math.min(state.records_done + (state.record >= 0 ? 1 : 0), state.records_total)} of ${state.records_total}` : "";
@@ -348,7 +349,14 @@ export const show = async (place) => {
     alarms.replaceChildren(...(state.alarms ?? []).map((text) => h("li", {}, text)));
     tree.replaceChildren(...(state.tree.length ? state.tree : state.label ? [{ depth: 0, label: state.label, stage: "current", note: "" }] : []).map((step) =>
       h("li", { class: step.stage, "data-depth": String(Math.min(step.depth, 6)), "aria-current": step.stage === "current" ? "step" : null }, step.label, step.note ? h("span", { class: "note" }, ` ${step.note}`) : null)));
-    if (state.ended) idleText();
+    if (state.ended) {
+      idleText();
+      // the last samples may be from before the outputs were made safe
+      about.commands.forEach((one, index) => {
+        const cell = commands.children[index]?.lastElementChild;
+        if (cell) cell.textContent = state.unconfirmed ? "not confirmed" : one.safe === null ? "–" : `${position(one, one.safe)} (safe)`;
+      });
+    }
     idle.hidden = !state.ended;
     buttons();
   };

@@ -1,5 +1,5 @@
 // A procedure: its text, checked as it is typed; its plan as a picture; its start.
-import { api, button, clock, command, complain, h, say, seldom, tag, word } from "./lib.js";
+import { api, button, clock, command, complain, h, say, scrolling, seldom, tag, word } from "./lib.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (name, attributes, ...inside) => {
@@ -47,7 +47,7 @@ const timeline = (plan, room, jump) => {
   const boxes = [];
   let deepest = 0;
   const lay = (node, start, end, depth) => {
-    deepest = Math.max(deepest, depth);
+    if ((end - start) / total > 0.004) deepest = Math.max(deepest, depth);
     if (depth >= 0) boxes.push({ node, start, end, depth });
     const inside = node.steps ?? [];
     const sum = inside.reduce((seconds, child) => seconds + (child.duration ?? 0), 0);
@@ -65,7 +65,7 @@ const timeline = (plan, room, jump) => {
     at += root.duration ?? 0;
   }
   const x = (seconds) => (seconds / total) * width;
-  const shapes = boxes.slice(0, 3000).map(({ node, start, end, depth }) => {
+  const shapes = boxes.filter((box) => box.depth <= deepest).slice(0, 3000).map(({ node, start, end, depth }) => {
     const wide = Math.max(x(end) - x(start) - 0.6, 0.4);
     const told = `${node.label}: ${clock(node.duration)}${node.basis === "timed" ? "" : ", estimated"}`;
     const box = svg("g", { class: `box ${node.kind}` }, svg("title", {}, told), svg("rect", { x: x(start), y: depth * row, width: wide, height: row - 2, rx: Math.min(3, wide / 2) }));
@@ -161,7 +161,7 @@ export const show = async (place) => {
 
   const limit = (one) => {
     const bound = one.above ?? one.below;
-    const kind = { clear: "finished", near: "paused", exceeded: "failed", crossed: "failed" }[one.state];
+    const kind = { clear: "finished", approached: "paused", touched: "failed" }[one.state];
     const state = tag(kind ?? "");
     state.textContent = one.state;
     return h("tr", {}, h("th", {}, one.name.replaceAll("_", " ")), h("td", { class: "words" }, `${one.channel.replaceAll("_", " ")} ${one.above === undefined ? "below" : "above"} ${Number(bound?.toPrecision(4))} ${one.unit}: ${one.action}s`), h("td", {}, one.closest === null ? "–" : `${Number(one.closest.toPrecision(4))} ${one.unit}`), h("td", {}, state));
@@ -173,7 +173,7 @@ export const show = async (place) => {
       h("ul", { class: "figures" }, facts.map(([value, name]) => h("li", {}, h("b", {}, value), name))),
       timeline(found, plan.clientWidth, jump),
       h("ul", { class: "warnings" }, found.warnings.map((warning) => h("li", {}, warning.message))),
-      h("details", { open: true }, h("summary", {}, "Limits, and how near the plan comes"), h("div", { class: "scroll" }, h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Limit", "Trips", "Nearest", "Plan"].map((title) => h("th", {}, title)))), h("tbody", {}, found.limits.map(limit))))),
+      h("details", { open: true }, h("summary", {}, "Limits, and how near the plan comes"), scrolling("Limits", h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Limit", "Trips", "Nearest", "Plan"].map((title) => h("th", {}, title)))), h("tbody", {}, found.limits.map(limit))))),
       command(`rigctl check ${word(file.path)}`),
     );
   };

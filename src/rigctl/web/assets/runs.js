@@ -1,5 +1,5 @@
 // The catalogue: found, sorted and paged by the server; one run beside it; two campaigns over each other.
-import { api, button, clock, command, h, say, seldom, tag, wait, word } from "./lib.js";
+import { api, button, clock, command, h, say, scrolling, seldom, tag, wait, word } from "./lib.js";
 import { plot } from "./plot.js";
 
 const PAGE = 50;
@@ -41,7 +41,7 @@ export const show = async (place) => {
       stated, actions),
     h("div", { class: "split" },
       h("div", {},
-        h("div", { class: "scroll" }, h("table", { class: "runs" }, h("caption", { class: "hidden" }, "Runs"), h("thead", {}, head), body)),
+        scrolling("Runs", h("table", { class: "runs" }, h("caption", { class: "hidden" }, "Runs"), h("thead", {}, head), body)),
         pager, standsFor),
       side),
     below,
@@ -250,7 +250,7 @@ export const show = async (place) => {
         h("h2", {}, `${found.second} minus ${found.first}`),
         h("div", { class: "toolbar" }, h("label", { for: "channel" }, "Channel"), channel, more ? h("span", { class: "note" }, more) : null, button("Close", () => below.replaceChildren(), { class: "push small" })),
         h("div", { class: "pair" },
-          h("div", { class: "scroll" }, h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Condition", "Records", "Mean", "Rms", "Scatter", "Rms / scatter"].map((title) => h("th", {}, title)))), numbers)),
+          scrolling("Differences", h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Condition", "Records", "Mean", "Rms", "Scatter", "Rms / scatter"].map((title) => h("th", {}, title)))), numbers)),
           h("div", {}, caption, curves))),
     );
     draw();
