@@ -183,10 +183,11 @@ def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool
     """The design first, then the diagnosis that it began with."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import design_sections, diagnosis_sections
+    from rigctl.report.section import folded
 
     sections = design_sections(found)
     if found.diagnosis is not None:
-        sections += diagnosis_sections(found.diagnosis)
+        sections += folded(diagnosis_sections(found.diagnosis))
     write_page(runs, page, sections, force=force)
 
 

@@ -108,8 +108,10 @@ def _write_page(runs: list[Run], page: Path, found: Discovery, *, force: bool) -
     """The search first, then the diagnosis that it began with."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import diagnosis_sections, discovery_sections
+    from rigctl.report.section import folded
 
-    write_page(runs, page, [*discovery_sections(found), *diagnosis_sections(found.diagnosis)], force=force)
+    began = folded(diagnosis_sections(found.diagnosis))
+    write_page(runs, page, [*discovery_sections(found), *began], force=force)
 
 
 def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:

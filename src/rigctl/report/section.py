@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,11 @@ class Section:
     hint: str = ""
     closes: bool = False
     names_page: str = ""
+
+
+def folded(sections: Sequence[Section]) -> list[Section]:
+    """The same, folded: what another answer on the page rests on."""
+    return [replace(one, folded=True) for one in sections]
 
 
 def render(template: str, **values: Any) -> Markup:

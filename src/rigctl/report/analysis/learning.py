@@ -137,6 +137,5 @@ def _promises(learned: Learned) -> Markup:
             expected = one.came_out.expected[rival]
             against = f"{plain_name(one.came_out.winner)} over {plain_name(rival)}"
             shown.append(Bar(label, expected / largest, f"{expected:.3g}", f"promised: {against}", 7))
-            shown.append(Bar("", max(gain, 0.0) / largest, f"{gain:.3g}", "came out", 0))
-            label = ""
+            shown.append(Bar("came out", max(gain, 0.0) / largest, f"{gain:.3g}", "", 0))
     return bars("Gain of 2·ln L: promised, and what came out", shown) if shown else Markup()
