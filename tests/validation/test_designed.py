@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -15,6 +16,7 @@ from rigctl.validation.designed.trial import TWINS, DesignTrial, design_trials
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.hidden_effects import find_hidden
 from rigctl.validation.outcome import Learnt, TrialOutcome
+from rigctl.validation.store import every_outcome
 
 
 def outcome(*truth: str, rounds: int = 2, **learnt: Any) -> DesignOutcome:
@@ -73,6 +75,20 @@ def test_each_pair_is_counted_by_what_it_was_promised() -> None:
     assert high.rate.met is False  # 67 % came out of 93 %
     assert high.rate.at_least == pytest.approx(high.mean - 0.1)
     assert rate("the campaign leaves a class", "records are proposed", kept, broken, never) == (1, 2)
+
+
+def test_what_was_kept_before_pairs_were_counts_as_one_promise(tmp_path: Path) -> None:
+    """Results of an earlier version stay in the file, and are drawn with the others."""
+    old = outcome(probability=0.93, winner="leak", told=True)
+    document = old.document()
+    for name in ("chances", "apart", "of_random", "of_first", "sensor", "statement"):
+        del document["learnt"][name]
+    path = tmp_path / "design.jsonl"
+    path.write_text(json.dumps({"scenario": "x", "version": "method 17", "outcome": document}) + "\n")
+    read = every_outcome(path, DesignTrial.read)
+    assert read == (old,)
+    (found,) = promises(read)
+    assert (found.low, found.mean, found.came_out, found.pairs) == (0.8, 0.93, 1, 1)
 
 
 def test_records_at_random_are_counted_beside_and_not_among_designed_ones() -> None:

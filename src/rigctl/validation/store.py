@@ -42,14 +42,14 @@ class ResultStore(Generic[AnyTrial]):
         """
         wanted = None if scenarios is None else {scenario.name for scenario in scenarios}
         found = {}
-        for line in self._lines():
+        for line in self.lines():
             if line.get("version") == self.version and (wanted is None or line["scenario"] in wanted):
                 found[line["scenario"]] = TrialOutcome.read(line["outcome"], self.read)
         return tuple(found.values())
 
     def missing(self, scenarios: Iterable[AnyTrial]) -> tuple[AnyTrial, ...]:
         """The scenarios that have no result yet."""
-        done = {line["scenario"] for line in self._lines() if line.get("version") == self.version}
+        done = {line["scenario"] for line in self.lines() if line.get("version") == self.version}
         return tuple(scenario for scenario in scenarios if scenario.name not in done)
 
     def keep(self, outcome: TrialOutcome[AnyTrial]) -> None:
@@ -83,7 +83,14 @@ class ResultStore(Generic[AnyTrial]):
             file.seek(-1, os.SEEK_END)
             return file.read(1) != b"\n"
 
-    def _lines(self) -> Iterator[dict[str, Any]]:
+    def lines(self) -> Iterator[dict[str, Any]]:
+        """Everything that is kept, of every version, as plain data.
+
+        Raises
+        ------
+        RigctlError
+            the file cannot be read.
+        """
         try:
             text = self.path.read_text(encoding="utf-8", errors="replace")
         except FileNotFoundError:
@@ -99,6 +106,20 @@ class ResultStore(Generic[AnyTrial]):
                 continue
             if isinstance(found, dict) and {"scenario", "outcome"} <= found.keys():
                 yield found
+
+
+def every_outcome(
+    path: Path, read: Callable[[Mapping[str, Any]], AnyTrial]
+) -> tuple[TrialOutcome[AnyTrial], ...]:
+    """Every result of a file, of all versions.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read.
+    """
+    lines = ResultStore(path, "", read).lines()
+    return tuple(TrialOutcome.read(line["outcome"], read) for line in lines)
 
 
 def _plain(value: Any) -> Any:

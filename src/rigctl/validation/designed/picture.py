@@ -1,10 +1,19 @@
-"""How promises were kept, as a picture: the share of pairs that were told apart over what was promised."""
+"""How promises were kept, as a picture: the share of pairs that were told apart over what was promised.
+
+``python -m rigctl.validation.designed.picture design.jsonl... -o promises.svg`` draws the trials of several
+files, of whatever version they are; `rigctl validate --tier design` those that it has carried out.
+"""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
-from rigctl.validation.designed.rates import Promises
+from rigctl.files.write import write_text
+from rigctl.validation.designed.rates import Promises, promises
+from rigctl.validation.designed.trial import DesignTrial
+from rigctl.validation.store import every_outcome
 
 _SIDE, _LEFT, _TOP = 320.0, 64.0, 20.0
 _WIDTH, _HEIGHT = _LEFT + _SIDE + 24.0, _TOP + _SIDE + 56.0
@@ -65,3 +74,17 @@ def _x(share: float) -> float:
 
 def _y(share: float) -> float:
     return _TOP + (1.0 - share) * _SIDE
+
+
+def main() -> None:
+    """Draw the trials of some files."""
+    parser = argparse.ArgumentParser(description="Draw how promises were kept.")
+    parser.add_argument("files", nargs="+", type=Path, help="of trials, as --tier design keeps them")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    given = parser.parse_args()
+    found = [one for path in given.files for one in every_outcome(path, DesignTrial.read)]
+    write_text(given.output, calibration_svg(tuple(promises(found))))
+
+
+if __name__ == "__main__":
+    main()

@@ -81,12 +81,7 @@ def promises(outcomes: Sequence[DesignOutcome]) -> Iterator[Promises]:
 
     Designed and random records together: few designs promise little.
     """
-    pairs = [
-        (chance, rival in _of(one).apart)
-        for one in outcomes
-        if one.counts
-        for rival, chance in _of(one).chances.items()
-    ]
+    pairs = [pair for one in outcomes if one.counts for pair in _pairs(one)]
     for low, high in BINS:
         among = [(chance, told) for chance, told in pairs if low <= chance < high + (high == 1.0)]
         if among:
@@ -100,6 +95,14 @@ def _of(outcome: DesignOutcome) -> Learnt:
 
 def _proposed(outcome: DesignOutcome) -> bool:
     return _of(outcome).probability is not None
+
+
+def _pairs(outcome: DesignOutcome) -> list[tuple[float, bool]]:
+    """(promised, came out) of each pair; of what was kept before pairs were, of all rivals together."""
+    found = _of(outcome)
+    if found.chances or found.probability is None:
+        return [(chance, rival in found.apart) for rival, chance in found.chances.items()]
+    return [(found.probability, found.told and found.winner in outcome.scenario.truth)]
 
 
 def _telling(outcome: DesignOutcome) -> bool:
