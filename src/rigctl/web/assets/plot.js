@@ -16,7 +16,7 @@ const axis = (label, more = {}) => ({
   ...more,
 });
 
-// options: { height, series: [{ label, colour: 0, dash, width, points, size }], bands: [{ between: [2, 3] }], xLabel, yLabel, yRange, ySpace, hooks, legend, sync, describe }
+// options: { height, series: [{ label, colour: 0, dash, width, points, size, unlisted }], bands: [{ between: [2, 3] }], xLabel, yLabel, yRange, ySpace, hooks, legend, sync, describe }
 // Returns { element, set(data), remove() }; data as uPlot has it: [x, y1, y2 …].
 export const plot = (options) => {
   const place = h("figure", { class: "curves", role: "img", "aria-label": options.describe ?? options.yLabel ?? "plot" });
@@ -53,6 +53,8 @@ export const plot = (options) => {
       data,
       place,
     );
+    const listed = drawn.root.querySelectorAll(".u-legend .u-series");
+    options.series.forEach((one, k) => one.unlisted && listed[k + 1]?.classList.add("hidden"));
   };
 
   const set = (next) => {

@@ -219,6 +219,7 @@ const bench = (place, told, { send, asked, desk }) => {
   const restNow = () => {
     clearTimeout(resting);
     resting = null;
+    mood("fitting");
     sequence += 1;
     again = null;
     send({ do: "settle", seq: sequence, sent: performance.now(), ...said() });
@@ -373,7 +374,7 @@ const bench = (place, told, { send, asked, desk }) => {
         }
         if (header.shown.includes(shownRecord)) curves.setPicture(arrays[`model ${shownRecord}`], arrays[`error ${shownRecord}`]);
         const one = told.records[shownRecord];
-        title.textContent = [one.label, one.condition.replaceAll("_", " "), one.held_out ? "held out" : ""].filter(Boolean).join(" · ");
+        title.textContent = [one.label, one.condition, one.held_out ? "held out" : ""].filter(Boolean).join(" · ");
         drawMap();
         showNumbers(header);
         showCommand(header.command);

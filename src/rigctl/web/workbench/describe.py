@@ -73,7 +73,7 @@ def _records(problem: Problem, held_out: set[int]) -> list[dict[str, Any]]:
     return [
         {
             "label": record.label,
-            "condition": condition_text(record.condition, units),
+            "condition": condition_text(record.condition, units).replace("_", " "),
             "held_out": k in held_out,
             "phases": [{"name": name, "from": start} for name, start in _phases(problem, k)],
         }

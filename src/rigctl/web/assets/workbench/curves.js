@@ -28,7 +28,7 @@ export const makeCurves = (opened) => {
       sync: "workbench",
       yLabel: "residual [σ]",
       xLabel: c === opened.channels.length - 1 ? "time in the record [s]" : "",
-      describe: `${channel.title}: model less measurement in sigmas of the noise`,
+      describe: `${channel.title}: measured less modelled, in sigmas of the noise`,
       series: [
         { label: "+ 2 sigma", colour: "--band", width: 0 },
         { label: "− 2 sigma", colour: "--band", width: 0 },
@@ -64,7 +64,7 @@ export const makeCurves = (opened) => {
     pairs.forEach(({ upper, lower }, c) => {
       const { times, measured, high, low, two, less } = record[c];
       upper.set([times, measured, high, low, row(model, c)]);
-      lower.set([times, two, less, row(error, c)]);
+      lower.set([times, two, less, row(error, c).map((value) => (value === null ? null : -value))]);
     });
   };
   const remove = () => pairs.forEach(({ upper, lower }) => (upper.remove(), lower.remove()));

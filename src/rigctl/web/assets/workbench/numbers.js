@@ -6,7 +6,7 @@ export const figure = (value, digits = 4) => {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  if (size >= 1e6 || size < 1e-3) return value.toExponential(Math.max(digits - 2, 1)).replace("e+", "e");
+  if (size >= 1e6 || size < 1e-3) return value.toExponential(Math.max(digits - 1, 1)).replace("e+", "e");
   return Number(value.toPrecision(digits)).toString();
 };
 
@@ -18,11 +18,19 @@ export const withUnit = (slider, si) => `${figure(shown(slider, si))} ${unitText
 export const spread = (value, std) => {
   if (!std || !Number.isFinite(std)) return figure(value);
   const digits = Math.min(Math.max(Math.floor(Math.log10(Math.abs(value) || std)) - Math.floor(Math.log10(std)) + 2, 1), 8);
-  return `${figure(value, digits)} ± ${figure(std, 2)}`;
+  const shown = figure(value, digits);
+  const [head, power] = shown.split("e");
+  if (power !== undefined) return `(${head} ± ${(std / 10 ** Number(power)).toFixed(Math.max(digits - 1, 0))})e${power}`;
+  return `${shown} ± ${figure(std, 2)}`;
 };
 
 export const chance = (p) => (p === null || p === undefined ? "–" : p < 1e-6 ? "< 1e-6" : figure(p, 2));
 export const percent = (share) => `${(100 * share).toFixed(share > 0.1 ? 0 : 1)} %`;
 
 // s as a person says them
-export const duration = (seconds) => (seconds < 90 ? `${Math.round(seconds)} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${figure(seconds / 3600, 2)} h`);
+export const duration = (seconds) => {
+  const whole = Math.round(seconds);
+  if (whole < 60) return `${whole} s`;
+  if (whole < 3600) return `${Math.floor(whole / 60)} min${whole % 60 ? ` ${whole % 60} s` : ""}`;
+  return `${Math.floor(whole / 3600)} h ${Math.round((whole % 3600) / 60)} min`;
+};

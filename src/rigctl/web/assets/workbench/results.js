@@ -11,11 +11,11 @@ const table = (caption, heads, lines, kind = "numbers") =>
 const fold = (title, ...inside) => h("details", {}, h("summary", {}, title), ...inside);
 
 // Curves by name over one x: { times, curves: { name: [...] } }
-const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden = [] }) => {
+const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden = [], first = 0 }) => {
   const names = Object.keys(named);
   const drawn = plot({
     height: height ?? 190, xLabel, yLabel, describe, legend: true, bands,
-    series: names.map((label, k) => ({ label, colour: hidden.includes(label) ? "--band" : COLOURS[k % COLOURS.length], width: hidden.includes(label) ? 0 : 1.6 })),
+    series: names.map((label, k) => ({ label, colour: hidden.includes(label) ? "--band" : COLOURS[(k + first) % COLOURS.length], width: hidden.includes(label) ? 0 : 1.6, unlisted: hidden.includes(label) && label !== "± 2 sigma" })),
   });
   drawn.set([x, ...names.map((name) => named[name])]);
   return drawn.element;
@@ -96,15 +96,28 @@ export const experiment = (found, { approve, toReal }) => {
   const hidden = h("input", { type: "text", id: "bench-hides", placeholder: "valve_leakage", size: 28, spellcheck: "false" });
   const record = (one, k) => h("div", { class: "group" },
     h("h3", {}, `Record ${k + 1}: ${Object.entries(one.settings).map(([name, value]) => `${plain(name)} ${value}`).join(", ")}`),
-    h("p", { class: "note" }, `${one.why} It takes ${duration(one.duration)}.`),
-    ...(found.predictions[k] ?? []).map((channel) => {
-      const names = Object.keys(channel.by_rival).slice(0, 4);
-      const first = channel.by_rival[names[0]];
-      const named = Object.fromEntries(names.map((name) => [titleOf(name), channel.by_rival[name]]));
-      named["± 2 sigma"] = first.map((value, at) => value + 2 * channel.sigma[at]);
-      named[""] = first.map((value, at) => value - 2 * channel.sigma[at]);
-      return curves({ x: channel.times, named, hidden: ["± 2 sigma", ""], bands: [{ between: [names.length + 1, names.length + 2] }], xLabel: "time in the record [s]", yLabel: `${channel.channel} [${channel.unit}]`, describe: `${channel.channel}: what each rival predicts` });
-    }));
+    h("p", { class: "note" }, `${one.why}. It takes ${duration(one.duration)}.`),
+    ...telling(found.predictions[k] ?? []).flatMap(predicted));
+  // What the rivals do not differ in says nothing of them.
+  const telling = (channels) => {
+    const some = channels.filter((channel) => apart(channel) > 0.5);
+    return some.length ? some : channels.slice(-1);
+  };
+  const less = ({ by_rival, sigma }, name) => by_rival[name].map((value, at) => (value - by_rival[Object.keys(by_rival)[0]][at]) / sigma[at]);
+  const apart = (channel) => Math.max(0, ...Object.keys(channel.by_rival).slice(1, 4).flatMap((name) => less(channel, name).map(Math.abs)));
+  const predicted = (channel) => {
+    const names = Object.keys(channel.by_rival).slice(0, 4);
+    const first = channel.by_rival[names[0]];
+    const named = Object.fromEntries(names.map((name) => [titleOf(name), channel.by_rival[name]]));
+    named["± 2 sigma"] = first.map((value, at) => value + 2 * channel.sigma[at]);
+    named[""] = first.map((value, at) => value - 2 * channel.sigma[at]);
+    const drawn = [curves({ x: channel.times, named, hidden: ["± 2 sigma", ""], bands: [{ between: [names.length + 1, names.length + 2] }], yLabel: `${channel.channel} [${channel.unit}]`, describe: `${channel.channel}: what each rival predicts` })];
+    if (names.length > 1) {
+      const others = Object.fromEntries(names.slice(1).map((name) => [`${titleOf(name)} less ${titleOf(names[0])}`, less(channel, name)]));
+      drawn.push(curves({ x: channel.times, named: others, height: 130, first: 1, xLabel: "time in the record [s]", yLabel: "difference [σ]", describe: `${channel.channel}: the others less ${titleOf(names[0])}, in sigmas` }));
+    }
+    return drawn;
+  };
   return [
     h("p", { class: "statement" }, found.statement),
     found.records.length
