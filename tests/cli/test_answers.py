@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from rigctl.cli.answer_view import show_answer
+from rigctl.cli.model_views import show_errors
 from rigctl.cli.telling import _thinned, telling
+from rigctl.model.history.change import ModelError
 from rigctl.report.answer import Answer
 
 
@@ -39,3 +41,13 @@ def test_an_answer_is_a_line_and_one_for_each_fact(capsys: pytest.CaptureFixture
         "  how sure    very",
         "  -v shows    the ranking",
     ]
+
+
+def test_bars_of_an_error_are_what_is_left_without_the_noise(capsys: pytest.CaptureFixture[str]) -> None:
+    noise, units = {"position": 0.127}, {"position": "mm"}
+    before = ModelError({"position": 0.158}, units=units, noise=noise)
+    after = ModelError({"position": 0.127}, units=units, noise=noise)
+    show_errors([("before", before), ("with it", after)])
+    _, first, second, floor = capsys.readouterr().out.splitlines()
+    assert (first.count("█"), second.count("█"), floor.count("█")) == (40, 0, 0)
+    assert [line.split()[-1] for line in (first, second, floor)] == ["0.158", "0.127", "0.127"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -243,17 +244,22 @@ def _label(found: VersionError) -> str:
 
 
 def show_errors(steps: Sequence[tuple[str, ModelError]]) -> None:
-    """The error of each channel after each step, as bars on one scale, down to the noise."""
+    """The error of each channel after each step; the bars are what is left of it without the noise.
+
+    Where the noise is not known they are the error as it is.
+    """
     out = console()
     width = max(len(label) for label, _ in steps)
     for channel in dict.fromkeys(name for _, error in steps for name in error.rmse):
         unit = next((error.units[channel] for _, error in steps if channel in error.units), "")
         bars = _bars(steps, channel)
-        largest = max(value for _, _, value in bars)
-        out.print(f"  [bold]{channel}[/], root mean square error{escape(f' [{unit}]' if unit else '')}")
-        for label, kind, value in bars:
+        noise = next((value for _, kind, value in bars if kind == "noise"), 0.0)
+        sizes = [math.sqrt(max(value**2 - noise**2, 0.0)) for _, _, value in bars]
+        what = "; bars without the noise" if noise else ""
+        out.print(f"  [bold]{channel}[/], root mean square error{escape(f' [{unit}]' if unit else '')}{what}")
+        for (label, kind, value), size in zip(bars, sizes, strict=True):
             colour = {"fitted": "cyan", "held out": "yellow"}.get(kind, "dim")
-            bar = draw_bar(value, largest)
+            bar = draw_bar(size, max(sizes))
             out.print(f"  {escape(label):<{width}}  {kind:<8} [{colour}]{bar}[/] {value:.4g}", soft_wrap=True)
 
 
