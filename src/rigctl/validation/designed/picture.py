@@ -16,6 +16,8 @@ from rigctl.validation.designed.trial import DesignTrial
 from rigctl.validation.store import every_outcome
 
 _SIDE, _LEFT, _TOP = 320.0, 64.0, 20.0
+#: a share below which a label stands above its point
+_LOW = 0.1
 _WIDTH, _HEIGHT = _LEFT + _SIDE + 24.0, _TOP + _SIDE + 56.0
 
 
@@ -62,8 +64,9 @@ def _point(one: Promises) -> Iterator[str]:
     yield f'<path d="M{x:.1f},{_y(rate.low):.1f} V{_y(rate.high):.1f}" stroke="#0072b2" stroke-width="1.5"/>'
     yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="#0072b2"/>'
     side, anchor = (8.0, "start") if one.mean < 0.8 else (-8.0, "end")
+    below = 16.0 if rate.value > _LOW else -8.0  # clear of the axis
     yield (
-        f'<text x="{x + side:.1f}" y="{y + 16:.1f}" text-anchor="{anchor}" fill="#111111">'
+        f'<text x="{x + side:.1f}" y="{y + below:.1f}" text-anchor="{anchor}" fill="#111111">'
         f"{one.came_out} of {one.pairs}</text>"
     )
 
