@@ -12,6 +12,7 @@ import pytest
 from commands import MODEL, answer, refusal, told
 from rigctl.cli.init import create_project
 from rigctl.dataset import open_run
+from rigctl.design import search
 from rigctl.design.design import design_experiment
 from rigctl.design.result import DesignResult
 from rigctl.files.write import to_json
@@ -19,6 +20,7 @@ from rigctl.model import load_model
 from rigctl.planning.preview import preview
 from rigctl.procedure.expand import expand
 from rigctl.procedure.load import parse_procedure
+from rigctl.tasks import Workers
 
 pytestmark = pytest.mark.usefixtures("inside")
 
@@ -118,6 +120,15 @@ def test_a_law_that_another_one_contains_is_not_promised_to_be_told_from_it(run:
     assert chances[pair].after < 0.05
     assert chances[pair].separation < 9.2
     assert not found.separable
+
+
+def test_a_design_does_not_depend_on_who_works(run: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "_AT_ONCE", 4)
+    alone, two = (
+        design_experiment([open_run(run)], load_model(MODEL), records=1, workers=workers).as_json()
+        for workers in (None, Workers(2))
+    )
+    assert to_json(alone) == to_json(two)
 
 
 def test_a_budget_is_kept(run: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,18 +140,21 @@ def fit_problem(
     *,
     refit: bool = True,
     local: Sequence[NDArray[np.float64]] | None = None,
+    cost: float | None = None,
     on_progress: OnProgress = no_progress,
     iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """Fit a model that is on its measurements already, and again in the noise that its residuals show.
 
-    `local` are the records' own unknowns where the fit begins near its end. `iterated` is called with each
+    `local` are the records' own unknowns where the fit begins near its end, and `cost` the share of it that
+    the next step would have to save, as of `rigctl.model.fit.fit.fit`. `iterated` is called with each
     iteration; what it raises ends the fit.
     """
     if not refit:
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
-    result = fit(problem, held_out, refit=bool(problem.shared), local=local, progress=iterated)
+    ends = fit if cost is None else partial(fit, cost=cost)
+    result = ends(problem, held_out, refit=bool(problem.shared), local=local, progress=iterated)
     for learn in (_spikes_off, _noise_off):
         cleaned = learn(result, noise)
         if cleaned is not None:

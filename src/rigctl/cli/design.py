@@ -10,6 +10,7 @@ import typer
 from rigctl.cli.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import Evidence, NoCache
+from rigctl.cli.workers import Cluster
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
@@ -66,6 +67,16 @@ def design(
         bool, typer.Option("--force", help="Let -o and --page replace a file that is none of ours.")
     ] = False,
     assume: Assume = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Simulate candidates and refit rivals in N processes; this one if left out.",
+            show_default=False,
+        ),
+    ] = None,
+    cluster: Cluster = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Evidence = False,
@@ -90,7 +101,9 @@ def design(
     from rigctl.cli.telling import telling
     from rigctl.dataset.outputs import is_designed, require_output
     from rigctl.design.design import design_experiment
+    from rigctl.tasks import Workers
 
+    at = Workers(workers, cluster=cluster) if workers or cluster else None
     seconds = None if budget is None else read_budget(budget)
     pair = None if separate is None else read_pair(separate)
     if output is not None:
@@ -109,6 +122,7 @@ def design(
             seed=seed,
             hold_out=hold_out,
             only=only,
+            workers=at,
             on_progress=on_progress,
         )
     if output is not None and found.procedure:

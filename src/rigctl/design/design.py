@@ -38,6 +38,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
+from rigctl.tasks import Workers
 from rigctl.units import parse_unit
 
 #: records in a set when nobody says how many
@@ -64,6 +65,7 @@ def design_experiment(
     only: str | None = None,
     excluded: Collection[str] = (),
     diagnosis: Diagnosis | None = None,
+    workers: Workers | None = None,
     on_progress: OnProgress | None = None,
 ) -> DesignResult:
     """What to measure next so that the explanations which a diagnosis leaves are told apart.
@@ -78,6 +80,8 @@ def design_experiment(
     seed: of candidates and draws: the same seed gives the same design.
     hold_out, only, excluded: as of `rigctl.analysis.diagnosis.diagnose`.
     diagnosis: of the same model on the same runs, where it has been made already.
+    workers: who simulates candidates and refits rivals; the design does not depend on it. This process, on
+        all its cores, when left out.
 
     Raises
     ------
@@ -100,7 +104,7 @@ def design_experiment(
     rig = measured.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
     tell(f"Designing for {', '.join(one.name for one in question.rivals)}")
-    design = _Design.on(question, rig, rig_reference(runs, rig), seed)
+    design = _Design.on(question, rig, rig_reference(runs, rig), seed, workers)
     try:
         chosen = design.chosen(records or MOST_RECORDS, budget, tell)
     except NothingToSet as error:
@@ -166,7 +170,9 @@ class _Design:
     first: tuple[Evidence, ...] = ()
 
     @classmethod
-    def on(cls, question: Question, rig: Rig, reference: str, seed: int) -> _Design:
+    def on(
+        cls, question: Question, rig: Rig, reference: str, seed: int, workers: Workers | None = None
+    ) -> _Design:
         """On the data that the rivals were fitted to."""
         known = known_so_far(question.rivals)
         fit = question.rivals[0].fit
@@ -178,7 +184,7 @@ class _Design:
             "precision": Precision,
         }
         criterion = made[question.aim](question, known)
-        workshop = Workshop(question.rivals, known, stage)
+        workshop = Workshop(question.rivals, known, stage, workers)
         draws = Draws(known, workshop, seed, DRAWS)
         return cls(question, known, stage, writer, criterion, workshop, draws, seed)
 
@@ -236,7 +242,7 @@ class _Design:
         """Take down what a real refit leaves of the distances; whether that is far less than looked for."""
         if not isinstance(self.criterion, Discrimination):
             return False
-        self.criterion = as_refitted(self.criterion, self.draws, found)
+        self.criterion = as_refitted(self.criterion, self.draws, found, self.workshop.workers)
         return min(self.criterion.reach.values(), default=1.0) < TAKEN_UP
 
     def _cheap_enough(self, search: Search) -> bool:

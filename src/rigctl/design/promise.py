@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,13 +12,14 @@ from rigctl.design.criterion import Discrimination, Pair
 from rigctl.design.feasible import clear_of_limits
 from rigctl.design.information import Evidence, Refit
 from rigctl.design.power import Gain, gain
-from rigctl.design.refitted import refitted_gain
+from rigctl.design.refitted import refitted_gains
 from rigctl.design.result import Outlook
 from rigctl.design.rivals import Rival
 from rigctl.design.search import Proposal, Workshop, together
 from rigctl.design.so_far import Known
 from rigctl.design.virtual_records import Outlines
 from rigctl.rig.rig import Rig
+from rigctl.tasks import Workers
 
 Floats = NDArray[np.float64]
 
@@ -115,17 +116,22 @@ class Draws:
             self.rivals[truth].overdispersion
         )
 
-    def reach(self, pair: Pair, chosen: Sequence[Proposal], linear: float) -> float:
+    def reach(
+        self, linear: Mapping[Pair, float], chosen: Sequence[Proposal], workers: Workers | None
+    ) -> dict[Pair, float]:
         """The share of a linear problem's D that stays when the rival is really refitted, no more than 1.
 
         Only where the two are near enough that it may matter.
         """
-        truth, rival = pair
-        if not 0.0 < linear < _FAR:
-            return 1.0
-        factor = self.rivals[truth].overdispersion
+        near = [pair for pair, distance in linear.items() if 0.0 < distance < _FAR]
         scenes = [self.workshop.scene(one) for one in chosen]
-        return min(refitted_gain(self.rivals[rival], truth, scenes) / (factor * linear), 1.0)
+        gained = dict(zip(near, refitted_gains(self.rivals, near, scenes, workers), strict=True))
+        return {
+            pair: min(gained[pair] / (self.rivals[pair[0]].overdispersion * distance), 1.0)
+            if pair in gained
+            else 1.0
+            for pair, distance in linear.items()
+        }
 
     def _right_of(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
         """Kept for one set of records at a time: there are many draws of many rows."""
@@ -186,14 +192,16 @@ class Promise:
     probability: float
 
 
-def as_refitted(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Discrimination:
+def as_refitted(
+    criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal], workers: Workers | None = None
+) -> Discrimination:
     """The criterion with what stays of the linear D of these records when the rivals are really refitted."""
     if not chosen:
         return criterion
     linear = replace(criterion, reach={})
     distances = linear.distances(together(chosen))
-    reach = {pair: draws.reach(pair, chosen, float(distances[pair])) for pair in criterion.pairs}
-    return replace(criterion, reach=reach)
+    nearby = {pair: float(distances[pair]) for pair in criterion.pairs}
+    return replace(criterion, reach=draws.reach(nearby, chosen, workers))
 
 
 def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Promise:

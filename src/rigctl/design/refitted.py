@@ -10,17 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.sending import lean
 from rigctl.design.rivals import Rival
 from rigctl.design.virtual_records import Outlines, Scene
 from rigctl.engine.least_squares import started
+from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import fit
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord
+from rigctl.tasks import Workers, map_tasks
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +51,29 @@ def refitted_gain(rival: Rival, truth: int, scenes: Sequence[Scene]) -> float:
         return float("inf")
     assert found.solution is not None  # noqa: S101 - a rival has parameters to fit
     return max(2.0 * found.solution.cost - rival.trial.chi2, 0.0)
+
+
+def refitted_gains(
+    rivals: Sequence[Rival],
+    pairs: Sequence[tuple[int, int]],
+    scenes: Sequence[Scene],
+    workers: Workers | None = None,
+) -> list[float]:
+    """D of each pair of places (right one, rival), see `refitted_gain`; by this process when left out."""
+    work = partial(_gain_of, tuple(map(sent, rivals)), tuple(scenes))
+    found = dict(map_tasks(work, list(pairs), workers or Workers(1)))
+    return [found[k] for k in range(len(pairs))]
+
+
+def sent(rival: Rival) -> Rival:
+    """A rival as it is sent to other processes: without what was computed from its fit."""
+    return replace(rival, trial=replace(rival.trial, fit=lean(rival.trial.fit)))
+
+
+@one_thread()
+def _gain_of(rivals: Sequence[Rival], scenes: Sequence[Scene], pair: tuple[int, int]) -> float:
+    truth, rival = pair
+    return refitted_gain(rivals[rival], truth, scenes)
 
 
 def _with_records(

@@ -18,13 +18,16 @@ from rigctl.design.criterion import Criterion
 from rigctl.design.feasible import inside_validity, keeps_clear
 from rigctl.design.information import Evidence
 from rigctl.design.recipe import Recipe, Stage
+from rigctl.design.refitted import sent
 from rigctl.design.rig_time import RigTime
 from rigctl.design.rivals import Rival
 from rigctl.design.scheme import Scheme
 from rigctl.design.so_far import Known
 from rigctl.design.virtual_records import Course, Scene, predict
+from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.measured.record import MeasuredRecord
+from rigctl.tasks import Workers, map_tasks
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +47,10 @@ _ADDS = 0.005
 _LEAST = 1e-4
 #: numbers of a prediction held at once: more candidates are gone through in parts
 _AT_ONCE = 64
+
+
+#: a record as it is predicted, and what it teaches
+Shown = tuple[MeasuredRecord, Evidence]
 
 
 @dataclass(frozen=True)
@@ -69,12 +76,14 @@ class Workshop:
 
     Attributes
     ----------
+    workers: who simulates candidates and refits rivals; this process when left out.
     tried: how many recipes were simulated.
     """
 
     rivals: Sequence[Rival]
     known: Known
     stage: Stage
+    workers: Workers | None = None
     tried: int = 0
     _made: dict[object, Proposal | None] = field(default_factory=dict)
     _shown: dict[int, tuple[Proposal, Scene]] = field(default_factory=dict)
@@ -84,18 +93,30 @@ class Workshop:
         recipes = [scheme.recipe(point) for scheme, point in points]
         fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._made}
         places = list(fresh.values())
-        for begin in range(0, len(places), _AT_ONCE):
-            part = places[begin : begin + _AT_ONCE]
-            for k, scene in zip(part, self._scenes([recipes[k] for k in part]), strict=True):
+        self.tried += len(places)
+        parts = [places[begin : begin + _AT_ONCE] for begin in range(0, len(places), _AT_ONCE)]
+        judged = self._judged([[recipes[k] for k in part] for part in parts])
+        for part, every in zip(parts, judged, strict=True):
+            for k, shown in zip(part, every, strict=True):
                 scheme, point = points[k]
                 self._made[_key(recipes[k])] = (
-                    None
-                    if scene is None
-                    else Proposal(
-                        scheme, tuple(point), recipes[k], scene.record, Evidence.of(scene.responses)
-                    )
+                    None if shown is None else Proposal(scheme, tuple(point), recipes[k], *shown)
                 )
         return [self._made[_key(one)] for one in recipes]
+
+    def _judged(self, parts: Sequence[Sequence[Recipe]]) -> list[list[Shown | None]]:
+        """What each part shows, in order; the same parts wherever they are simulated."""
+        if self.workers is None or len(parts) < 2:
+            return [self.judge(part) for part in parts]
+        work = Workshop(tuple(map(sent, self.rivals)), self.known, self.stage).judge
+        found = dict(map_tasks(work, parts, self.workers))
+        return [found[index] for index in range(len(parts))]
+
+    @one_thread()
+    def judge(self, recipes: Sequence[Recipe]) -> list[Shown | None]:
+        """The record of each recipe and what it teaches; None of one that is not to be proposed."""
+        scenes = self._scenes(recipes)
+        return [None if one is None else (one.record, Evidence.of(one.responses)) for one in scenes]
 
     def scene(self, proposal: Proposal) -> Scene:
         """Every rival's prediction of a record; made again, as those of all candidates take gigabytes."""
@@ -116,7 +137,6 @@ class Workshop:
         self._made[_key(proposal.recipe)] = None
 
     def _scenes(self, recipes: Sequence[Recipe]) -> list[Scene | None]:
-        self.tried += len(recipes)
         measurements = self.rivals[0].fit.problem.measurements
         courses = self._begun(recipes)
         group = 1 + max(record.group for record in measurements.records)

@@ -42,6 +42,11 @@ from rigctl.survey.entries import Entry
 Floats = NDArray[np.float64]
 
 
+#: fits end when the next step would lower the cost by less than this share: that step is taken all the same,
+#: by the linear problem at their end
+_COST = 1e-3
+
+
 @dataclass(frozen=True)
 class Plan:
     """What every entry is read with; it is sent to each worker once.
@@ -179,7 +184,7 @@ def freeing(model: Model, names: Sequence[str]) -> Model:
 def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
     with switched_off():  # the reading is kept, and nothing else of it is asked for again
         local = [np.array([one.start for one in unknowns]) for unknowns in problem.local_unknowns()]
-        fitted = fit_problem(problem, data.noise, local=local)
+        fitted = fit_problem(problem, data.noise, local=local, cost=_COST)
         linear = _linearised(plan, fitted)
         # what the tests take out is what the fit could move: held parameters are none of it
         movable = [k for k, name in enumerate(linear.nuisances) if name not in plan.held]
