@@ -200,10 +200,11 @@ export const show = async (place) => {
   const chooser = h("select", { "aria-label": "Run in progress", onchange: () => watch(chooser.value) });
   const span = h("select", { id: "span", onchange: () => { window_ = Number(span.value); line.want(); } }, WINDOWS.map(([seconds, text]) => h("option", { value: String(seconds), selected: seconds === window_ }, text)));
 
+  const second = h("div", { class: "live-line", hidden: true }, progress, left, h("span", { class: "push lease" }, leaseText, take, give));
   const head = h("section", { class: "panel live-head", "aria-label": "State" },
     h("div", { class: "live-line" }, stateTag, h("div", { class: "live-names" }, title, subtitle), chooser,
       h("div", { class: "controls" }, pause, goOn, abort, off)),
-    h("div", { class: "live-line" }, progress, left, h("span", { class: "push lease" }, leaseText, take, give)),
+    second,
     question, why, alarms);
 
   // --- beside the plots --------------------------------------------------------------------------------------
@@ -371,7 +372,7 @@ export const show = async (place) => {
 
   const idleText = async () => {
     const next = h("p", {}, h("a", { class: "button", href: "/procedure" }, "Start a procedure"), " ", run && about ? h("a", { class: "button", href: `/report?run=${encodeURIComponent(run)}` }, `Report of ${run}`) : null);
-    idle.replaceChildren(h("p", { class: "finding" }, run && state?.ended ? `This run is over: ${state.state}.` : "No run is in progress."), next, command(run && about ? `rigctl report ${run}` : "rigctl run procedures/NAME.yaml --serve"));
+    idle.replaceChildren(h("p", { class: "finding" }, run && state?.ended ? `This run is over: ${state.state}.` : "Begin one here, or at a terminal."), next, command(run && about ? `rigctl report ${run}` : "rigctl run procedures/NAME.yaml --serve"));
   };
 
   const watch = (id) => {
@@ -395,11 +396,9 @@ export const show = async (place) => {
       title.textContent = "No run is in progress";
       subtitle.textContent = "What a bench does is shown here as soon as one begins.";
       stateTag.replaceChildren(tag("idle"));
-      for (const one of [progress, left, pause, goOn, abort]) one.hidden = true;
+      for (const one of [second, pause, goOn, abort]) one.hidden = true;
       idleText();
-    } else {
-      for (const one of [progress, left]) one.hidden = false;
-    }
+    } else second.hidden = false;
   };
 
   const hear = (data) => {
