@@ -297,7 +297,7 @@ def _sizes(found: Diagnosis) -> str:
 
 
 def _parameters(found: Diagnosis, one: Ranked) -> str:
-    candidate = next(member for member in found.best.candidates if member.name == one.effect)
+    (candidate,) = (member for member in found.best.candidates if member.name == one.effect)
     said = []
     for name, value in one.parameters.items():
         plain = everyday(candidate.effect, name, value, found.best.fit.problem)

@@ -138,7 +138,8 @@ def _left(
     named: bool,
 ) -> Panel:
     problem = models[0][1].problem
-    noise = next(one for one in problem.noise.channels if one.name == problem.measurements.outputs[c])
+    output = problem.measurements.outputs[c]
+    (noise,) = (one for one in problem.noise.channels if one.name == output)
     traces = []
     for (name, fit), colour in zip(models, _OF_MODELS, strict=False):
         error = running_mean(fit.normalised_error(k)[:, c], problem.records[k].phase, count)[rows]
