@@ -34,8 +34,7 @@ def serious(page: Page) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.parametrize("width", [1400, 420])
+@pytest.mark.parametrize(("width", "dark"), [(1400, False), (420, True)], ids=["wide", "phone"])
 def test_everybody_can_use_every_page(browser: Browser, served: Served, width: int, *, dark: bool) -> None:
     run = page_of_runs(served.project / "runs").runs[-1].id
     scheme = "dark" if dark else "light"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
 
@@ -10,9 +12,25 @@ import pytest
 from commands import answer, told
 from rigctl.dataset.catalogue import page_of_runs
 from rigctl.errors import RigctlError
-from web.serving import Served, Window
+from web.serving import Served, Window, serving
 
 MARKUP = "<img src=x onerror=\"document.title='broken in'\"> & <b>worn</b>"
+
+
+@pytest.fixture(scope="module")
+def served(served: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A project of two campaigns alone: what other tests carry out is not in it."""
+    first = served.project / "runs" / page_of_runs(served.project / "runs", count=1000).runs[-1].id
+    project = tmp_path_factory.mktemp("two") / "strokes-of-june"
+    shutil.copytree(served.project, project, ignore=shutil.ignore_patterns("runs"))
+    shutil.copytree(first, project / "runs" / first.name)
+    with serving(project, "--port", "0", state=tmp_path_factory.mktemp("state")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def cookie(served: Served) -> str:
+    return served.enter()
 
 
 @pytest.fixture(scope="module")
