@@ -17,6 +17,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from commands import answer
 from rigctl.cli.init import create_project
@@ -118,6 +121,8 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     assert position(page) == before
     assert page.get_by_role("switch", name="valve leakage").is_checked() is False
 
+    page.locator("button.cell").nth(2).click()
+    label = page.locator("button.cell").nth(2).get_attribute("aria-label") or ""
     found = verb(page, "Diagnose")
     assert "valve leakage" in found
     page.get_by_role("button", name="Add what is missing").click()
@@ -126,6 +131,8 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     settled(page)
     assert page.get_by_role("switch", name="valve leakage").is_checked()
     assert position(page) < 0.2 * before
+    assert page.locator(".channel .uplot").count() == 6  # the record that was looked at still is
+    assert label.partition(":")[0] in page.locator("h2.record").inner_text()
     assert "v1" in verb(page, "History")
     with chdir(leaking.project):
         history = answer("model", "history", MODEL)
@@ -217,6 +224,36 @@ def test_only_files_of_the_project_are_brought_in(leaking: Served) -> None:
     )
     assert status == 400
     assert "only files of the project" in text
+
+
+@pytest.mark.parametrize(
+    ("origin", "let_in"), [("http://evil.example", True), (None, True), ("{base}", False)]
+)
+def test_a_socket_from_elsewhere_is_refused(leaking: Served, origin: str | None, let_in: bool) -> None:
+    """Another page with this browser's cookie, a program without an Origin, and our page without a cookie."""
+    headers = {"Cookie": leaking.enter()} if let_in else {}
+    given = None if origin is None else Origin(origin.format(base=leaking.base))
+    address = f"ws://{leaking.host}/api/workbench/session"
+    with pytest.raises(InvalidStatus), connect(address, origin=given, additional_headers=headers):
+        pass
+
+
+def test_what_no_page_of_ours_says_is_refused_and_the_session_goes_on(leaking: Served) -> None:
+    address = f"ws://{leaking.host}/api/workbench/session"
+    headers = {"Cookie": leaking.enter()}
+    with connect(address, origin=Origin(leaking.base), additional_headers=headers) as socket:
+        for message in (
+            "no JSON",
+            "[]",
+            '{"do": "fly"}',
+            '{"do": "settle", "values": {"flow_area": 1e999}}',
+            '{"do": "open", "runs": ["no such run"], "model": "models/hl32-textbook.yaml"}',
+            '{"do": "open", "runs": [], "model": "../../../etc/passwd"}',
+        ):
+            socket.send(message)
+            answers = iter(lambda: json.loads(socket.recv(timeout=60)), None)
+            problem = next(one for one in answers if one["kind"] == "problem")
+            assert problem["error"]["message"], message
 
 
 @settings(max_examples=30)

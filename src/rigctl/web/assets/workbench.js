@@ -186,7 +186,7 @@ const makeDesk = (current) => {
 const bench = (place, told, { send, asked, desk }) => {
   const start = told.state;
   const state = { values: { ...start.values }, on: new Set(start.on) };
-  let shownRecord = 0;
+  let shownRecord = told.shown[0];
   let channel = null;
   let sequence = 0;
   let waiting = false;

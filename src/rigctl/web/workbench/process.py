@@ -49,7 +49,7 @@ def attend(pipe: Connection, folder: str) -> None:
             message = pipe.recv_bytes()
         except (EOFError, OSError):
             os._exit(0)  # threads may be in the middle of a simulation, which nobody waits for
-        session.take(json.loads(message))
+        session.read(message)
 
 
 class _Session:
@@ -77,6 +77,17 @@ class _Session:
         """Start the two who work."""
         threading.Thread(target=self._follow_always, name="follow", daemon=True).start()
         threading.Thread(target=self._work_always, name="work", daemon=True).start()
+
+    def read(self, message: bytes) -> None:
+        """Take what a page has sent; what is no object in JSON is refused, and nothing else comes of it."""
+        try:
+            asked = json.loads(message)
+        except (ValueError, RecursionError):
+            asked = None
+        if isinstance(asked, dict):
+            self.take(asked)
+        else:
+            self._problem({}, RigctlError("the message is no JSON object").as_dict())
 
     def take(self, asked: Mapping[str, Any]) -> None:
         """Put a message where it is waited for."""
@@ -165,7 +176,7 @@ class _Session:
         with self._there:
             self._bench = bench
             self._there.notify_all()
-        self._tell(opened_document(bench))
+        self._tell(opened_document(bench) | {"shown": list(self._shown)})
         for k in self._shown:
             self._send(BYTES + record_frame(bench, k))
         header = self._header({}, bench.track.present)

@@ -83,7 +83,7 @@ export const makeMap = (opened, choose) => {
       made.dataset.bin = sizeBin(rms);
       made.setAttribute("aria-label", `${opened.records[records[0]].condition || `record ${records[0] + 1}`}: ${title} ${figure(rms, 2)} sigma, bias ${figure(mean, 2)}`);
       const other = biases.get(`${r},${c}`);
-      const rounded = Math.abs(mean) < 0.005 ? "0" : figure(Math.abs(mean), 2);
+      const rounded = Math.abs(mean) < 0.05 ? "0" : figure(Math.abs(mean), 2);
       other.textContent = rounded === "0" ? "0" : (mean > 0 ? "+" : "−") + rounded;
       other.dataset.bin = biasBin(mean);
     }
