@@ -170,3 +170,10 @@ def test_a_page_of_another_site_reaches_nothing(window: Window, served: Served) 
     }}"""
     assert other.evaluate(tried) == ["refused"] * 4
     assert json.loads(served.ask("GET", "/api/status", cookie=served.enter())[2])["working"] == []
+
+
+def test_everything_off_needs_no_controls(window: Window) -> None:
+    page = window.open("/live")
+    page.get_by_text("No run is in progress").first.wait_for()
+    page.get_by_role("button", name="Everything off").click()
+    page.get_by_text("outputs are safe").wait_for()
