@@ -15,6 +15,7 @@ NAMES = (
     "engine",
     "analysis",
     "laws",
+    "designing",
     "board",
     "protocols",
     "endings",

@@ -8,6 +8,7 @@ an interlock of the runner trips; `tests/design/test_rounds.py` carries out a fe
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tempfile
 import time
@@ -28,12 +29,14 @@ def main() -> None:
     )
     parser.add_argument("--rounds", type=int, default=10_000, help="on all rigs together")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--rig", action="append", choices=list(BENCHES), help="this one alone; repeatable")
     given = parser.parse_args()
     each = -(-given.rounds // len(BENCHES))
     rows = [("rig", "rounds", "not let through", "held back", "no solution", "tripped", "processor s")]
-    results: dict[str, object] = {"rounds": given.rounds, "seed": given.seed}
+    asked = {"rounds": given.rounds, "seed": given.seed}
+    results: dict[str, object] = {**_before(asked), **asked}
     tripped = 0
-    for name in BENCHES:
+    for name in given.rig or BENCHES:
         began = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
             found = proposer(name, Path(folder)).carry_out(each, given.seed)
@@ -54,6 +57,13 @@ def main() -> None:
     print(f"rigs that are not among them: {', '.join(sorted(missing)) or 'none'}")
     print(f"kept in {keep(HERE, results, 'numpy', 'scipy')}")
     sys.exit(1 if tripped else 0)
+
+
+def _before(asked: dict[str, int]) -> dict[str, object]:
+    """What was kept of as many rounds with the same seed, of other rigs."""
+    path = HERE / "results.json"
+    known: dict[str, object] = json.loads(path.read_text("utf-8"))["results"] if path.exists() else {}
+    return known if all(known.get(name) == value for name, value in asked.items()) else {}
 
 
 def _counts(found: Tally) -> tuple[str, ...]:

@@ -7,8 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from commands import answer, told
+from commands import answer, refusal, told
+from rigctl.analysis.comparison import compare
 from rigctl.cli.init import create_project
+from rigctl.dataset import open_run
+from rigctl.design.rivals import Rival, at_usual_size
+from rigctl.model import load_model
 
 pytestmark = pytest.mark.usefixtures("inside")
 
@@ -63,3 +67,22 @@ def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise() ->
     assert learned["added"] == []
     kept = answer("model", "history", model.as_posix())["versions"]
     assert [one["kind"] for one in kept] == ["start"]
+
+
+def test_of_a_model_that_agrees_nothing_is_left_where_nothing_usual_could_be_missed() -> None:
+    told("simulate", *STEPS, "--seed", "6")
+    said = refusal("design", "latest", "--model", MODEL)
+    assert "nothing is left to tell apart: adequate" in said
+    assert "'--separate A,B' designs for two effects of your choice" in said
+
+
+def test_what_an_effect_leaves_that_is_not_fitted_makes_its_draws_no_wider() -> None:
+    """At its usual size it is far off these data; the noise is still what the model without it leaves."""
+    run = open_run("latest")
+    (compared,) = compare([run], [load_model(MODEL)]).models
+    trial = at_usual_size(compared, "radiation")
+    assert trial is not None
+    assert trial.fit.chi2_reduced > 100.0
+    assert Rival("radiation", trial, 0.0, 1.0, noise=1.2).overdispersion == 1.2
+    free = {unknown.name for unknown in trial.fit.problem.shared}
+    assert free == {*(one.name for one in compared.fit.problem.shared), "radiation.area"}
