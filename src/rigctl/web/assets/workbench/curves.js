@@ -26,7 +26,7 @@ export const makeCurves = (opened) => {
     const lower = plot({
       height: narrow ? 90 : 105,
       sync: "workbench",
-      yLabel: "residual [σ]",
+      yLabel: narrow ? "[σ]" : "residual [σ]",
       xLabel: c === opened.channels.length - 1 ? "time in the record [s]" : "",
       describe: `${channel.title}: measured less modelled, in sigmas of the noise`,
       series: [
