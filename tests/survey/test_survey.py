@@ -136,6 +136,22 @@ def test_runs_that_cannot_be_read_are_told_and_left_out(year: Path) -> None:
     assert len(_one(found, "slip")["values"]) == RUNS - 1
 
 
+def test_a_damaged_run_is_left_out_and_named(year: Path) -> None:
+    with chdir(year):
+        last = list_runs()[-1]
+        file = Path(str(last.folder)) / "run.json"
+        whole = file.read_text("utf-8")
+        try:
+            file.write_text(whole.replace("finished", "finishing"), encoding="utf-8")
+            found = answer("survey", *SHARED)
+            alone = refusal("survey", last.id, *SHARED, exit_code=ExitCode.FAILED)
+        finally:
+            file.write_text(whole, encoding="utf-8")
+    assert len(found["runs"]) == RUNS - 1
+    assert any(last.id in note for note in found["notes"])
+    assert last.id in alone
+
+
 def test_nothing_depends_on_how_many_work(year: Path) -> None:
     with chdir(year):
         model, runs = rigctl.load_model("models/pump.yaml"), [rigctl.open_run(r.id) for r in list_runs()]

@@ -127,7 +127,7 @@ def survey(
         require_output(junit, force=force)
     (opened,) = open_models([model])
     with telling("what was read is kept, and the same command goes on with it") as on_progress:
-        measured = _opened(runs or ["all"], where)
+        measured, damaged = _opened(runs or ["all"], where)
         found = surveyed(
             measured,
             opened,
@@ -138,6 +138,7 @@ def survey(
             only=only,
             assume=assume or (),
             name=name,
+            notes=damaged,
             workers=at,
             on_progress=on_progress,
         )
@@ -157,19 +158,32 @@ def survey(
         raise typer.Exit(int(ExitCode.FAILED))
 
 
-def _opened(written: list[str], where: str | None) -> list[Run]:
-    """The runs that are named; of ``all``, those that are over."""
-    from rigctl.cli.compare import open_runs
+def _opened(written: list[str], where: str | None) -> tuple[list[Run], list[str]]:
+    """The runs that are named, of ``all`` those that are over; and which of them are damaged, in words."""
     from rigctl.dataset import list_runs, open_run
     from rigctl.dataset.run_json import RUNNING
-    from rigctl.errors import RigctlError
+    from rigctl.errors import ExitCode, RigctlError
 
-    if written != ["all"]:
-        if where is not None:
-            raise RigctlError("--where chooses among all runs", value=" ".join(written), expected="all")
-        return open_runs(written)
-    over = [one for one in list_runs(where=where) if one.status not in (RUNNING, "unclosed", "damaged")]
-    runs = [open_run(str(one.folder)) for one in over]
+    named = written != ["all"]
+    if named and where is not None:
+        raise RigctlError("--where chooses among all runs", value=" ".join(written), expected="all")
+    references = written
+    if not named:
+        listed = list_runs(where=where)
+        references = [str(one.folder) for one in listed if one.status not in (RUNNING, "unclosed")]
+    runs: dict[str, Run] = {}
+    damaged: list[RigctlError] = []
+    for reference in references:
+        try:
+            run = open_run(reference)
+        except RigctlError as problem:
+            if named and problem.exit_code is not ExitCode.FAILED:
+                raise
+            damaged.append(problem)
+        else:
+            runs[run.id] = run
+    if not runs and damaged:
+        raise damaged[0]
     if not runs:
         raise RigctlError("there is no run to survey", hint="'rigctl runs list' shows those that there are")
-    return runs
+    return list(runs.values()), [f"left out: {problem}" for problem in damaged]

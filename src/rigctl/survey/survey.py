@@ -40,6 +40,7 @@ def survey(
     only: str | None = None,
     assume: Sequence[str] = (),
     name: bool = True,
+    notes: Sequence[str] = (),
     workers: Workers | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Survey:
@@ -53,6 +54,7 @@ def survey(
         that the model's file frees each run has of its own.
     effects: those that are looked at, besides the model's; every one that it may lack when left out.
     only, assume: as of `rigctl compare`.
+    notes: what else is to be known of the runs: it is told with the result.
     name: diagnose a run after a change, and fit what is named in every run; False tells what moves alone.
 
     Raises
@@ -100,7 +102,7 @@ def survey(
         lines=tuple(_lines(found, outcomes)),
         judged=judged,
         named=named,
-        notes=found.notes,
+        notes=(*notes, *found.notes),
     )
 
 
