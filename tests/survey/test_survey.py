@@ -152,6 +152,14 @@ def test_a_damaged_run_is_left_out_and_named(year: Path) -> None:
     assert last.id in alone
 
 
+def test_runs_in_storage_say_the_same(year: Path) -> None:
+    with chdir(year):
+        ids = [run.id for run in list_runs()][:3]
+        stored = [f"{(year / 'runs').as_uri()}/{name}" for name in ids]
+        here, there = (answer("survey", *named, *SHARED) for named in (ids, stored))
+    assert here == there
+
+
 def test_nothing_depends_on_how_many_work(year: Path) -> None:
     with chdir(year):
         model, runs = rigctl.load_model("models/pump.yaml"), [rigctl.open_run(r.id) for r in list_runs()]
