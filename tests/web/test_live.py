@@ -72,6 +72,8 @@ def test_two_windows_see_the_same_and_one_commands(window: Window, cookie: str, 
     for page in (one, two):
         page.locator(".channel canvas").first.wait_for()
         assert page.locator(".run-title").inner_text() == running.id
+    one.get_by_role("button", name="Take").click()  # a window of an earlier test may have them still
+    one.get_by_text("This window has the controls").wait_for()
     one.get_by_role("button", name="Pause").click()
     two.locator(".run-state", has_text="paused").wait_for()
     wait_for(lambda: running.state() == "paused")
@@ -147,6 +149,8 @@ def test_the_run_is_aborted_and_whole_and_holds_what_was_seen(window: Window, ru
         listener.hear_until(lambda: listener.rows.shape[1] > 100)
         seen = listener.rows
     page = window.open("/live")
+    page.get_by_role("button", name="Take").click()
+    page.get_by_text("This window has the controls").wait_for()
     page.get_by_role("button", name="Abort", exact=True).click()
     page.get_by_role("button", name="Abort now").click()
     page.get_by_text("This run is over: aborted").wait_for()

@@ -238,7 +238,7 @@ export const show = async (place) => {
     pause.hidden = !going || state.state === "paused";
     goOn.hidden = !going || state.state !== "paused";
     abort.hidden = !going;
-    for (const one of [pause, goOn, abort]) one.disabled = locked;
+    for (const one of [pause, goOn, abort, done]) one.disabled = locked;
   };
 
   const shown = (value, unit, places) => (value === null || value === undefined ? "no value" : `${value.toFixed(places)} ${unit}`.replace(/ 1$/, "").replace(/^-(0\.?0* )/, "$1"));
