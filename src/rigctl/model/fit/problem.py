@@ -495,6 +495,14 @@ def make_problem(
     )
 
 
+def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    """Whether two are equal; of what holds arrays, only what is the same object."""
+    try:
+        return bool(one == other)
+    except ValueError:
+        return False
+
+
 #: the last systems that were compiled here, with what they were made of
 _COMPILED: list[tuple[tuple[Any, ...], CompiledSystem]] = []
 _MOST_COMPILED = 6
@@ -506,8 +514,8 @@ def _compiled(made_of: tuple[Any, ...], progress: Progress | None) -> CompiledSy
     To write its equations and their derivatives takes as long as to fit a few records: many runs looked at
     with one model have it once.
     """
-    for known, compiled in _COMPILED:
-        if known == made_of:
+    for known, compiled in tuple(_COMPILED):  # other threads may compile meanwhile
+        if _same(known, made_of):
             return compiled
     family, effects, rig, parameters, oil, own_effects, unrecorded = made_of
     system = build_system(
