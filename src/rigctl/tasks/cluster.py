@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar
 
@@ -95,7 +96,8 @@ class _Handing:
     def _finished(self) -> list[Future]:
         from distributed import wait
 
-        with suppress(TimeoutError, Exception):  # of futures that are lost: their states say so below
+        # what it raises of futures that are lost, their states say below
+        with suppress(TimeoutError, CancelledError, OSError), self._client.as_current():
             wait(list(self._running), timeout=_LOOK, return_when="FIRST_COMPLETED")
         if self._client.status != "running":
             self._gone(None)
