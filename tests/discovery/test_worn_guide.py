@@ -12,6 +12,7 @@ import pytest
 
 from commands import answer, refusal, told
 from discovery.guided_mass import LEVELS, MASS, nothing, rubbing_spot, worn_spot, write_bench
+from rigctl.cli.discover_views import show_discovery
 from rigctl.dataset import open_run
 from rigctl.discovery.discover import discover
 from rigctl.discovery.hand_over import write_files
@@ -104,7 +105,9 @@ def test_where_nothing_is_hidden_nothing_is_looked_for(tmp_path: Path) -> None:
         assert found["formulas"] == found["located"] == found["curves"] == []
 
 
-def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(tmp_path: Path) -> None:
+def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = imported(tmp_path, rubbing_spot, seed=1)
     (run,) = (folder / "runs").iterdir()
     found = discover([open_run(run)], load_model(folder / "model.yaml"))
@@ -122,6 +125,21 @@ def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(tmp_path: 
     assert document["driver"] == {"variables": [["position", "velocity"]], "sure": True}
     _writes_beside_what_is_there(found, folder / "effects")
     _shows_it_on_the_page(found)
+    _answers_in_a_few_lines(found, capsys)
+
+
+def _answers_in_a_few_lines(found: Discovery, capsys: pytest.CaptureFixture[str]) -> None:
+    show_discovery(found)
+    short = capsys.readouterr().out
+    assert len(short.splitlines()) <= 3 + len(found.formulas)
+    assert "% of it" in short
+    assert found.formulas[0].term in short
+    assert "-v shows" in short
+    show_discovery(found, verbose=True)
+    whole = capsys.readouterr().out
+    assert "p of all searched" in whole
+    assert "95 % band" in whole
+    assert "nobody knows beyond" in whole
 
 
 def _writes_beside_what_is_there(found: Discovery, folder: Path) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from rigctl.cli.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 from rigctl.cli.workers import Cluster
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def discover(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Look for a formula of what is missing where no effect of the library is sure to be it.
@@ -100,7 +100,7 @@ def discover(
     if as_json:
         print_json(found.document())
     else:
-        show_discovery(found)
+        show_discovery(found, verbose=verbose)
         _lead_on(found, runs, str(model), choice, saved=output is not None)
 
 

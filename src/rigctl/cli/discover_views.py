@@ -3,30 +3,57 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from rich.markup import escape
 from rich.table import Table
 
 from rigctl.analysis.adequacy import chance
+from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.tables import console, table
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.locate import Located
 from rigctl.discovery.result import Discovery, FoundFormula
+from rigctl.report.answer import Answer, Tone
 from rigctl.report.bars import draw_bar
 from rigctl.report.braille import draw_curve
 from rigctl.units import show
 
 #: places, and lines of a curve, that are shown
 _PLACES, _LINES, _WIDTH = 6, 6, 56
+#: formulas that the answer names
+_FORMULAS = 3
 
 
-def show_discovery(found: Discovery) -> None:
-    """The gate, the places, the curve, the formulas, and what is to be known of the data."""
-    out = console()
-    colour = "green" if found.gate.reason == "adequate" else "yellow"
+def show_discovery(found: Discovery, *, verbose: bool = False) -> None:
+    """The statement, where, how large, and each formula in a line; the evidence when asked."""
+    tone: Tone = "good" if found.gate.reason == "adequate" else "warn"
     title = "Discovery" if found.gate.open else "No formula"
-    out.print(f"[bold {colour}]{title}[/]: {escape(found.statement)}.", soft_wrap=True)
+    left = [*counted(len(found.located[:_PLACES]), "place"), *counted(len(found.curves[:1]), "curve")]
+    left += [*counted(len(found.formulas), "formula"), *counted(len(found.notes), "note")]
+    show_answer(Answer(tone, title, found.statement, tuple(_facts(found))), more=() if verbose else left)
+    if verbose:
+        _show_evidence(found)
+        return
+    for one in found.formulas:
+        if one.file is not None:
+            console().print(f"  written to {escape(one.file.as_posix())}", soft_wrap=True)
+
+
+def _facts(found: Discovery) -> Iterator[tuple[str, str]]:
+    """How much of the misfit a term at the best place takes away, and each formula with its check."""
+    if found.located:
+        best = found.located[0]
+        yield "misfit", f"{100 * best.share:.0f} % of it, {best.size:.1f} sigma ({chance(best.p_value)})"
+    for one in found.formulas[:_FORMULAS]:
+        held_out = f", error held out {_held_out(one)}" if _held_out(one) else ""
+        accepted = "accepted" if one.accepted else "not accepted"
+        sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
+        yield "formula", f"{one.slot} + {one.term}: {sizes}{held_out}; {accepted}"
+
+
+def _show_evidence(found: Discovery) -> None:
+    out = console()
     for note in found.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     if found.searched is None:
