@@ -10,7 +10,7 @@ import typer
 from rigctl.cli.compare import Assume, Force, OneModel, Only, Page
 from rigctl.cli.family import FamilyOption
 from rigctl.cli.reuse import NoCache, Verbose
-from rigctl.cli.workers import Cluster
+from rigctl.cli.workers import Cluster, WorkerCount
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
@@ -82,12 +82,7 @@ def survey(
         Path | None,
         typer.Option(metavar="FILE", help="Also write it as test cases in JUnit's XML.", show_default=False),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=1, help="Processes; one for each core if left out.", show_default=False
-        ),
-    ] = None,
+    workers: WorkerCount = None,
     cluster: Cluster = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from rigctl.cli.workers import Cluster
+from rigctl.cli.workers import Cluster, WorkerCount
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
@@ -55,12 +55,7 @@ def validate(
             metavar="N", min=1, help="Only the first N trials, a fair sample of all.", show_default=False
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=1, help="Processes; one for each core if left out.", show_default=False
-        ),
-    ] = None,
+    workers: WorkerCount = None,
     cluster: Cluster = None,
     *,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,

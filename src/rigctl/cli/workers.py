@@ -15,3 +15,9 @@ Cluster = Annotated[
         show_default=False,
     ),
 ]
+WorkerCount = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", metavar="N", min=1, help="Processes; one for each core if left out.", show_default=False
+    ),
+]

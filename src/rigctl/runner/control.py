@@ -11,7 +11,7 @@ import os
 import platform
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -147,16 +147,27 @@ def send(folder: Path, request: Request, *, timeout: float = 10.0, at: str = "an
         )
     order_id = uuid4().hex
     line = {"id": order_id, "request": request.value, "source": sender(at)}
+    write_line(folder, line, "request")
+    return _await_answer(folder, order_id, timeout)
+
+
+def write_line(folder: Path, line: Mapping[str, str], called: str) -> None:
+    """Add a line to what a run reads; `called` names it where that fails.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be written.
+    """
     try:
         with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
             file.write(json.dumps(line) + "\n")
     except OSError as problem:
         raise RigctlError(
-            f"cannot write the request: {problem.strerror}",
+            f"cannot write the {called}: {problem.strerror}",
             where=Location(folder / CONTROL_NAME),
             exit_code=ExitCode.FAILED,
         ) from problem
-    return _await_answer(folder, order_id, timeout)
 
 
 def _await_answer(folder: Path, order_id: str, timeout: float) -> str:

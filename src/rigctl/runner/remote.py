@@ -14,9 +14,9 @@ from typing import Any, Final
 from uuid import uuid4
 
 from rigctl.dataset.lock import read_state
-from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.behaviour import Answer, Question
-from rigctl.runner.control import CONTROL_NAME, LONGEST_LINE, sender
+from rigctl.runner.control import CONTROL_NAME, LONGEST_LINE, sender, write_line
 from rigctl.runner.operator import read_answer
 from rigctl.runner.requests import Order
 from rigctl.runner.view import View
@@ -138,15 +138,7 @@ def send_answer(folder: Path, question: str, text: str) -> None:
         "text": text[:1000],
         "source": sender("a browser"),
     }
-    try:
-        with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
-            file.write(json.dumps(line) + "\n")
-    except OSError as problem:
-        raise RigctlError(
-            f"cannot write the answer: {problem.strerror}",
-            where=Location(folder / CONTROL_NAME),
-            exit_code=ExitCode.FAILED,
-        ) from problem
+    write_line(folder, line, "answer")
 
 
 def _read_answer(line: bytes) -> tuple[str, str] | None:
