@@ -19,47 +19,54 @@ if TYPE_CHECKING:
 
 
 def calibrate(
-    channel: Annotated[str, typer.Argument(help="Its name in the rig file.", show_default=False)],
+    channel: Annotated[str, typer.Argument(help="Name in the rig file.", show_default=False)],
     rig: RigFile = None,
     points: Annotated[
         Path | None,
-        typer.Option(help="A CSV file 'reference [unit],raw' instead of the bench.", show_default=False),
+        typer.Option(help="CSV file 'reference [unit],raw' instead of the bench.", show_default=False),
     ] = None,
     run: Annotated[
         str | None,
         typer.Option(
-            metavar="RUN", help="A run whose records hold the reference values, instead of the bench."
+            metavar="RUN", help="Run whose records hold the reference values, instead of the bench."
         ),
     ] = None,
     against: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="With --run: the answer or measure that is the reference."),
+        typer.Option(metavar="NAME", help="With --run: answer or measure that is the reference."),
     ] = None,
-    degree: Annotated[int, typer.Option(min=1, max=5, help="1 a straight line, 2 a parabola, …")] = 1,
+    degree: Annotated[
+        int, typer.Option(min=1, max=5, help="Degree of the polynomial: 1 for a line, 2 for a parabola, …")
+    ] = 1,
     readings: Annotated[int, typer.Option(min=1, help="Samples at each reference value.")] = 20,
     reference: Annotated[
-        str | None, typer.Option(help="What it is compared with, e.g. 'dead-weight tester'.")
+        str | None, typer.Option(help="Reference instrument, e.g. 'dead-weight tester'.")
     ] = None,
     reference_uncertainty: Annotated[
-        str | None, typer.Option(help="Of the reference values, 95 %, e.g. '0.05 bar'.")
+        str | None, typer.Option(help="Uncertainty of the reference values, 95 %, e.g. '0.05 bar'.")
     ] = None,
-    valid_for: Annotated[str | None, typer.Option(help="How long it may be trusted, e.g. '365 day'.")] = None,
-    day: Annotated[str | None, typer.Option("--date", help="When; today if left out.")] = None,
+    valid_for: Annotated[str | None, typer.Option(help="Period of validity, e.g. '365 day'.")] = None,
+    day: Annotated[
+        str | None, typer.Option("--date", help="Date of the calibration; by default today.")
+    ] = None,
     backend: Backend = None,
     port: Port = None,
     speed: Speed = "1x",
-    rate: Annotated[float | None, typer.Option(min=0.01, help="Hz; the rig file's when left out.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")
+    ] = None,
     *,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")] = False,
-    dry: Annotated[bool, typer.Option("--dry", help="Fit and show, write nothing.")] = False,
+    dry: Annotated[bool, typer.Option("--dry", help="Fit and show, but write nothing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Calibrate a channel: it is read while you apply known values, and a line or polynomial is fitted.
+    """Calibrate a channel: read it while you apply known values, and fit a line or polynomial.
 
-    The rig file gets the new coefficients with date and uncertainty; all the rest of it, comments too, stays
-    as it is. The former file, the points and a figure of the residuals are kept in 'calibrations/' beside it.
-    Reference values come from the keyboard, from stdin one a line, with the raw readings from --points, or
-    from the records of a run such as one of 'procedures/calibrate-pressure.yaml'.
+    The new coefficients are written to the rig file with date and uncertainty; everything else in it,
+    including comments, is unchanged. The previous file, the points and a figure of the residuals are kept in
+    'calibrations/' beside it. Reference values come from the keyboard, from stdin (one per line), from
+    --points together with the raw readings, or from the records of a run, e.g. of
+    'procedures/calibrate-pressure.yaml'.
 
     Examples:
 

@@ -20,65 +20,83 @@ class Entry(NamedTuple):
 
 START = "Start here"
 BENCH = "At the bench"
-DATA = "What was measured"
+DATA = "Runs and data"
 PHYSICS = "Physics"
 TOOLS = "Tools"
 
 ENTRIES = (
-    Entry("demo", "rigctl.cli.demo:demo", START, "The main job on the simulated bench, ending in a page."),
-    Entry("init", "rigctl.cli.init:init", START, "Make a working project folder."),
+    Entry("demo", "rigctl.cli.demo:demo", START, "Run the main workflow on the simulated bench."),
+    Entry("init", "rigctl.cli.init:init", START, "Create a working project folder."),
     Entry("check", "rigctl.cli.check:check", START, "Validate a file; print a procedure's plan."),
     Entry("simulate", "rigctl.cli.simulate:simulate", START, "Carry out a procedure on the simulated bench."),
     Entry("run", "rigctl.cli.run:run", BENCH, "Carry out a procedure on the bench."),
-    Entry("resume", "rigctl.cli.resume:resume", BENCH, "Go on with a run at its first incomplete record."),
-    Entry("pause", "rigctl.cli.control:pause", BENCH, "Pause a run in progress, outputs safe."),
-    Entry("continue", "rigctl.cli.control:continue_", BENCH, "Let a paused run go on."),
-    Entry("abort", "rigctl.cli.control:abort", BENCH, "End a run in progress, outputs safe first."),
-    Entry("off", "rigctl.cli.manual:off", BENCH, "Put everything into the safe state now."),
+    Entry("resume", "rigctl.cli.resume:resume", BENCH, "Resume a run at its first incomplete record."),
+    Entry("pause", "rigctl.cli.control:pause", BENCH, "Pause the run in progress, with outputs safe."),
+    Entry("continue", "rigctl.cli.control:continue_", BENCH, "Continue a paused run."),
+    Entry("abort", "rigctl.cli.control:abort", BENCH, "End the run in progress, outputs safe first."),
+    Entry("off", "rigctl.cli.manual:off", BENCH, "Put all outputs into the safe state now."),
     Entry("jog", "rigctl.cli.manual:jog", BENCH, "Move one actuator by hand, within the limits."),
-    Entry("monitor", "rigctl.cli.manual:monitor", BENCH, "Watch the channels without a run."),
+    Entry("monitor", "rigctl.cli.manual:monitor", BENCH, "Show the channels live, without a run."),
     Entry(
         "calibrate", "rigctl.cli.calibrate:calibrate", BENCH, "Calibrate a channel against reference values."
     ),
     Entry("runs", "rigctl.cli.runs:app", DATA, "List, show, verify, annotate, exclude and query runs."),
-    Entry("import", "rigctl.cli.import_:import_", DATA, "Bring in CSV, XLSX, Parquet, TDMS, MDF4 or MAT."),
-    Entry("export", "rigctl.cli.export:export", DATA, "Hand out a run's data in these formats."),
-    Entry("report", "rigctl.cli.report:report", DATA, "One self-contained page about one or more runs."),
-    Entry("serve", "rigctl.cli.serve:serve", DATA, "The project in a browser: runs, live, models, reports."),
-    Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Density and viscosity over temperature and pressure."),
-    Entry("compare", "rigctl.cli.compare:compare", PHYSICS, "How well a model agrees, and where it fails."),
-    Entry("diagnose", "rigctl.cli.diagnose:diagnose", PHYSICS, "Which effect a model lacks, and adding it."),
     Entry(
-        "discover", "rigctl.cli.discover:discover", PHYSICS, "A formula for what no effect of the library is."
+        "import", "rigctl.cli.import_:import_", DATA, "Import CSV, XLSX, Parquet, TDMS, MDF4 or MAT files."
     ),
-    Entry("design", "rigctl.cli.design:design", PHYSICS, "What to measure next, to tell apart what is left."),
-    Entry("learn", "rigctl.cli.learn:learn", PHYSICS, "Measure, add what is sure, design, measure again."),
+    Entry("export", "rigctl.cli.export:export", DATA, "Export a run's data in these and other formats."),
+    Entry(
+        "report", "rigctl.cli.report:report", DATA, "Write one self-contained page about one or more runs."
+    ),
+    Entry(
+        "serve", "rigctl.cli.serve:serve", DATA, "Show the project in a browser: runs, live, models, reports."
+    ),
+    Entry("oil", "rigctl.cli.oil:oil", PHYSICS, "Show density and viscosity over temperature and pressure."),
+    Entry(
+        "compare",
+        "rigctl.cli.compare:compare",
+        PHYSICS,
+        "Compare models with data: agreement, and where it fails.",
+    ),
+    Entry(
+        "diagnose", "rigctl.cli.diagnose:diagnose", PHYSICS, "Find the effect that a model lacks, and add it."
+    ),
+    Entry(
+        "discover",
+        "rigctl.cli.discover:discover",
+        PHYSICS,
+        "Find a formula for a term that the library lacks.",
+    ),
+    Entry(
+        "design", "rigctl.cli.design:design", PHYSICS, "Design the next measurement to distinguish rivals."
+    ),
+    Entry("learn", "rigctl.cli.learn:learn", PHYSICS, "Measure, add significant effects, design, repeat."),
     Entry(
         "compensate",
         "rigctl.cli.compensate:compensate",
         PHYSICS,
-        "A set-point schedule that keeps a quantity, and its check.",
+        "Calculate and check a set-point schedule.",
     ),
-    Entry("survey", "rigctl.cli.survey:survey", PHYSICS, "Many runs, one model: what changed, since when."),
-    Entry("model", "rigctl.cli.model:app", PHYSICS, "What a model says, its versions, and how to change it."),
+    Entry("survey", "rigctl.cli.survey:survey", PHYSICS, "Find out what changed over many runs, and when."),
+    Entry("model", "rigctl.cli.model:app", PHYSICS, "Show a model and its versions, and change it."),
     Entry(
-        "family", "rigctl.cli.family_new:app", PHYSICS, "A first family, rig and model from your own data."
+        "family", "rigctl.cli.family_new:app", PHYSICS, "Draft a family, rig and model from your own data."
     ),
-    Entry("effects", "rigctl.cli.effects:app", PHYSICS, "The library of effects, and your own."),
+    Entry("effects", "rigctl.cli.effects:app", PHYSICS, "List, show and check effects, and your own."),
     Entry(
         "emulate",
         "rigctl.cli.emulate:emulate",
         TOOLS,
-        "The board's firmware emulated, its port for any client.",
+        "Emulate the board's firmware and its serial port.",
     ),
     Entry(
         "validate",
         "rigctl.cli.validate:validate",
         TOOLS,
-        "How often the diagnosis is right, on a bench that hides effects.",
+        "Measure how often the diagnosis is right.",
     ),
-    Entry("schema", "rigctl.cli.schema:schema", TOOLS, "JSON Schema of the files a user writes."),
-    Entry("doctor", "rigctl.cli.doctor:doctor", TOOLS, "What is installed, what is missing, how to get it."),
+    Entry("schema", "rigctl.cli.schema:schema", TOOLS, "Print the JSON Schema of a kind of file."),
+    Entry("doctor", "rigctl.cli.doctor:doctor", TOOLS, "Report what is installed and what is missing."),
 )
 
 BY_NAME = {entry.name: entry for entry in ENTRIES}

@@ -21,12 +21,12 @@ def check(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="A procedure, or a rig, model, family or effect file.", show_default=False
+            metavar="FILE", help="Procedure, rig, model, family or effect file.", show_default=False
         ),
     ],
     arg: Annotated[
         list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
+        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
     ] = None,
     rig: Annotated[Path | None, typer.Option(help="Another rig file than the one it names.")] = None,
     family: FamilyOption = None,
@@ -34,9 +34,11 @@ def check(
     everything: Annotated[bool, typer.Option("--all", help="Show every point of every sweep.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Validate a file, and say what it is. Of a procedure, print its plan: steps, records, duration, limits.
+    """Validate a file and report what kind it is; for a procedure, print its plan: steps, records, duration,
+    limits.
 
-    Nothing moves and no bench is needed. Sweeps show their first point; --all shows them whole.
+    Nothing moves and no bench is needed. Only the first point of each sweep is shown; --all shows every
+    point.
 
     Example: rigctl check procedures/campaign.yaml --arg shuffle=7
 

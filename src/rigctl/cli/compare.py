@@ -28,17 +28,15 @@ AsPage = Annotated[
 ]
 OneModel = Annotated[
     Path,
-    typer.Option(
-        "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
-    ),
+    typer.Option("--model", "-m", metavar="M", help="Model file; M@3 is its version 3.", show_default=False),
 ]
 HoldOut = Annotated[
     str | None,
     typer.Option(
         "--hold-out",
         metavar="EXPR",
-        help="Keep these records from every fit, and judge by them: 'oil == 60 degC', or by their numbers, "
-        "which count from 1 here, 'record > 20'.",
+        help="Records to hold out of every fit, for evaluation only: 'oil == 60 degC', or by "
+        "number, counted from 1: 'record > 20'.",
         show_default=False,
     ),
 ]
@@ -47,7 +45,7 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="EXPR",
-        help="Look at these records alone, e.g. 'heater_1 > 0 %'; the noise is learned from all.",
+        help="Records to analyse, e.g. 'heater_1 > 0 %'; the noise is estimated from all of them.",
         show_default=False,
     ),
 ]
@@ -56,8 +54,8 @@ Assume = Annotated[
     typer.Option(
         "--assume",
         metavar="NAME=VALUE",
-        help="What an input or actuator was that the runs did not record, e.g. 'heater=0'; repeatable. "
-        "Without it, it is an unknown of each record.",
+        help="Value of an input or actuator that the runs did not record, e.g. 'heater=0'; "
+        "repeatable. Otherwise it is estimated for each record.",
         show_default=False,
     ),
 ]
@@ -69,7 +67,10 @@ Page = Annotated[
 ]
 
 Force = Annotated[
-    bool, typer.Option("--force", help="Let -o replace a file that is no page of ours; never one of a run.")
+    bool,
+    typer.Option(
+        "--force", help="Let -o replace a file that is not a page of rigctl, but never one of a run."
+    ),
 ]
 
 
@@ -81,7 +82,7 @@ def compare(
             "--model",
             "-m",
             metavar="M",
-            help="A model file, M@3 its version 3; repeatable.",
+            help="Model file; M@3 is its version 3; repeatable.",
             show_default=False,
         ),
     ],
@@ -89,14 +90,17 @@ def compare(
     only: Only = None,
     *,
     fit: Annotated[
-        bool, typer.Option("--fit/--no-fit", help="Fit the model's free parameters first; its file stays.")
+        bool,
+        typer.Option(
+            "--fit/--no-fit", help="Fit the model's free parameters first; its file is not changed."
+        ),
     ] = True,
     assume: Assume = None,
     rival: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="FMU",
-            help="An FMU (FMI 2.0) beside the last model; repeatable. It is a program, and is run.",
+            help="FMU (FMI 2.0) to compare with the last model; repeatable. Its code is executed.",
             show_default=False,
         ),
     ] = None,
@@ -107,11 +111,11 @@ def compare(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Compare models with what was measured: how well they agree, and where they fail.
+    """Compare models with measurements: how well they agree, and where they fail.
 
-    Every error stands beside the noise of the data. Three tests say whether a model agrees within it; where
-    it does not, the places of the error, its direction over the operating variables and the equation that
-    wants a term are told.
+    Every error is shown relative to the noise of the data. Three tests decide whether a model agrees within
+    it; if not, the output shows where the error occurs, its trend over the operating variables, and the
+    equation that lacks a term.
 
     Examples:
 

@@ -22,62 +22,71 @@ def compensate(
         list[str] | None,
         typer.Argument(
             metavar="[RUN...]",
-            help="Ids, starts of ids, paths, or 'latest', the default.",
+            help="Ids, starts of ids, paths, or 'latest' (default).",
             show_default=False,
         ),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
-            "--model", "-m", metavar="M", help="A model file; M@3 is its version 3.", show_default=False
+            "--model", "-m", metavar="M", help="Model file; M@3 is its version 3.", show_default=False
         ),
     ] = None,
     *,
     keep: Annotated[
         str | None,
         typer.Option(
-            metavar="TARGET", help='A measure and its value: "stroke = 110 mm".', show_default=False
+            metavar="TARGET", help='Measure to hold and its value: "stroke = 110 mm".', show_default=False
         ),
     ] = None,
     vary: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What is set: supply_pressure.", show_default=False)
+        str | None,
+        typer.Option(metavar="NAME", help="Set-point to vary: supply_pressure.", show_default=False),
     ] = None,
     over: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="What it is set for: oil_temperature.", show_default=False),
+        typer.Option(
+            metavar="NAME", help="Operating variable that it depends on: oil_temperature.", show_default=False
+        ),
     ] = None,
-    rows: Annotated[int, typer.Option(min=2, max=100, help="Operating points of the schedule.")] = 7,
-    seed: Annotated[int, typer.Option(min=0, help="Of the random order of the records that check it.")] = 0,
+    rows: Annotated[
+        int, typer.Option(min=2, max=100, help="Number of operating points in the schedule.")
+    ] = 7,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed for the random order of the records that check it.")
+    ] = 0,
     output: Annotated[
         list[Path] | None,
         typer.Option(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write the schedule as a C header (.h) or a table (.csv), or the procedure that checks it "
-            "(.yaml). May be given several times.",
+            help="File for the schedule as a C header (.h) or a table (.csv), or for the procedure "
+            "that checks it (.yaml); repeatable.",
             show_default=False,
         ),
     ] = None,
     judge: Annotated[
         bool,
-        typer.Option("--judge", help="Judge the runs of such a check; exit code 1 where it does not hold."),
+        typer.Option(
+            "--judge", help="Evaluate the runs of such a check; exit code 1 if the schedule fails it."
+        ),
     ] = False,
     page: AsPage = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Let -o and --page replace a file that is there.")
+        bool, typer.Option("--force", help="Let -o and --page replace an existing file.")
     ] = False,
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Verbose = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Work out the set-point that keeps a measured quantity over the operating point, and check that it does.
+    """Calculate the set-point that holds a measured quantity constant over the operating range, and check
+    the result.
 
-    The model is fitted to the runs, and solved for the set-point at each operating point; what the fit does
-    not know of its parameters is carried over to the set-point. Records in pairs, with the schedule and
-    without, in a random order, tell whether it holds: it is accepted where the error is smaller with it, and
-    not by chance.
+    The model is fitted to the runs and solved for the set-point at each operating point; the uncertainty of
+    its parameters is propagated to the set-point. The schedule is checked by pairs of records, with and
+    without it, in random order: it is accepted if the error with it is significantly smaller.
 
     Examples:
 

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 Ref = Annotated[
     str | None,
-    typer.Argument(metavar="[RUN]", help="Id, start of an id, or path; the run in progress when left out."),
+    typer.Argument(metavar="[RUN]", help="Id, start of an id, or path; by default the run in progress."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 
 
 def pause(run: Ref = None, *, as_json: Json = False) -> None:
-    """Pause a run: outputs become safe, samples and interlocks go on.
+    """Pause a run: outputs go to the safe state, sampling and interlocks continue.
 
-    A record in progress is carried through first.
+    A record in progress is completed first.
 
     Example: rigctl pause
     """
@@ -34,7 +34,7 @@ def pause(run: Ref = None, *, as_json: Json = False) -> None:
 
 
 def continue_(run: Ref = None, *, as_json: Json = False) -> None:
-    """Let a paused run go on: the step that was interrupted begins again.
+    """Continue a paused run; the interrupted step starts again.
 
     Example: rigctl continue
     """
@@ -44,7 +44,7 @@ def continue_(run: Ref = None, *, as_json: Json = False) -> None:
 
 
 def abort(run: Ref = None, *, as_json: Json = False) -> None:
-    """End a run: outputs become safe first, then its cleanup steps run and its data is closed.
+    """End a run: outputs go to the safe state first, then its cleanup steps run and its data are closed.
 
     Example: rigctl abort
     """

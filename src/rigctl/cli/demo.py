@@ -34,22 +34,23 @@ _ROUNDS = 3
 
 def demo(
     directory: Annotated[
-        Path, typer.Argument(help="The project folder to work in; made when it is not there.")
+        Path, typer.Argument(help="Project folder to work in; created if it does not exist.")
     ] = Path("rigctl-demo"),
     show: Annotated[bool, typer.Option("--open", help="Open the page in the browser at the end.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the bench's noise, and of what it hides.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed for the noise and the hidden effect.")] = 1,
     plain: Annotated[
-        bool, typer.Option("--plain", help="Hide nothing: the campaign and its page alone.")
+        bool, typer.Option("--plain", help="Hide nothing: run only the campaign and write its page.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Carry out the published campaign on a bench that hides something, find out what, and add it.
+    """Run the published campaign on a bench with a hidden effect, identify the effect, and add it to the
+    model.
 
-    The bench heats its oil from 20 to 80 degC and strokes its cylinder at four pressures: about fifty minutes
-    of bench time, in seconds. The campaign leaves several explanations of why the textbook model is wrong.
-    The records that tell them apart are designed and measured, what was promised of them is held against what
-    came out, and what is sure is added and judged on a temperature that the fit never saw. Every call makes
-    new runs, and a copy of the model for them; nothing is overwritten.
+    The bench heats its oil from 20 to 80 degC and strokes its cylinder at four pressures: about fifty
+    minutes of bench time, in seconds. The campaign leaves several explanations of why the textbook model is
+    wrong. The records that distinguish them are designed and measured, and their predicted power is compared
+    with the result; effects that are significant are added, and checked at a temperature that the fit did
+    not use. Every call makes new runs, and a copy of the model for them; nothing is overwritten.
 
     Example: rigctl demo my-demo --open
     """

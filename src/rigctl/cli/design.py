@@ -27,30 +27,31 @@ def design(
         str | None,
         typer.Option(
             metavar="TIME",
-            help="Of the rig's time, heating and settling counted: 30m, 2h, '90 s'.",
+            help="Limit on bench time, including heating and settling: 30m, 2h, '90 s'.",
             show_default=False,
         ),
     ] = None,
     records: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="At most so many records; 4 by default.")
+        int | None, typer.Option(metavar="N", min=1, help="Maximum number of records; by default 4.")
     ] = None,
     separate: Annotated[
         str | None,
         typer.Option(
             metavar="A,B",
-            help="Two effects to tell apart, or an effect and 'none', instead of what the diagnosis leaves.",
+            help="Two effects to distinguish, or an effect and 'none', instead of those that the "
+            "diagnosis leaves open.",
             show_default=False,
         ),
     ] = None,
     sensors: Annotated[
         bool,
-        typer.Option("--sensors", help="Look also at the channels that the rig file says it could have."),
+        typer.Option("--sensors", help="Also consider the channels that the rig file lists as possible."),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of candidates and draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed for candidates and draws.")] = 0,
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE", help="Write the procedure into this file.", show_default=False
+            "--output", "-o", metavar="FILE", help="File to write the procedure to.", show_default=False
         ),
     ] = None,
     page: AsPage = None,
@@ -59,12 +60,12 @@ def design(
         typer.Option(
             "--sheet",
             metavar="FILE",
-            help="Write it as a work sheet to print, for a bench without rigctl; nothing is overwritten.",
+            help="Printable work sheet to write, for a bench without rigctl; nothing is overwritten.",
             show_default=False,
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Let -o and --page replace a file that is none of ours.")
+        bool, typer.Option("--force", help="Let -o and --page replace a file that rigctl did not write.")
     ] = False,
     assume: Assume = None,
     workers: Annotated[
@@ -72,7 +73,7 @@ def design(
         typer.Option(
             metavar="N",
             min=1,
-            help="Simulate candidates and refit rivals in N processes; this one if left out.",
+            help="Number of processes for simulating candidates and refitting rivals; by default 1.",
             show_default=False,
         ),
     ] = None,
@@ -82,11 +83,11 @@ def design(
     verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Design the records, or name the sensor, that would tell the explanations apart that are left.
+    """Design the records, or find the sensor, that would distinguish the remaining explanations.
 
     Every candidate is a record that the rig can make. It is simulated with every explanation, each refitted
-    against the others, and none is proposed that comes near a limit of the rig for any of them. What is
-    promised is the probability that a diagnosis of old and new records names what is right alone.
+    against the others, and is rejected if any of them brings it near a limit of the rig. The predicted power
+    is the probability that a diagnosis of old and new records names only the right explanation.
 
     Examples:
 

@@ -34,8 +34,8 @@ def diagnose(
         bool,
         typer.Option(
             "--apply",
-            help="Add what is missing, step by step, until the model agrees or nothing helps. "
-            "Every step is saved as the model's next version.",
+            help="Add what is missing, step by step, until the model agrees or nothing helps. Each "
+            "step is saved as the model's next version.",
         ),
     ] = False,
     most: Annotated[
@@ -44,7 +44,7 @@ def diagnose(
             "--max-effects",
             metavar="N",
             min=1,
-            help="With --apply add so many at the most; 1 looks at no pairs of effects.",
+            help="Maximum number of effects to add with --apply; 1 excludes pairs of effects.",
         ),
     ] = 4,
     assume: Assume = None,
@@ -56,8 +56,8 @@ def diagnose(
         typer.Option(
             "--laws",
             metavar="FOLDER",
-            help="Write the laws that the data ask for, where they are others than the library's, into this "
-            "folder, an effect file each; nothing is overwritten.",
+            help="Folder for the laws that the data suggest where they differ from those of the "
+            "library, one effect file for each; nothing is overwritten.",
             show_default=False,
         ),
     ] = None,
@@ -65,7 +65,7 @@ def diagnose(
         bool,
         typer.Option(
             "--design",
-            help="Also design what to measure next, as 'rigctl design' does, where something is left open.",
+            help="Also design the next measurement, as 'rigctl design' does, where a question remains open.",
         ),
     ] = False,
     repetitions: Annotated[
@@ -74,14 +74,17 @@ def diagnose(
             "--bootstrap",
             metavar="N",
             min=0,
-            help="Also give intervals of the parameters that do not rest on the noise model, from N fits to "
-            "data that could have been measured as well; 200 are enough. Not with --apply.",
+            help="Also give confidence intervals that do not depend on the noise model, from N fits "
+            "to resampled data (wild bootstrap); 200 are enough. Not with --apply.",
         ),
     ] = 0,
     workers: Annotated[
         int | None,
         typer.Option(
-            metavar="N", min=1, help="Processes for it; one for each core if left out.", show_default=False
+            metavar="N",
+            min=1,
+            help="Number of processes for it; by default one per core.",
+            show_default=False,
         ),
     ] = None,
     cluster: Cluster = None,
@@ -89,10 +92,12 @@ def diagnose(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Find out which effect a model lacks, how sure that is, and what it cannot be told apart from.
+    """Find out which effect a model lacks, how certain that is, and which effects cannot be distinguished
+    from it.
 
     The verdict is one of: adequate (nothing is missing), missing_effect, ambiguous (several explain it, and
-    these data cannot tell which) and outside_library. It never names a winner that the data do not support.
+    these data cannot distinguish them) and outside_library. It never names a winner that the data do not
+    support.
 
     Examples:
 

@@ -28,7 +28,7 @@ def discover(
         str | None,
         typer.Option(
             metavar="SLOT",
-            help="Look at this place of the equations alone; 'rigctl effects list --slots' lists them.",
+            help="Search only at this location in the equations; 'rigctl effects list --slots' lists them.",
             show_default=False,
         ),
     ] = None,
@@ -38,14 +38,14 @@ def discover(
             "--output",
             "-o",
             metavar="FOLDER",
-            help="Write each formula that predicts what it was not fitted to as an effect file. "
-            "What lies there stays.",
+            help="Folder for an effect file of each formula that predicts the records it was not "
+            "fitted to. Existing files are kept.",
             show_default=False,
         ),
     ] = None,
     page: AsPage = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Let --page replace a file that is no page of ours.")
+        bool, typer.Option("--force", help="Let --page replace a file that is not a page of rigctl.")
     ] = False,
     cluster: Cluster = None,
     assume: Assume = None,
@@ -54,11 +54,12 @@ def discover(
     verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Look for a formula of what is missing where no effect of the library is sure to be it.
+    """Search for a formula of the missing term where no effect of the library is certain to be it.
 
-    First a diagnosis; where the library has the answer, or these data cannot tell whether anything is
-    missing, nothing is looked for. Else: at which place of the equations a term is missing and what it
-    depends on, the term as a curve with its band, and all formulas that these data do not tell from the best.
+    A diagnosis is made first; if the library has the answer, or these data cannot show whether anything is
+    missing, no search is made. Otherwise the result is the location of the missing term in the equations,
+    the variables that it depends on, the term as a curve with its band, and all formulas that these data
+    cannot distinguish from the best.
 
     Examples:
 

@@ -110,19 +110,22 @@ def _writable(folder: Path) -> bool:
 def doctor(
     port: Annotated[
         list[str] | None,
-        typer.Option(help="Open this port and ask who is there; repeatable. A board may start anew by it."),
+        typer.Option(
+            help="Port to open and query for its device; repeatable. A board may restart when it is opened."
+        ),
     ] = None,
-    baud: Annotated[int, typer.Option(min=300, help="Of the ports that are asked.")] = 115200,
+    baud: Annotated[int, typer.Option(min=300, help="Baud rate for the ports that are opened.")] = 115200,
     rig: Annotated[
         Path | None,
-        typer.Option(help="Ask the device of this rig file, at its port or at --port, for all its channels."),
+        typer.Option(help="Rig file whose device is read, all channels, at its port or at --port."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Say what is installed, what is missing and how to get it, and which serial ports may be used.
+    """Report what is installed, what is missing and how to get it, and which serial ports can be used.
 
-    No port is opened unless --port names it. It is then asked *IDN? or VER, and its line is measured: how
-    many of 50 answers come back whole, and how fast. Name no port of a device that these questions may upset.
+    No port is opened unless --port names it. The device is then sent *IDN? or VER, and its line is tested:
+    how many of 50 answers arrive complete, and how fast. Do not name the port of a device that these queries
+    may disturb.
 
     Examples:
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
-    help="The library of effects, and your own.\n\n"
-    "An effect is one piece of physics that a model may lack: a term at one place of its equations, with "
+    help="List, show and check effects of the library, and your own.\n\n"
+    "An effect is one piece of physics that a model may lack: a term at one location in its equations, with "
     "parameters whose null values switch it off exactly.",
 )
 
@@ -32,20 +32,22 @@ Family = Annotated[
         "--family",
         "-f",
         callback=use_family,
-        help="The family of models, a name or your own file; by default all of them.",
+        help="Family of models: a name or your own file; by default all families.",
     ),
 ]
 Which = Annotated[
     str,
-    typer.Argument(metavar="EFFECT", help="A name of the library, or an effect file.", show_default=False),
+    typer.Argument(
+        metavar="EFFECT", help="Name of an effect in the library, or an effect file.", show_default=False
+    ),
 ]
 RigFile = Annotated[
-    Path | None, typer.Option("--rig", help="A rig file, whose channels, dimensions and noise then count.")
+    Path | None, typer.Option("--rig", help="Rig file whose channels, dimensions and noise are used.")
 ]
 Alongside = Annotated[
     list[str] | None,
     typer.Option(
-        "--with", metavar="EFFECT[:param=value]", help="Another effect that is there either way; repeatable."
+        "--with", metavar="EFFECT[:param=value]", help="Effect that is present in both cases; repeatable."
     ),
 ]
 
@@ -55,13 +57,16 @@ def list_(
     family: Family = None,
     *,
     slots: Annotated[
-        bool, typer.Option("--slots", help="Where effects can act, and what their terms may name.")
+        bool,
+        typer.Option(
+            "--slots", help="List the slots where effects can act, and the names that their terms may use."
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """List the effects of the library, or with --slots the places where an effect can act.
+    """List the effects of the library, or with --slots the slots where an effect can act.
 
-    A family of your own gets generic effects wherever they fit; the list says which act where, and why
+    A family of your own gets generic effects wherever they fit; the list shows which act where, and why
     others do not.
 
     Example: rigctl effects list --family hydraulic_cylinder --slots
@@ -96,17 +101,17 @@ def show(
     rig: RigFile = None,
     alongside: Alongside = None,
     figure: Annotated[
-        Path | None, typer.Option(help="Draw what it does into this file, .png or .svg.", show_default=False)
+        Path | None, typer.Option(help="File for the figure, .png or .svg.", show_default=False)
     ] = None,
     picture: Annotated[
-        bool, typer.Option("--picture/--no-picture", help="Simulate and draw what it does.")
+        bool, typer.Option("--picture/--no-picture", help="Simulate and plot its signature.")
     ] = True,
     as_json: Json = False,
 ) -> None:
-    """Show an effect: equation, slots, parameters, source, and what it does to the readings.
+    """Show an effect: equation, slots, parameters, source, and its signature in the readings.
 
-    It is simulated on the standard record of its family, with the effect at its typical size and without it;
-    what is drawn is the difference.
+    The standard record of its family is simulated with the effect at its typical size and without it; the
+    figure shows the difference.
 
     Example: rigctl effects show piston_leakage --figure leakage.svg
 
@@ -147,10 +152,10 @@ def check(
     alongside: Alongside = None,
     as_json: Json = False,
 ) -> None:
-    """Check your own effect: grammar, dimensions, exact null, smoothness, influence, and what looks like it.
+    """Check your own effect: grammar, dimensions, exact null, smoothness, influence, and similar effects.
 
-    What is wrong is said with its place in the file, and the exit code is 2. What one should know, e.g. that
-    no channel of the rig sees the effect, is a warning, and the exit code 0.
+    Errors are reported with their position in the file, and the exit code is 2. Warnings, e.g. that no
+    channel of the rig responds to the effect, leave the exit code at 0.
 
     Example: rigctl effects check my-effect.yaml --rig rigs/hl32-bench.yaml
     """

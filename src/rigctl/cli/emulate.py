@@ -11,15 +11,15 @@ from rigctl.cli.echo import echo
 
 
 def emulate(
-    rig: Annotated[Path, typer.Option(help="The rig file of the bench that its pins are on.")] = Path(
+    rig: Annotated[Path, typer.Option(help="Rig file of the bench that its pins are wired to.")] = Path(
         "rigs/hl32-bench-uno.yaml"
     ),
     link: Annotated[
-        Path | None, typer.Option(help="A name of your own for the port, e.g. ttyRIG.", show_default=False)
+        Path | None, typer.Option(help="Name for the port, e.g. ttyRIG.", show_default=False)
     ] = None,
     baud: Annotated[int, typer.Option(help="115200 or 500000.")] = 115200,
     speed: Annotated[str, typer.Option(help="1x, or e.g. 5x.")] = "1x",
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the sensors' noise.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed for the sensor noise.")] = None,
 ) -> None:
     """Emulate the board and its bench, and offer its serial port to any client until Ctrl-C.
 

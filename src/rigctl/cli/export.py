@@ -27,51 +27,53 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="Ends in .csv, .parquet, .tdms, .mf4, .mat or .xlsx; RUN.csv by default.",
+            help="File to write: .csv, .parquet, .tdms, .mf4, .mat or .xlsx; by default RUN.csv.",
         ),
     ] = None,
     table: Annotated[
         str | None,
-        typer.Option(help="samples; observations: condition and measures of each record; records; events."),
+        typer.Option(
+            help="Table to write: samples, observations (condition and measures of each record), "
+            "records or events."
+        ),
     ] = None,
     record: Annotated[
         list[int] | None, typer.Option(help="Only the samples of this record; repeatable.")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", "--force", help="Replace a file that is there; never one of a run.")
+        bool, typer.Option("--overwrite", "--force", help="Replace an existing file, but never one of a run.")
     ] = False,
     disarm: Annotated[
-        bool, typer.Option("--disarm", help="In CSV: keep a spreadsheet from taking texts for formulas.")
+        bool, typer.Option("--disarm", help="In CSV: keep spreadsheets from interpreting texts as formulas.")
     ] = False,
     to: Annotated[
         str | None,
         typer.Option(
             metavar="FORM",
-            help="junit: measures with their limits as test cases (.xml); "
-            "ro-crate: whole runs for strangers, a folder or .zip.",
+            help="junit: measures with their limits as test cases (.xml); ro-crate: complete runs "
+            "for publication, a folder or .zip.",
         ),
     ] = None,
     licence: Annotated[
         str | None,
         typer.Option(
-            "--licence", "--license", help="Of a crate: SPDX identifier or address, e.g. CC-BY-4.0."
+            "--licence", "--license", help="Licence of a crate: SPDX identifier or address, e.g. CC-BY-4.0."
         ),
     ] = None,
-    title: Annotated[str | None, typer.Option(help="Of a crate.")] = None,
+    title: Annotated[str | None, typer.Option(help="Title of a crate.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Write a run's data to a file that other programs read, every column with its unit.
 
-    The end of the file's name says its kind: CSV, Parquet, TDMS (LabVIEW), MDF4, MAT (MATLAB) or XLSX; in the
-    last four each record is a group, or a sheet, of its own. 'rigctl import' reads samples and observations
-    back. Without --table it is the samples, or the observations of a run that has no samples.
+    The extension determines the format: CSV, Parquet, TDMS (LabVIEW), MDF4, MAT (MATLAB) or XLSX; in the
+    last four each record is a separate group or sheet. 'rigctl import' reads samples and observations back.
+    By default --table is samples, or observations for a run without samples.
 
-    With --to junit, or a name that ends in .xml, it is the measures with their limits as JUnit XML, for build
-    servers and test managers: one case for each, and one for the run having come to its end.
+    With --to junit, or the extension .xml, the measures are written with their limits as JUnit XML, for
+    build servers and test managers: one case for each measure, and one for the completion of the run.
 
-    With --to ro-crate it is one or several runs as a Research Object Crate 1.2: all their files, procedure
-    and rig file, and who measured what and when, on which bench and device, in which units, under which
-    licence.
+    With --to ro-crate, one or more runs are written as a Research Object Crate 1.2: all their files,
+    procedure and rig file, with operator, date, bench, device, units and licence.
 
     Example: rigctl export latest -o strokes.csv
     """

@@ -68,8 +68,8 @@ FamilyOption = Annotated[
         "--family",
         metavar="FILE",
         callback=use_family,
-        help="Your own family of models that the rig or model file names: YAML or Python (Python is "
-        "executed).",
+        help="Your own family of models, which the rig or model file names: YAML or Python "
+        "(Python is executed).",
         show_default=False,
     ),
 ]

@@ -35,46 +35,47 @@ def _group() -> None:
 
 @app.command()
 def new(
-    name: Annotated[
-        str, typer.Argument(help="What the bench is called, e.g. pump_test.", show_default=False)
-    ],
+    name: Annotated[str, typer.Argument(help="Name of the bench, e.g. pump_test.", show_default=False)],
     *,
     csv: Annotated[
         Path | None,
-        typer.Option("--csv", metavar="FILE", help="Measurements: CSV, or what else 'rigctl import' reads."),
+        typer.Option(
+            "--csv", metavar="FILE", help="Measurements: CSV, or another format that 'rigctl import' reads."
+        ),
     ] = None,
     template: Annotated[
         str | None,
         typer.Option(
-            help="first-order, second-order, mass-spring-damper, motor, tank, heater, flow or linear.",
+            help="Kind of model: first-order, second-order, mass-spring-damper, motor, tank, "
+            "heater, flow or linear.",
             show_default=False,
         ),
     ] = None,
     inputs: Annotated[
         list[str] | None,
-        typer.Option("--input", metavar="COLUMN", help="This column is an input; repeatable."),
+        typer.Option("--input", metavar="COLUMN", help="Column that is an input; repeatable."),
     ] = None,
     outputs: Annotated[
         list[str] | None,
-        typer.Option("--output", metavar="COLUMN", help="This column is an output; repeatable."),
+        typer.Option("--output", metavar="COLUMN", help="Column that is an output; repeatable."),
     ] = None,
     leave: Annotated[
-        list[str] | None, typer.Option(metavar="COLUMN", help="Leave this column out; repeatable.")
+        list[str] | None, typer.Option(metavar="COLUMN", help="Column to leave out; repeatable.")
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option(metavar="COLUMN=UNIT", help="The unit of a column without one; repeatable."),
+        typer.Option(metavar="COLUMN=UNIT", help="Unit of a column without one; repeatable."),
     ] = None,
     fit: Annotated[
-        bool, typer.Option("--fit/--no-fit", help="Fit the draft to the data once, and draw both.")
+        bool, typer.Option("--fit/--no-fit", help="Fit the draft to the data once, and plot both.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Write a first family, rig, procedure and model file, to be edited; nothing is overwritten.
+    """Write draft family, rig, procedure and model files for editing; nothing is overwritten.
 
-    From a file of measurements it says which columns are inputs (constant but for steps, given from outside,
-    or leading all others) and which are outputs, and takes first values of the parameters from the data.
-    Without --template every output is a first-order lag of the inputs.
+    From a file of measurements it determines which columns are inputs (constant except for steps, imposed
+    from outside, or leading all others) and which are outputs, and estimates starting values of the
+    parameters. Without --template every output is a first-order lag of the inputs.
 
     Example: rigctl family new motor --csv log.csv --template motor
 

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from rigctl.plan.identity import Identity
 
 SerialNumberOption = Annotated[
-    str | None, typer.Option(help="Of the device under test; kept with the run, as the next two are.")
+    str | None,
+    typer.Option(help="Serial number of the device under test; kept with the run, like the next two."),
 ]
 PartOption = Annotated[str | None, typer.Option(help="Part or type number of the device under test.")]
-NotesOption = Annotated[str | None, typer.Option(help="Anything else that is worth knowing of the device.")]
+NotesOption = Annotated[str | None, typer.Option(help="Other notes about the device.")]
 
 #: how often a person may try again
 _TRIES: Final = 5

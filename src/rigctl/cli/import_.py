@@ -28,98 +28,109 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="CSV, XLSX, Parquet, TDMS, MDF4 or MAT; several are one run.",
+            help="CSV, XLSX, Parquet, TDMS, MDF4 or MAT files; several make one run.",
             show_default=False,
         ),
     ],
     *,
     rig: Annotated[
         Path | None,
-        typer.Option(help="The rig file of the bench it was measured on; a table without time needs none."),
+        typer.Option(help="Rig file of the bench it was measured on; not needed for a table without time."),
     ] = None,
     columns: Annotated[
         list[str] | None,
         typer.Option(
             metavar="THEIRS=OURS",
-            help="What a column is, where its name differs; repeatable. THEIRS=- leaves it out.",
+            help="Channel or input that a column holds, where their names differ; repeatable. "
+            "THEIRS=- skips the column.",
         ),
     ] = None,
     assume: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUE",
-            help="An input that was not recorded and stayed at a value, e.g. 'ambient=21 degC'; repeatable.",
+            help="Constant value of an input that was not recorded, e.g. 'ambient=21 degC'; repeatable.",
         ),
     ] = None,
     missing: Annotated[
         list[str] | None,
-        typer.Option(metavar="MARK", help="A further mark of missing values, e.g. -9999; repeatable."),
+        typer.Option(metavar="MARK", help="Additional mark for missing values, e.g. -9999; repeatable."),
     ] = None,
     dates: Annotated[
         str | None,
-        typer.Option(metavar="ORDER", help="day-first, month-first or iso, where 03/04/2026 leaves it open."),
+        typer.Option(
+            metavar="ORDER",
+            help="Order of ambiguous dates such as 03/04/2026: day-first, month-first or iso.",
+        ),
     ] = None,
     zone: Annotated[
         str | None,
-        typer.Option(metavar="ZONE", help="Time zone of times that name none, e.g. Europe/Berlin; else UTC."),
+        typer.Option(
+            metavar="ZONE", help="Time zone of times without one, e.g. Europe/Berlin; by default UTC."
+        ),
     ] = None,
     times: Annotated[
         str | None,
         typer.Option(
             metavar="POLICY",
-            help="Rows whose time does not go on: refuse, drop, spread (equal ones) or split (new record).",
+            help="Treatment of rows whose time does not increase: refuse, drop, spread (equal "
+            "times) or split (new record).",
         ),
     ] = None,
     split: Annotated[
         str | None,
         typer.Option(
-            metavar="WAY", help="What begins a record: command, command:NAME, gap, 'gap:10 s' or column:NAME."
+            metavar="WAY",
+            help="Start of a new record: command, command:NAME, gap, 'gap:10 s' or column:NAME.",
         ),
     ] = None,
     resample: Annotated[
         str | None,
         typer.Option(
             metavar="STEP|NAME",
-            help="Common times of channels with clocks of their own: a step, '100 ms', or those of a column.",
+            help="Common time base for channels with separate clocks: a step such as '100 ms', or "
+            "the times of a column.",
         ),
     ] = None,
     encoding: Annotated[
-        str | None, typer.Option(help="Of a text file, e.g. cp1252; found out when left out.")
+        str | None, typer.Option(help="Encoding of a text file, e.g. cp1252; by default detected.")
     ] = None,
     delimiter: Annotated[
-        str | None, typer.Option(metavar="SIGN", help="Between the cells; found out when left out.")
+        str | None, typer.Option(metavar="SIGN", help="Character between cells; by default detected.")
     ] = None,
     decimal: Annotated[
-        str | None, typer.Option(metavar="SIGN", help="'.' or ','; found out when left out.")
+        str | None, typer.Option(metavar="SIGN", help="Decimal mark, '.' or ','; by default detected.")
     ] = None,
     mapping: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="How files of this logger are read, as saved before.")
+        Path | None, typer.Option(metavar="FILE", help="Saved options for files of this logger.")
     ] = None,
     save_mapping: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep all of the above for the next file.")
+        Path | None, typer.Option(metavar="FILE", help="Save all of these options for the next file.")
     ] = None,
     keep_good: Annotated[
-        bool, typer.Option("--keep-good", help="Leave bad rows out instead of refusing the file.")
+        bool, typer.Option("--keep-good", help="Skip bad rows instead of refusing the file.")
     ] = False,
     name: Annotated[
-        str | None, typer.Option(help="Name of the records; by default what the file calls them.")
+        str | None, typer.Option(help="Name of the records; by default that in the file.")
     ] = None,
     dry_run: Annotated[
         bool,
-        typer.Option("--dry-run", help="Show what would be read, as a table and a picture; make no run."),
+        typer.Option(
+            "--dry-run", help="Show what would be read, as a table and a figure, without making a run."
+        ),
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="With --dry-run: the picture as a .png or .svg file."),
+        typer.Option("-o", "--output", help="With --dry-run: .png or .svg file for the figure."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Bring in files of samples as a run, and print the run's id.
+    """Import files of samples as a run, and print its id.
 
     The heading names each column with its unit: time [s], record, valve [1], oil_temperature [degC],
-    supply_pressure [bar], pressure_setpoint [bar], position [mm], and what else the rig has. A table without
-    time holds observations, one in each row. All of a file is imported or nothing. The end of the name says
-    what the file is: .csv (also .csv.gz), .xlsx, .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
+    supply_pressure [bar], pressure_setpoint [bar], position [mm], and any other channels of the rig. A table
+    without time holds observations, one per row. Either the whole file is imported or nothing. The extension
+    determines the format: .csv (also .csv.gz), .xlsx, .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
 
     Example: rigctl import strokes.csv --rig rigs/hl32-bench.yaml
 

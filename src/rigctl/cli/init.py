@@ -119,16 +119,14 @@ def mark_project(directory: Path) -> Path | None:
 
 
 def init(
-    directory: Annotated[
-        Path, typer.Argument(help="The folder to make; the current one if none is named.")
-    ] = Path(),
+    directory: Annotated[Path, typer.Argument(help="Folder to create; by default the current one.")] = Path(),
     *,
     minimal: Annotated[
         bool, typer.Option("--minimal", help="Without the shipped benches: for your own data and bench.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Make a working project folder: rigs, procedures, models, data, and a README that says what to type.
+    """Create a working project folder: rigs, procedures, models, data, and a README with the first commands.
 
     Example: rigctl init my-bench
 

@@ -31,57 +31,63 @@ _ROUNDS = 5
 def learn(
     procedure: Annotated[
         Path | None,
-        typer.Argument(help="The procedure of the first round; not with --resume.", show_default=False),
+        typer.Argument(help="Procedure of the first round; not with --resume.", show_default=False),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
-            "--model", "-m", help="The model file; what is sure is added to it.", show_default=False
+            "--model", "-m", help="Model file, to which significant effects are added.", show_default=False
         ),
     ] = None,
     budget: Annotated[
         str | None,
         typer.Option(
             metavar="TIME",
-            help="Of the rig's time for all rounds, heating and settling counted: 30m, 2h.",
+            help="Limit on bench time for all rounds, including heating and settling: 30m, 2h.",
             show_default=False,
         ),
     ] = None,
     rounds: Annotated[
         int | None,
-        typer.Option("--max-rounds", metavar="N", min=1, help="At most so many, the first included; 5."),
+        typer.Option(
+            "--max-rounds",
+            metavar="N",
+            min=1,
+            help="Maximum number of rounds, including the first; by default 5.",
+        ),
     ] = None,
     precision: Annotated[
         str | None,
         typer.Option(
             metavar="SHARE",
-            help="Go on until every added size is known to within this share, as a 95 % interval: 10 %.",
+            help="Continue until the size of every added effect is known to within this relative "
+            "half width of its 95 % interval: 10 %.",
             show_default=False,
         ),
     ] = None,
     run: Annotated[
         list[str] | None,
-        typer.Option(
-            "--from", metavar="RUN", help="Begin with this run instead of the procedure; repeatable."
-        ),
+        typer.Option("--from", metavar="RUN", help="Run to start with instead of the procedure; repeatable."),
     ] = None,
     hold_out: HoldOut = None,
     backend: Annotated[
-        str | None, typer.Option(help="As of 'rigctl run'; the rig file names the default.")
+        str | None, typer.Option(help="Backend, as for 'rigctl run'; by default that of the rig file.")
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL.")] = None,
-    rig: Annotated[Path | None, typer.Option(help="Another rig file than the procedure names.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="Rig file to use instead of the one that the procedure names.")
+    ] = None,
     arg: Annotated[
         list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
+        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
     ] = None,
-    operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with each run.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Person in charge; kept with each run.")] = None,
     serial_number: SerialNumberOption = None,
     part: PartOption = None,
     notes: NotesOption = None,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Of what is random on a simulated bench; each round has the next."),
+        typer.Option(min=0, help="Seed for the simulated bench; each round uses the next."),
     ] = None,
     speed: Annotated[
         str | None, typer.Option(help="max on a simulated bench, else 1x.", show_default=False)
@@ -89,28 +95,29 @@ def learn(
     effect: Annotated[
         list[str] | None,
         typer.Option(
-            "--with", metavar="EFFECT[:P=V,...]", help="A hidden effect of a simulated bench; repeatable."
+            "--with", metavar="EFFECT[:P=V,...]", help="Hidden effect of a simulated bench; repeatable."
         ),
     ] = None,
     family: FamilyOption = None,
     *,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Carry out every round without asking.")] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the last learning; more time or rounds may be given.")
+        bool, typer.Option("--resume", help="Resume the last session; more time or rounds may be given.")
     ] = False,
     serve: ServeOption = False,
     verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Measure in rounds until the model agrees and every effect in it is told from its rivals.
+    """Measure in rounds until the model agrees with the data and every effect in it is distinguished from
+    its rivals.
 
-    Each round is a run like any other, with its interlocks. Then the model is compared with all that was
-    measured, what is sure to be missing is added as its next version, and where the data cannot tell which
-    effect it is, the records that would are designed. You are asked before each of them is carried out; what
-    was promised of it is held against what comes out. It ends where nothing is left to ask, nothing on this
-    bench could tell, or the time or the rounds are used up.
+    Each round is a run like any other, with its interlocks. The model is then compared with all data
+    measured so far, any effect that is significant is added as its next version, and where the data cannot
+    distinguish effects, records that would are designed. You are asked before each round is run; its
+    predicted power is compared with the result. It ends when no question remains, when no record on this
+    bench could answer it, or when the time or the rounds are used up.
 
-    Ctrl-C ends a run safely; '--resume' goes on from there, also after a kill or a power cut.
+    Ctrl-C ends a run safely; '--resume' continues from there, also after a kill or a power cut.
 
     Examples:
 

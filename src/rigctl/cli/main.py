@@ -85,7 +85,7 @@ def rigctl(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Run a test bench, record what it does, and learn what the model of it is missing.
+    """Run a test bench, record its behaviour, and find out what its model lacks.
 
     First steps: 'rigctl init my-bench', then 'rigctl check' and 'rigctl simulate' one of its procedures,
     then 'rigctl report latest'. 'rigctl COMMAND --help' shows an example of each.

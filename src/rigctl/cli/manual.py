@@ -24,12 +24,10 @@ if TYPE_CHECKING:
 
 _NO_ANSWER = 1.5  # s after which somebody has to be told what to do by hand
 
-RigFile = Annotated[
-    Path | None, typer.Option(help="The rig file; by default the project's.", show_default=False)
-]
-Backend = Annotated[str | None, typer.Option(help="Which backend; by default the rig file's.")]
+RigFile = Annotated[Path | None, typer.Option(help="Rig file; by default the project's.", show_default=False)]
+Backend = Annotated[str | None, typer.Option(help="Backend; by default that of the rig file.")]
 Port = Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")]
-Speed = Annotated[str, typer.Option(help="Of a bench that is no real one: 1x, 10x or max.")]
+Speed = Annotated[str, typer.Option(help="Speed of a bench that is not real: 1x, 10x or max.")]
 
 
 def off(
@@ -38,14 +36,14 @@ def off(
     port: Port = None,
     *,
     clear_trips: Annotated[
-        bool, typer.Option("--clear-trips", help="Also clear what has tripped; its cause must be gone.")
+        bool, typer.Option("--clear-trips", help="Also clear latched trips; their cause must be gone.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Bring every output of the bench to its safe state, now, and read it back.
+    """Put every output of the bench into its safe state immediately, and read it back.
 
-    Runs in progress on it are ended, simulated ones too. With --port alone, who answers there decides which
-    bench it is: rigctl's own board, or the two-heater board.
+    Runs in progress on it are ended, including simulated ones. With --port alone, the device that answers
+    determines the bench: rigctl's own board, or the two-heater board.
 
     Example: rigctl off --rig rigs/hl32-bench.yaml
     """
@@ -87,10 +85,10 @@ def _impatient() -> Iterator[None]:
 
 
 def jog(
-    actuator: Annotated[str, typer.Argument(help="Its name in the rig file.", show_default=False)],
-    value: Annotated[str, typer.Argument(help="A position's word, or a level with its unit.")],
+    actuator: Annotated[str, typer.Argument(help="Name in the rig file.", show_default=False)],
+    value: Annotated[str, typer.Argument(help="Name of a position, or a level with its unit.")],
     duration: Annotated[
-        str | None, typer.Option("--for", help="How long, e.g. '0.5 s'; until Enter when left out.")
+        str | None, typer.Option("--for", help="Duration, e.g. '0.5 s'; by default until Enter.")
     ] = None,
     rig: RigFile = None,
     backend: Backend = None,
@@ -99,7 +97,7 @@ def jog(
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Move one actuator by hand, within its range and under the interlocks; everything is safe afterwards.
+    """Move one actuator by hand, within its range and under the interlocks; outputs are safe afterwards.
 
     Example: rigctl jog valve extend --for "0.5 s"
     """
@@ -127,9 +125,11 @@ def monitor(
     rig: RigFile = None,
     backend: Backend = None,
     port: Port = None,
-    rate: Annotated[float | None, typer.Option(min=0.01, help="Hz; the rig file's when left out.")] = None,
-    count: Annotated[int | None, typer.Option(min=1, help="Stop after so many samples.")] = None,
-    duration: Annotated[str | None, typer.Option("--for", help="Stop after a time, e.g. '10 s'.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")
+    ] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="Stop after this many samples.")] = None,
+    duration: Annotated[str | None, typer.Option("--for", help="Stop after this time, e.g. '10 s'.")] = None,
     speed: Speed = "1x",
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document for each sample.")] = False,

@@ -15,14 +15,14 @@ from rigctl.errors import RigctlError
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
-    help="What a model says, how it came to be, and how to change it.\n\n"
-    "M is a model file, and M@3 its version 3. Every change made here becomes the next version; earlier ones "
-    "are kept in '.history' beside the file and never change.",
+    help="Show a model, its history, and change it.\n\nM is a model file, and M@3 its "
+    "version 3. Every change made here becomes the next version; earlier ones are kept "
+    "in '.history' beside the file and never change.",
 )
 
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 ModelFile = Annotated[
-    Path, typer.Argument(metavar="M", help="A model file; M@3 is its version 3.", show_default=False)
+    Path, typer.Argument(metavar="M", help="Model file; M@3 is its version 3.", show_default=False)
 ]
 
 SomeRuns = Annotated[
@@ -33,10 +33,10 @@ SomeRuns = Annotated[
 
 @app.command()
 def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False) -> None:
-    """Show a model: its equations in short, its effects, and every parameter.
+    """Show a model: a summary of its equations, its effects, and every parameter.
 
-    A parameter has its value and unit, its standard deviation once a fit has found it, whether a fit may
-    change it, and where it comes from.
+    Each parameter is listed with its value and unit, its standard deviation if it was fitted, whether a fit
+    may change it, and its source.
 
     Example: rigctl model show models/hl32-textbook.yaml
     """
@@ -55,13 +55,15 @@ def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False
 
 @app.command()
 def diff(
-    first: Annotated[Path, typer.Argument(metavar="A", help="A model, or M@3.", show_default=False)],
-    second: Annotated[Path, typer.Argument(metavar="B", help="Another one.", show_default=False)],
+    first: Annotated[Path, typer.Argument(metavar="A", help="Model file, or M@3.", show_default=False)],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="Model file to compare with it.", show_default=False)
+    ],
     *,
     family: FamilyOption = None,
     as_json: Json = False,
 ) -> None:
-    """Show what makes model B out of model A: effects and parameters.
+    """Show the differences between models A and B: effects and parameters.
 
     Example: rigctl model diff models/hl32-textbook.yaml@1 models/hl32-textbook.yaml
     """
@@ -76,7 +78,7 @@ def diff(
 
 @app.command()
 def history(model: ModelFile, *, as_json: Json = False) -> None:
-    """Show every version of a model: when and how it was made, and how the error fell.
+    """Show every version of a model: when and how it was made, and its error.
 
     Example: rigctl model history models/hl32-textbook.yaml
     """
@@ -125,18 +127,19 @@ def add(
         str,
         typer.Argument(
             metavar="EFFECT[:P=V,...]",
-            help="An effect of the library or your own file. The values given are where its fit begins.",
+            help="Effect of the library, or your own effect file. The values given are the starting "
+            "values of its fit.",
             show_default=False,
         ),
     ],
     runs: SomeRuns = None,
     *,
     fitting: Annotated[
-        bool, typer.Option("--fit/--no-fit", help="Fit the free parameters to the runs that are named.")
+        bool, typer.Option("--fit/--no-fit", help="Fit the free parameters to the given runs.")
     ] = True,
     fit_shapes: Annotated[
         bool,
-        typer.Option("--fit-shapes", help="Let the fit change its shapes too: a width, a threshold."),
+        typer.Option("--fit-shapes", help="Also fit the effect's shape parameters: a width, a threshold."),
     ] = False,
     hold_out: HoldOut = None,
     only: Only = None,
@@ -149,7 +152,7 @@ def add(
     """Add an effect to a model; the result is its next version, with the error before and after.
 
     With --fit the error before is that of the model without the effect, fitted to the same records, so that
-    what falls is the effect's own merit.
+    the whole decrease is due to the effect.
 
     Examples:
 
@@ -182,11 +185,13 @@ def add(
 @app.command()
 def remove(
     model: ModelFile,
-    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect of the model, or base physics.")],
+    effect: Annotated[
+        str, typer.Argument(metavar="EFFECT", help="Effect of the model or of its base physics.")
+    ],
     runs: SomeRuns = None,
     *,
     fitting: Annotated[
-        bool, typer.Option("--fit/--no-fit", help="Fit the rest to the runs that are named.")
+        bool, typer.Option("--fit/--no-fit", help="Fit the remaining free parameters to the given runs.")
     ] = True,
     hold_out: HoldOut = None,
     only: Only = None,
@@ -196,10 +201,10 @@ def remove(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Take an effect out of a model; the result is its next version.
+    """Remove an effect from a model; the result is its next version.
 
-    Base physics is taken away by its null value. The other parameters keep their values unless runs are named
-    to fit them to; then the error before and after is told.
+    An effect of the base physics is removed by setting it to its null value. The other parameters keep their
+    values unless runs are given to fit them to; the error before and after is then reported.
 
     Example: rigctl model remove models/hl32-textbook.yaml piston_leakage --fit latest
     """
@@ -220,7 +225,7 @@ def set_values(
         list[str] | None,
         typer.Argument(
             metavar="[NAME=VALUE]...",
-            help="A parameter and its value with its unit; of an effect, effect.parameter=value.",
+            help="Parameter and its value with unit; for an effect, effect.parameter=value.",
             show_default=False,
         ),
     ] = None,
@@ -228,19 +233,22 @@ def set_values(
     add_effect: Annotated[
         list[str] | None,
         typer.Option(
-            "--add", metavar="EFFECT[:P=V,...]", help="Also add this effect, as it is.", show_default=False
+            "--add",
+            metavar="EFFECT[:P=V,...]",
+            help="Also add this effect, with the given values.",
+            show_default=False,
         ),
     ] = None,
     remove_effect: Annotated[
         list[str] | None,
-        typer.Option("--remove", metavar="EFFECT", help="Also take this effect out.", show_default=False),
+        typer.Option("--remove", metavar="EFFECT", help="Also remove this effect.", show_default=False),
     ] = None,
     runs: Annotated[
         list[str] | None,
         typer.Option(
             "--run",
             metavar="RUN",
-            help="Say the error before and after on this run; repeatable.",
+            help="Run for which the error before and after is reported; repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -252,9 +260,9 @@ def set_values(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Set values of a model by hand, and effects in and out; the result is its next version.
+    """Set parameter values by hand, and add or remove effects; the result is the model's next version.
 
-    Nothing is fitted. With --run the error before and after is said, each with the values as they are.
+    Nothing is fitted. With --run the error before and after is reported.
 
     Examples:
 
@@ -280,11 +288,16 @@ def export(
     *,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Ends in .fmu; as the model is called."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write, ending in .fmu; by default named after the model.",
+        ),
     ] = None,
     to: Annotated[str, typer.Option(metavar="FORM", help="fmu: FMI 2.0, co-simulation.")] = "fmu",
     sources_only: Annotated[
-        bool, typer.Option("--sources-only", help="C sources alone, for a simulator that compiles them.")
+        bool, typer.Option("--sources-only", help="Write only C sources, for a simulator that compiles them.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", "--force", help="Replace a file.")] = False,
     family: FamilyOption = None,
@@ -292,9 +305,9 @@ def export(
 ) -> None:
     """Write a model as a Functional Mock-up Unit, which other simulators run beside their own models.
 
-    Inputs are those of the family, parameters those that a fit can change, outputs the channels of the rig,
-    all in SI. It is made with this computer's C compiler and runs on computers like it; its sources are in
-    it.
+    Its inputs are those of the family, its parameters those that a fit can change, and its outputs the
+    channels of the rig, all in SI. It is compiled with this computer's C compiler for computers of the same
+    kind; its sources are included.
 
     Example: rigctl model export models/hl32-textbook.yaml -o cylinder.fmu
     """

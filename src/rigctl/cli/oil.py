@@ -23,27 +23,29 @@ _BAR = 1e5
 
 
 def oil(
-    name: Annotated[str, typer.Argument(metavar="OIL", help="The oil.")] = "HL32",
+    name: Annotated[str, typer.Argument(metavar="OIL", help="Oil.")] = "HL32",
     *,
     temperature: Annotated[
         str | None,
-        typer.Option("--temperature", "-t", help="'40 degC', '20, 40, 60 degC' or '20:80:10 degC'."),
+        typer.Option(
+            "--temperature", "-t", help="Temperatures: '40 degC', '20, 40, 60 degC' or '20:80:10 degC'."
+        ),
     ] = None,
     pressure: Annotated[
         str | None,
-        typer.Option("--pressure", "-p", help="Gauge pressure, written likewise, e.g. '0:50:10 bar'."),
+        typer.Option("--pressure", "-p", help="Gauge pressures in the same form, e.g. '0:50:10 bar'."),
     ] = None,
     points: Annotated[
         str | None,
-        typer.Option(help="Three measured points; Vogel's constants are solved from them (Pa*s or cSt)."),
+        typer.Option(help="Three measured points (Pa*s or cSt) from which Vogel's constants are calculated."),
     ] = None,
-    model: Annotated[str, typer.Option(help="How pressure acts: barus or modulus.")] = "barus",
+    model: Annotated[str, typer.Option(help="Pressure law: barus or modulus.")] = "barus",
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Show an oil's density and viscosity, and the published measurements beside the law.
+    """Show an oil's density and viscosity, and compare the law with published measurements.
 
-    Without options it prints the published table of HL32 with true percentage errors, and where the law is
-    furthest from the measurement.
+    Without options it prints the published table of HL32 with the percentage errors of the law, and where
+    they are largest.
 
     Example: rigctl oil --temperature "20:80:20 degC" --pressure "0, 50 bar"
 

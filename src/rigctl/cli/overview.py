@@ -7,7 +7,7 @@ from rigctl.cli.catalogue import ENTRIES
 _ABOUT = """\
 Usage: rigctl COMMAND [ARGS]...
 
-Run a test bench, record what it does, and learn what the model of it is missing.
+Run a test bench, record its behaviour, and find out what its model lacks.
 
 First steps: 'rigctl init my-bench', then 'rigctl check' and 'rigctl simulate' one of its procedures, then
 'rigctl report latest'. 'rigctl COMMAND --help' shows an example of each.

@@ -32,7 +32,8 @@ def report(
         list[str], typer.Argument(metavar="RUN...", help="Ids, starts of ids, paths, or 'latest'.")
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The page; by default RUN.html in this folder.")
+        Path | None,
+        typer.Option("--output", "-o", help="Page to write; by default RUN.html in the current folder."),
     ] = None,
     model: Annotated[
         list[Path] | None,
@@ -40,32 +41,35 @@ def report(
             "--model",
             "-m",
             metavar="M",
-            help="Compare this model with the runs; repeatable.",
+            help="Model to compare with the runs; repeatable.",
             show_default=False,
         ),
     ] = None,
     *,
     diagnose: Annotated[
-        bool, typer.Option("--diagnose", help="Say too what the first --model lacks.")
+        bool, typer.Option("--diagnose", help="Also diagnose what the first --model lacks.")
     ] = False,
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Verbose = False,
     figures: Annotated[
-        Path | None, typer.Option(help="A folder for every plot as a file of its own.")
+        Path | None, typer.Option(help="Folder in which every plot is also saved as a separate file.")
     ] = None,
-    form: Annotated[FigureFormat, typer.Option("--format", help="Of the figures.")] = FigureFormat.PNG,
+    form: Annotated[FigureFormat, typer.Option("--format", help="Format of the figures.")] = FigureFormat.PNG,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace files that are no page or figure; never one of a run.")
+        bool,
+        typer.Option(
+            "--force", help="Replace files that are not pages or figures of rigctl, but never one of a run."
+        ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Say what was written as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Report the files written as JSON.")] = False,
 ) -> None:
     """Make one self-contained HTML page about one or more runs.
 
     The page holds its plots and data, needs no network, and can be sent by mail or printed. With --model it
-    says how well the model agrees with all records of the runs; the pages of 'rigctl compare' and 'rigctl
-    diagnose', by their -o, look at those that --only and --hold-out choose.
+    also compares the model with all records of the runs. The pages that 'rigctl compare' and 'rigctl
+    diagnose' write with -o use only the records selected by --only and --hold-out.
 
     Examples:
 

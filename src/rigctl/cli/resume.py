@@ -12,21 +12,22 @@ from rigctl.cli.family import FamilyOption
 
 def resume(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
-    port: Annotated[str | None, typer.Option(help="Another serial port than before.")] = None,
-    operator: Annotated[str | None, typer.Option(help="Who is in charge now.")] = None,
+    port: Annotated[str | None, typer.Option(help="Serial port, if not the same as before.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Person now in charge.")] = None,
     speed: Annotated[
-        str | None, typer.Option(help="max, 1x or 10x; as before when left out.", show_default=False)
+        str | None, typer.Option(help="max, 1x or 10x; by default as before.", show_default=False)
     ] = None,
     family: FamilyOption = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Go on with a run at its first record that is not complete.
+    """Resume a run at its first incomplete record.
 
-    The port, the speed, the seed and the hidden effects of a simulation are what they were.
+    The port, the speed, the seed and the hidden effects of a simulation are those of the original run.
 
-    Procedure and rig file must be what they were. Set-points that the next record rests on are brought about
-    again; complete records stay as they are, an incomplete one is measured again under the next number.
+    Procedure and rig file must not have changed. The set-points that the next record depends on are
+    established again; complete records are kept, and an incomplete one is measured again under the next
+    number.
 
     Example: rigctl resume latest
     """

@@ -46,7 +46,7 @@ NoCache = Annotated[
     typer.Option(
         "--no-cache",
         callback=_without,
-        help="Compute everything again: use no fit of an earlier command, and keep none.",
+        help="Compute everything again: do not reuse fits of earlier commands or store new ones.",
     ),
 ]
 Verbose = Annotated[
@@ -55,7 +55,7 @@ Verbose = Annotated[
         "--verbose",
         "-v",
         callback=_say_at_end,
-        help="Say on stderr how much of earlier commands was reused.",
+        help="Report on stderr how many results of earlier commands were reused.",
     ),
 ]
 #: of those that print an answer first
@@ -65,6 +65,6 @@ Evidence = Annotated[
         "--verbose",
         "-v",
         callback=_say_at_end,
-        help="Show the evidence too, and say on stderr how much of earlier commands was reused.",
+        help="Also show the evidence, and report on stderr how many results of earlier commands were reused.",
     ),
 ]

@@ -13,46 +13,51 @@ from rigctl.cli.serving import ServeOption
 
 
 def run(
-    procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
+    procedure: Annotated[Path, typer.Argument(help="Procedure file.", show_default=False)],
     recording: Annotated[
-        str | None, typer.Argument(metavar="RUN", help="With '--backend replay': the run to play.")
+        str | None, typer.Argument(metavar="RUN", help="With '--backend replay': run to play back.")
     ] = None,
     backend: Annotated[
         str | None,
         typer.Option(
-            help="serial, modbus, visa, opcua, emulated, simulated or replay; the rig file names the default."
+            help="serial, modbus, visa, opcua, emulated, simulated or replay; by default that of "
+            "the rig file."
         ),
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
-    rig: Annotated[Path | None, typer.Option(help="Another rig file than the procedure names.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="Rig file to use instead of the one that the procedure names.")
+    ] = None,
     arg: Annotated[
         list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
+        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
     ] = None,
-    operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with the run.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Person in charge; kept with the run.")] = None,
     serial_number: SerialNumberOption = None,
     part: PartOption = None,
     notes: NotesOption = None,
     answer: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="An operator's answer given beforehand; repeatable."),
+        typer.Option(
+            metavar="NAME=VALUE", help="Answer to an operator's question, given in advance; repeatable."
+        ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of what is random on a simulated bench.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed for a simulated bench.")] = None,
     speed: Annotated[str, typer.Option(help="1x; on a bench that is no real one also 10x or max.")] = "1x",
     family: FamilyOption = None,
     *,
     dry: Annotated[bool, typer.Option("--dry", help="Arm and read, but move nothing.")] = False,
     answer_in_browser: Annotated[
         bool,
-        typer.Option("--answer-in-browser", help="Questions are answered on the page of 'rigctl serve'."),
+        typer.Option("--answer-in-browser", help="Have questions answered on the page of 'rigctl serve'."),
     ] = False,
     serve: ServeOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Carry out a procedure on the bench and record it.
 
-    Keys while it runs: p pause, c continue, a or q end. Ctrl-C ends it too: outputs become safe first, then
-    cleanup steps run; a second Ctrl-C skips those.
+    Keys while it runs: p pause, c continue, a or q end. Ctrl-C also ends it: outputs go to the safe state
+    first, then the cleanup steps run; a second Ctrl-C skips them.
 
     Examples:
 

@@ -31,7 +31,9 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.
 Where = Annotated[
     str | None,
     typer.Option(
-        metavar="CONDITION", help='Only runs that meet it, in SQL: "records > 20".', show_default=False
+        metavar="CONDITION",
+        help='Only runs that meet this SQL condition: "records > 20".',
+        show_default=False,
     ),
 ]
 #: so many are listed where nothing else is said
@@ -44,9 +46,9 @@ def list_(
     *,
     where: Where = None,
     last: Annotated[
-        int | None, typer.Option(min=1, help=f"Only the newest this many; {SHOWN} unless told otherwise.")
+        int | None, typer.Option(min=1, help=f"Only this many of the newest runs; by default {SHOWN}.")
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="Every one, however many there are.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="List all runs.")] = False,
     as_json: Json = False,
 ) -> None:
     """List runs, oldest first.
@@ -83,7 +85,7 @@ def list_(
 
 @app.command()
 def show(run: Ref = "latest", *, as_json: Json = False) -> None:
-    """Show one run: what was carried out, on what, by whom, and its records.
+    """Show one run: procedure, device, operator and records.
 
     Example: rigctl runs show latest
     """
@@ -113,11 +115,11 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
 
 @app.command()
 def verify(
-    runs: Annotated[list[str] | None, typer.Argument(metavar="RUN", help="All when left out.")] = None,
+    runs: Annotated[list[str] | None, typer.Argument(metavar="RUN", help="Runs; by default all.")] = None,
     *,
     as_json: Json = False,
 ) -> None:
-    """Prove runs whole by their checksums, and recover those that were never closed.
+    """Verify runs by their checksums, and recover those that were never closed.
 
     A run in progress is left alone. Ends with exit code 1 when a run is broken.
 
@@ -153,20 +155,22 @@ def verify(
 
 @app.command()
 def upload(
-    runs: Annotated[list[str] | None, typer.Argument(metavar="RUN", help="All when left out.")] = None,
+    runs: Annotated[list[str] | None, typer.Argument(metavar="RUN", help="Runs; by default all.")] = None,
     *,
     to: Annotated[
         str | None,
         typer.Option(
-            metavar="ADDRESS", help="Where to, instead of what rigctl.toml says.", show_default=False
+            metavar="ADDRESS",
+            help="Address of the storage, instead of that in rigctl.toml.",
+            show_default=False,
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Send closed runs to storage, such as s3://bucket/runs; what is there already is not sent again.
+    """Send closed runs to storage, such as s3://bucket/runs; files already there are not sent again.
 
-    Every file is read back and compared by its checksum. Runs stay here too. Ends with exit code 1 when one
-    could not be sent.
+    Every file is read back and compared by its checksum. The local runs are kept. Ends with exit code 1 when
+    a run could not be sent.
 
     Example: rigctl runs upload --to s3://lab/runs
     """
@@ -201,9 +205,9 @@ def upload(
 @app.command()
 def annotate(
     run: Ref,
-    text: Annotated[str, typer.Argument(help="The note.")],
+    text: Annotated[str, typer.Argument(help="Text of the note.")],
     *,
-    record: Annotated[int | None, typer.Option(help="The record it is about; the run when left out.")] = None,
+    record: Annotated[int | None, typer.Option(help="Record to annotate; by default the run.")] = None,
     as_json: Json = False,
 ) -> None:
     """Add a note to a run or to one of its records.
@@ -222,11 +226,11 @@ def exclude(
     run: Ref,
     records: Annotated[list[int], typer.Argument(metavar="RECORD...", help="Indices, from 0.")],
     *,
-    reason: Annotated[str, typer.Option(help="Why; kept with the record.")],
-    undo: Annotated[bool, typer.Option("--undo", help="Take them back into analysis.")] = False,
+    reason: Annotated[str, typer.Option(help="Reason; kept with the record.")],
+    undo: Annotated[bool, typer.Option("--undo", help="Include them in analysis again.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Leave records out of analysis, with a reason; they are never deleted.
+    """Exclude records from analysis, with a reason; they are never deleted.
 
     Example: rigctl runs exclude latest 3 4 --reason "air in the oil"
     """
@@ -247,10 +251,9 @@ def sql(
     where: Where = None,
     as_json: Json = False,
 ) -> None:
-    """Ask across all closed runs: tables runs, records, samples, events and units.
+    """Query all closed runs: tables runs, records, samples, events and units.
 
-    The query can read the runs' data and nothing else, and write nothing; with --where those of
-    the runs that meet it.
+    The query can read only the data of the runs, with --where only of those that meet it, and cannot write.
 
     Example: rigctl runs sql "SELECT oil, supply, avg(stroke) FROM records GROUP BY ALL ORDER BY ALL"
     """

@@ -27,14 +27,16 @@ _FILES: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 def schema(
-    kind: Annotated[str, typer.Argument(help="procedure, rig, model, effect or family.", show_default=False)],
+    kind: Annotated[
+        str, typer.Argument(help="Kind of file: procedure, rig, model, effect or family.", show_default=False)
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write it to a file instead of stdout.")
+        Path | None, typer.Option("--output", "-o", help="File to write instead of stdout.")
     ] = None,
     *,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is no schema.")] = False,
 ) -> None:
-    """Print the JSON Schema of a kind of file, with which an editor completes and checks it.
+    """Print the JSON Schema of a kind of file, which an editor uses to complete and check it.
 
     Example: rigctl schema procedure -o procedure.schema.json
 

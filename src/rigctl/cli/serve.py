@@ -19,27 +19,31 @@ PAGES = ("runs", "live", "workbench", "procedure", "report", "docs")
 
 def serve(
     project: Annotated[
-        Path | None, typer.Argument(help="The project's folder; the current one's when left out.")
+        Path | None, typer.Argument(help="Project folder; by default that of the current folder.")
     ] = None,
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="0 takes any that is free.")] = None,
-    host: Annotated[str, typer.Option(help="Another address than this computer's needs TLS.")] = "127.0.0.1",
-    certificate: Annotated[Path | None, typer.Option(help="Of TLS, a PEM file.")] = None,
-    key: Annotated[Path | None, typer.Option(help="Of the certificate, a PEM file.")] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port to serve on; 0 for any free one.")
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Address to serve on; one that other computers can reach needs TLS.")
+    ] = "127.0.0.1",
+    certificate: Annotated[Path | None, typer.Option(help="TLS certificate, a PEM file.")] = None,
+    key: Annotated[Path | None, typer.Option(help="Key of the certificate, a PEM file.")] = None,
     name: Annotated[
-        list[str] | None, typer.Option(help="A name that browsers ask for it under; repeatable.")
+        list[str] | None, typer.Option(help="Further host name under which browsers reach it; repeatable.")
     ] = None,
     *,
     expose: Annotated[
-        bool, typer.Option("--expose", help="Let other computers reach it, and so the bench.")
+        bool, typer.Option("--expose", help="Allow access from other computers, and so access to the bench.")
     ] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address only.")] = False,
-    page: Annotated[str, typer.Option(help="What is opened: runs, live, workbench, procedure …")] = "",
+    page: Annotated[str, typer.Option(help="Page to open: runs, live, workbench, procedure …")] = "",
     until_input_ends: Annotated[bool, typer.Option("--until-input-ends", hidden=True)] = False,
 ) -> None:
     """Show the project in a browser: runs, the run in progress, models, procedures, reports.
 
-    Only this computer can reach it, and only with the address that is printed: what follows its # is a key.
-    Ctrl-C ends it; a run in progress goes on.
+    By default only this computer can reach it, and only with the address that is printed: the part after #
+    is a key. Ctrl-C ends it; a run in progress continues.
 
     Examples:
 

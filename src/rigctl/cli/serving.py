@@ -18,7 +18,7 @@ import typer
 from rigctl.cli.echo import echo
 
 ServeOption = Annotated[
-    bool, typer.Option("--serve", help="Show the project in a browser meanwhile, see 'rigctl serve'.")
+    bool, typer.Option("--serve", help="Show the project in a browser during the run, see 'rigctl serve'.")
 ]
 
 

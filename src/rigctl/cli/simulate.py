@@ -13,29 +13,34 @@ from rigctl.cli.serving import ServeOption
 
 
 def simulate(
-    procedure: Annotated[Path, typer.Argument(help="The procedure file.", show_default=False)],
+    procedure: Annotated[Path, typer.Argument(help="Procedure file.", show_default=False)],
     plant: Annotated[
-        str | None, typer.Option(help="A model file as the truth; by default the model the rig file names.")
+        str | None,
+        typer.Option(
+            help="Model file to simulate as the true bench; by default the one named in the rig file."
+        ),
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option("--with", metavar="EFFECT[:P=V,...]", help="A hidden effect of the bench; repeatable."),
+        typer.Option("--with", metavar="EFFECT[:P=V,...]", help="Hidden effect of the bench; repeatable."),
     ] = None,
     noise: Annotated[bool | None, typer.Option("--noise/--no-noise", help="Sensor noise.")] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of everything random; the rig file's own if none.")
+        int | None, typer.Option(min=0, help="Seed for everything random; by default that of the rig file.")
     ] = None,
     speed: Annotated[str, typer.Option(help="max (as fast as it computes), 1x, 10x.")] = "max",
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="KIND[:CHANNEL]@TIME", help="Something that breaks; repeatable."),
+        typer.Option(metavar="KIND[:CHANNEL]@TIME", help="Fault to inject; repeatable."),
     ] = None,
-    rig: Annotated[Path | None, typer.Option(help="Another rig file than the procedure names.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="Rig file to use instead of the one that the procedure names.")
+    ] = None,
     arg: Annotated[
         list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="An argument of the procedure; repeatable."),
+        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
     ] = None,
-    operator: Annotated[str | None, typer.Option(help="Who is in charge; kept with the run.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Person in charge; kept with the run.")] = None,
     serial_number: SerialNumberOption = None,
     part: PartOption = None,
     notes: NotesOption = None,

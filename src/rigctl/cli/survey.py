@@ -22,7 +22,7 @@ def survey(
         list[str] | None,
         typer.Argument(
             metavar="[RUN...]",
-            help="Ids, starts of ids, paths, addresses in storage, or 'all', the default.",
+            help="Ids, starts of ids, paths, addresses in storage, or 'all' (default).",
             show_default=False,
         ),
     ] = None,
@@ -31,7 +31,7 @@ def survey(
         str | None,
         typer.Option(
             metavar="COND",
-            help="Of all runs only those that meet this condition, as of 'rigctl runs list --where'.",
+            help="Only runs that meet this SQL condition, as for 'rigctl runs list --where'.",
             show_default=False,
         ),
     ] = None,
@@ -39,16 +39,16 @@ def survey(
         str,
         typer.Option(
             metavar="GROUP",
-            help="What is one point: run, record, day, week, month, or a column whose equal values belong "
-            "together.",
+            help="Grouping of the data into points: run, record, day, week, month, or a column "
+            "whose equal values form a group.",
         ),
     ] = "run",
     over: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="What it is looked at over: date, order, or a column, an argument or a channel. The date, "
-            "where the runs have one.",
+            help="Variable to order the runs by: date, order, or a record column, procedure "
+            "argument or channel; by default the date if the runs have one.",
             show_default=False,
         ),
     ] = None,
@@ -56,8 +56,8 @@ def survey(
         list[str] | None,
         typer.Option(
             metavar="PARAMETER",
-            help="A parameter that all runs have in common, as the model file has it; 'all' for every one; "
-            "repeatable. The others that the file frees are fitted in each run.",
+            help="Parameter with one common value for all runs, named as in the model file, or "
+            "'all'; repeatable. The other free parameters are fitted to each run.",
             show_default=False,
         ),
     ] = None,
@@ -65,22 +65,27 @@ def survey(
         str | None,
         typer.Option(
             metavar="NAMES",
-            help="Effects whose sizes are looked at, separated by commas, or 'none'; all that the model may "
-            "lack if left out. Fewer are surer.",
+            help="Effects whose sizes are estimated, separated by commas, or 'none'; by default all "
+            "that the model may lack. Fewer effects give more power.",
             show_default=False,
         ),
     ] = None,
     only: Only = None,
     assume: Assume = None,
     name: Annotated[
-        bool, typer.Option("--name/--no-name", help="Diagnose what has changed, and fit it in every run.")
+        bool,
+        typer.Option(
+            "--name/--no-name", help="Diagnose the effect that has changed, and fit its size in every run."
+        ),
     ] = True,
     alarm: Annotated[
-        bool, typer.Option("--alarm", help="Exit code 1 where something has changed, for schedulers.")
+        bool, typer.Option("--alarm", help="Exit with code 1 if something has changed, for schedulers.")
     ] = False,
     junit: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also write it as test cases in JUnit's XML.", show_default=False),
+        typer.Option(
+            metavar="FILE", help="Also write the result as JUnit XML test cases.", show_default=False
+        ),
     ] = None,
     workers: WorkerCount = None,
     cluster: Cluster = None,
@@ -91,13 +96,13 @@ def survey(
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Look at many runs with one model: what has changed over them, since when, and how sure that is.
+    """Analyse many runs with one model: what has changed, since when, and how certain that is.
 
-    Each run is fitted, and the size of each effect that the model may lack is estimated in it. A change is
-    told where it is no chance: in 1 of 100 surveys at most where nothing changes, however many runs and
-    quantities were looked at, and however far single runs scatter. What it is, a diagnosis of a run after the
-    change says. Results of runs are kept: a survey that was stopped, or is asked again with a run more, goes
-    on with what is there. A run that cannot be read is told, and left out.
+    Each run is fitted, and the size of each effect that the model may lack is estimated in it. Only
+    significant changes are reported: where nothing changes, at most 1 survey in 100 reports one, whatever
+    the number of runs and quantities and the scatter of single runs. A diagnosis of a run after the change
+    determines which effect it is. Results of runs are kept: a survey that was interrupted, or is repeated
+    with another run, reuses them. A run that cannot be read is reported and skipped.
 
     Examples:
 

@@ -41,35 +41,34 @@ def validate(
     tier: Annotated[
         TierName,
         typer.Option(
-            help="quick takes minutes, full hours; anyone: ten small benches; shape: laws that are not the "
-            "library's; discovery: terms that are in no library, and formulas for them; design: what "
-            "designed records promise, and what comes of it."
+            help="quick takes minutes, full hours; anyone: ten small benches; shape: laws other "
+            "than the library's; discovery: terms that are in no library, and formulas for "
+            "them; design: predicted power of designed records, and their results."
         ),
     ] = TierName.QUICK,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder that keeps every result.")] = Path(
-        "validation"
-    ),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("validation"),
     first: Annotated[
         int | None,
         typer.Option(
-            metavar="N", min=1, help="Only the first N trials, a fair sample of all.", show_default=False
+            metavar="N", min=1, help="Number of trials, a representative sample of all.", show_default=False
         ),
     ] = None,
     workers: WorkerCount = None,
     cluster: Cluster = None,
     *,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the results that are there.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue with the existing results.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Count how often the diagnosis is right, on campaigns of a separate bench that hides effects.
+    """Measure how often the diagnosis is right, on campaigns of a separate bench with hidden effects.
 
-    That bench shares no equation and no integrator with the models it judges, and hides its effects in other
-    shapes than the library's. The tier anyone has ten small benches instead, each with family, rig and model
-    as a user writes them, judged from a CSV file to the verdict; the tier shape has effects of up to 1000
-    sigmas with laws far from the library's, alone, in pairs, and taken out of the library; the tier discovery
-    plants terms that are in no library, and looks for their formulas; the tier design lets that bench learn,
-    and holds what designed records promised against what came out. Every finished trial is kept: after a
-    kill, --resume goes on. The tables are also written into the folder, as Markdown.
+    That bench shares no equation and no integrator with the models under test, and its hidden effects have
+    shapes other than the library's. The tier anyone has ten small benches instead, each with family, rig and
+    model as a user writes them, tested from a CSV file to the verdict; the tier shape has effects of up to
+    1000 sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier
+    discovery plants terms that are in no library, and searches for their formulas; the tier design runs
+    'learn' on that bench, and compares the predicted power of designed records with the results. Every
+    finished trial is kept: after a kill, --resume continues. The tables are also written into the folder, as
+    Markdown.
 
     Example: rigctl validate --tier quick
     """

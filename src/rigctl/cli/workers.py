@@ -11,13 +11,17 @@ Cluster = Annotated[
     typer.Option(
         "--cluster",
         metavar="ADDRESS",
-        help="Hand the work to a Dask scheduler, tcp://HOST:8786, or to local:N processes.",
+        help="Dask scheduler to distribute the work to, tcp://HOST:8786, or local:N processes.",
         show_default=False,
     ),
 ]
 WorkerCount = Annotated[
     int | None,
     typer.Option(
-        "--workers", metavar="N", min=1, help="Processes; one for each core if left out.", show_default=False
+        "--workers",
+        metavar="N",
+        min=1,
+        help="Number of processes; by default one per core.",
+        show_default=False,
     ),
 ]
