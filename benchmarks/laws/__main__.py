@@ -24,7 +24,7 @@ import flywheel
 def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list[str], float]:
     """A row of the table, and the error of the exponent in its standard deviations."""
     import rigctl
-    from rigctl.analysis.asked_laws import asked_laws
+    from rigctl.analysis.laws.posterior import asked_laws
     from rigctl.analysis.search import Search
     from rigctl.dataset.importing import import_file
     from rigctl.rig import load_rig

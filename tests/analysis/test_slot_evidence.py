@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigctl.analysis.disturbance import disturbance_columns, disturbed
 from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.slot_disturbance import disturbance_columns, disturbed
 from rigctl.analysis.slot_evidence import SlotEvidence, disturbance_normals, slot_evidence
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file

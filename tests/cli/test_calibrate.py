@@ -36,7 +36,7 @@ def rigctl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rigctl:
     (tmp_path / "rigctl.toml").write_text('rig = "rigs/bench.yaml"\n', encoding="utf-8")
     (tmp_path / "points.csv").write_text(POINTS, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("rigctl.runner.lock._state_folder", lambda: tmp_path / "locks")
+    monkeypatch.setattr("rigctl.runner.rig_lock._state_folder", lambda: tmp_path / "locks")
 
     def call(*arguments: str, typed: str = "") -> Result:
         return CliRunner().invoke(app, ["calibrate", *arguments], input=typed, catch_exceptions=False)

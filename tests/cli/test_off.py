@@ -70,7 +70,7 @@ def test_what_to_do_by_hand_is_said_before_a_dead_line_is_given_up(tmp_path: Pat
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"pid": "x"}', '{"token": 1, "beat": null}', "TYPES"])
 def test_a_corrupt_lock_is_no_obstacle(tmp_path: Path, content: str) -> None:
-    from rigctl.runner.lock import RigLock, read_owner
+    from rigctl.runner.rig_lock import RigLock, read_owner
 
     path = tmp_path / "bench.json"
     if content == "TYPES":

@@ -8,7 +8,7 @@ import pytest
 
 from dataset.strokes import measure_strokes, sample
 from rigctl.dataset import RunWriter, open_run, verify
-from rigctl.dataset import samples as samples_module
+from rigctl.dataset import samples_file as samples_module
 from rigctl.dataset.finalise import finalise
 from rigctl.errors import ExitCode, RigctlError
 

@@ -9,9 +9,9 @@ from rigctl.effects import Effect, EffectParameter, find_effect, library
 from rigctl.effects.user import load_effect, parse_effect
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
+from rigctl.model.effect_preview import SAME, faults_on_record, try_effect
 from rigctl.model.lookalikes import lookalikes
 from rigctl.model.signature import signature
-from rigctl.model.trial import SAME, faults_on_record, try_effect
 from rigctl.physics.families import FAMILIES
 from rigctl.rig.load import load_rig
 

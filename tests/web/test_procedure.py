@@ -8,7 +8,7 @@ import pytest
 
 from rigctl.dataset import open_run
 from rigctl.dataset.catalogue import page_of_runs
-from rigctl.dataset.lock import read_state
+from rigctl.dataset.writer_lock import read_state
 from web.serving import Served, Window
 from web.watched import wait_for
 

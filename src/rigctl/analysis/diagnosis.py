@@ -16,7 +16,9 @@ from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
 from rigctl.analysis.identity import Levels, levels_of, same_cause
-from rigctl.analysis.law_answer import LawAnswer, law_answers, laws_instead
+from rigctl.analysis.laws.answer import LawAnswer, law_answers, laws_instead
+from rigctl.analysis.laws.simpler_law import simpler_does
+from rigctl.analysis.laws.size_scatter import SizeScatter
 from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
@@ -27,9 +29,7 @@ from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import OnProgress, Search
 from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.separability import softened
-from rigctl.analysis.simpler_law import simpler_does
 from rigctl.analysis.single_values.remarks import table_remarks
-from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.analysis.text import (
     against_identity,
     drift_text,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.identity import Levels
-from rigctl.analysis.law_answer import LawAnswer
+from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.model.validity import Departure

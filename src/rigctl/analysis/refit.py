@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.mbic import mbic
 from rigctl.effects.declaration import EffectParameter, qualified
 from rigctl.engine.least_squares import Options, Refused, Unknown, started
 from rigctl.errors import RigctlError
@@ -161,14 +162,8 @@ class RefittedSet:
         return tuple(candidate.name for candidate in self.candidates)
 
     def mbic(self, samples: float, library: int) -> float:
-        """``χ² + parameters·ln N_eff + 2·effects·ln K``: Schwarz's criterion, modified for a search.
-
-        The last term pays for having chosen among K effects.
-
-        Source: M. Bogdan, J. K. Ghosh, R. W. Doerge, Genetics 167 (2004) 989.
-        """
-        count = len(self.candidates)
-        return self.chi2 + self.parameters * math.log(samples) + 2.0 * count * math.log(max(library, 2))
+        """Its criterion, `rigctl.analysis.mbic.mbic`."""
+        return mbic(self.chi2, self.parameters, len(self.candidates), samples, library)
 
     @property
     def unusual(self) -> dict[str, str]:

@@ -1,11 +1,12 @@
 """Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again.
 
-Two questions are kept apart. Whether a set is all of it is asked of the noise: the search goes on as long as
-the tests reject what is left, however small its share. Whether an effect is the right one is asked of the
-share that it leaves with its law bent within its tolerance (`rigctl.analysis.shape_tolerance`), as none of a
-library has a bench's exact shape: a set that leaves more than hardly anything (`SHAPE`) may be a part of it,
-or a stand-in, and is not named. A second effect that is little beside the first (`SLIGHT`) may be the first
-one's shape, unless it explains what that left, bent, nearly to the noise (`WHOLE`).
+Two questions are kept apart. Completeness is judged against the noise: the search continues as long as the
+tests reject what is left, however small its share. Identity is judged by the share of the misfit that an
+effect leaves when its law may deviate within its tolerance (`rigctl.analysis.laws.shape_tolerance`),
+because no effect of a library has a bench's exact law: a set that leaves more than a small share (`SHAPE`)
+may be only a part of it, or a stand-in, and is not named. A second effect that is small beside the first
+(`SLIGHT`) may be an artefact of the first one's law, unless it explains what that law leaves nearly to the
+noise (`WHOLE`).
 
 Every question about a refitted set is answered from its linearisation (`Point`). All pairs of effects are
 looked at on the linearised problem, as two may only pay together.
@@ -25,6 +26,8 @@ from numpy.typing import NDArray
 from rigctl.analysis.adequacy import Adequacy, adequacy
 from rigctl.analysis.candidates import Candidate, at_sizes, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.laws.shape_tolerance import ShapeColumns, shape_columns
+from rigctl.analysis.laws.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
 from rigctl.analysis.levels import (
     ALIKE,
     BEYOND_LAWS,
@@ -43,12 +46,11 @@ from rigctl.analysis.levels import (
     WORTH,
 )
 from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.mbic import mbic
 from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.refit import Alone, RefittedSet, alone, near_best, plain, refit
 from rigctl.analysis.score_test import Score, Screening, cone, screen
 from rigctl.analysis.separability import cosine, separation, softened
-from rigctl.analysis.shape_tolerance import ShapeColumns, shape_columns
-from rigctl.analysis.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
@@ -421,7 +423,7 @@ class Search:
 
     def price(self, candidate: Candidate) -> float:
         """What mBIC asks of one effect more."""
-        return len(candidate.columns) * math.log(self.samples) + 2.0 * math.log(max(self.library, 2))
+        return mbic(0.0, len(candidate.columns), 1, self.samples, self.library)
 
     def mbic(self, trial: RefittedSet) -> float:
         """The criterion of a trial."""

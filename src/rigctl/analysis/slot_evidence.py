@@ -17,13 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.disturbance import (
-    DisturbanceColumns,
-    Disturbed,
-    Part,
-    disturbance_columns,
-    disturbed,
-)
 from rigctl.analysis.linearisation import (
     Slopes,
     free_unknowns,
@@ -32,6 +25,13 @@ from rigctl.analysis.linearisation import (
     slopes_at,
 )
 from rigctl.analysis.marginal_likelihood import Component, Evidence, Normal, evidence
+from rigctl.analysis.slot_disturbance import (
+    DisturbanceColumns,
+    Disturbed,
+    Part,
+    disturbance_columns,
+    disturbed,
+)
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress
 from rigctl.engine.kept import kept

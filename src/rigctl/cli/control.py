@@ -74,7 +74,7 @@ def _in_progress() -> Path:
         there is none, or more than one.
     """
     from rigctl.dataset.catalogue import newest_folders
-    from rigctl.dataset.lock import in_progress
+    from rigctl.dataset.writer_lock import in_progress
 
     found = [folder for folder in newest_folders() if in_progress(folder)]
     if len(found) == 1:

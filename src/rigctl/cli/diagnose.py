@@ -183,7 +183,7 @@ def _with_intervals(
 
 def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:
     """The diagnosis with the effect files of its laws, where it has any."""
-    from rigctl.analysis.law_file import write_law
+    from rigctl.analysis.laws.effect_file import write_law
 
     written = tuple(write_law(one, folder, found.runs, found.model) for one in found.laws)
     return replace(found, laws=written)

@@ -13,7 +13,7 @@ from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.held_out import Unseen
 from rigctl.analysis.improve import Improvement, Step
-from rigctl.analysis.law_answer import LawAnswer
+from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.text import parameters_text
 from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.compare_views import routine, show_departures, show_notes, show_unusual

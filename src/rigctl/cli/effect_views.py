@@ -15,8 +15,8 @@ from rigctl.effects.document import effect_document
 from rigctl.effects.equations import term_texts
 from rigctl.effects.generic import offers
 from rigctl.effects.measured_curve import MeasuredCurve
+from rigctl.model.effect_preview import SAME, Trial
 from rigctl.model.signature import Signature
-from rigctl.model.trial import SAME, Trial
 from rigctl.physics.family import ModelFamily
 from rigctl.report.braille import draw_curve
 from rigctl.report.effect_figure import shown_unit

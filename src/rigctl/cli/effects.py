@@ -163,7 +163,7 @@ def check(
     from rigctl.cli.tables import print_json
     from rigctl.effects.user import is_effect_file
     from rigctl.effects.user.load import place_of
-    from rigctl.model.trial import faults_on_record, try_effect
+    from rigctl.model.effect_preview import faults_on_record, try_effect
 
     found, bench, others = _open(effect, family, rig, alongside)
     faults = faults_on_record(found, bench, alongside=others, progress=_tell)

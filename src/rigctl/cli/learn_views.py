@@ -37,7 +37,7 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     out = console()
     good = learned.ended is Ended.ADEQUATE
     out.print(
-        f"\n[bold {'green' if good else 'yellow'}]{_TITLES[learned.ended]}[/]: {escape(learned.statement)}",
+        f"\n[bold {'green' if good else 'yellow'}]{learned.ended.heading}[/]: {escape(learned.statement)}",
         soft_wrap=True,
     )
     compared = [one for one in learned.rounds if one.promised and one.promised.aim != "precision"]
@@ -71,18 +71,6 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
         names = " and ".join(learned.sensor)
         out.print(f"  with {escape(names)} measured too, they would be told apart", soft_wrap=True)
     _lead_on(learned, folder)
-
-
-_TITLES = {
-    Ended.ADEQUATE: "Learnt",
-    Ended.NOT_SEPARABLE: "Not to be told apart on this bench",
-    Ended.OUTSIDE_LIBRARY: "Outside the library",
-    Ended.NOT_DECIDED: "Not decided",
-    Ended.BUDGET: "Out of time",
-    Ended.ROUNDS: "Out of rounds",
-    Ended.DECLINED: "Declined",
-    Ended.STOPPED: "Stopped",
-}
 
 
 def _lead_on(learned: Learned, folder: Path) -> None:

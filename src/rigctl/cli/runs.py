@@ -347,10 +347,10 @@ def _source(source: Mapping[str, str]) -> str:
 
 def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
     """The rows of records.parquet, and what each of its columns says of itself."""
-    from rigctl.dataset import tables
+    from rigctl.dataset import records_file
     from rigctl.dataset.parquet import open_parquet
 
-    with open_parquet(folder / tables.RECORDS) as file:
+    with open_parquet(folder / records_file.RECORDS) as file:
         rows: list[dict[str, Any]] = file.read().to_pylist()
         facts = {
             field.name: {key.decode(): value.decode("utf-8") for key, value in (field.metadata or {}).items()}

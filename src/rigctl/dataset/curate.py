@@ -8,7 +8,7 @@ from pathlib import Path
 from rigctl.dataset.annotations import Annotation, append_annotations, say
 from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
-from rigctl.dataset.lock import try_lock
+from rigctl.dataset.writer_lock import try_lock
 from rigctl.errors import RigctlError
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import journal, log, run_json, samples, tables
+from rigctl.dataset import journal, log, records_file, run_json, samples_file
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.annotations import as_data, excluded_records, read_annotations
 from rigctl.dataset.history import (
@@ -18,14 +18,14 @@ from rigctl.dataset.history import (
     read_history,
 )
 from rigctl.dataset.judgement import judge
-from rigctl.dataset.lock import lock_folder
 from rigctl.dataset.parquet import write_table
-from rigctl.dataset.samples import SampleFacts, sample_facts, set_aside_journal, write_samples
+from rigctl.dataset.samples_file import SampleFacts, sample_facts, set_aside_journal, write_samples
+from rigctl.dataset.writer_lock import lock_folder
 
 #: version of what is in a run's folder
 FORMAT: Final = 2
 #: the files whose checksums run.json keeps; annotations.jsonl only once there is one
-CHECKED: Final = (samples.NAME, tables.RECORDS, tables.EVENTS, log.NAME, ANNOTATIONS)
+CHECKED: Final = (samples_file.NAME, records_file.RECORDS, records_file.EVENTS, log.NAME, ANNOTATIONS)
 
 
 def finalise(folder: Path) -> dict[str, Any]:
@@ -49,9 +49,11 @@ def finalise(folder: Path) -> dict[str, Any]:
     _end_interrupted(history, facts)
     missing = _mark_damaged(history, facts)
     said = read_annotations(folder)
-    write_table(folder / tables.RECORDS, tables.records_table(history.records, excluded_records(said)))
+    write_table(
+        folder / records_file.RECORDS, records_file.records_table(history.records, excluded_records(said))
+    )
     by_time = history.header.source != "import"
-    write_table(folder / tables.EVENTS, tables.events_table(history.events, by_time=by_time))
+    write_table(folder / records_file.EVENTS, records_file.events_table(history.events, by_time=by_time))
     files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
     info = {**_summary(history, facts, missing), "annotations": as_data(said), "files": files}
     run_json.write_info(folder, info)
@@ -69,7 +71,7 @@ def recovered_history(folder: Path) -> History:
     RigctlError
         as `finalise`; or a program is writing to the run.
     """
-    if (folder / journal.NAME).exists() or not (folder / samples.NAME).exists():
+    if (folder / journal.NAME).exists() or not (folder / samples_file.NAME).exists():
         with lock_folder(folder):
             finalise(folder)
     history = read_history(folder)
@@ -120,7 +122,7 @@ def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str,
         "lost_bytes": sum(loss.bytes for loss in facts.losses.values()),
         "lost_rows": max(missing, sum(loss.rows for loss in facts.losses.values())),
         "damaged_lines": list(history.damaged_lines),
-        "measures": tables.measured_values(history.measures),
+        "measures": records_file.measured_values(history.measures),
         "test": judge(history).to_json(),
         "sessions": [
             {

@@ -11,13 +11,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rigctl.dataset import journal, run_json, samples
+from rigctl.dataset import journal, run_json, samples_file
 from rigctl.dataset.catalogue import locate_run
 from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
-from rigctl.dataset.lock import in_progress
 from rigctl.dataset.parquet import numbers, open_parquet
 from rigctl.dataset.record_rows import RecordRows
+from rigctl.dataset.writer_lock import in_progress
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.notebook import one_line
 from rigctl.units import parse_unit
@@ -232,7 +232,7 @@ class Run:
         RigctlError
             there is no such record.
         """
-        with open_parquet(self.folder / samples.NAME) as file:
+        with open_parquet(self.folder / samples_file.NAME) as file:
             rows = RecordRows(file, self.layout.columns)
             for index in indices:
                 self._require(index)
@@ -271,7 +271,7 @@ class Run:
         for name in columns:
             if name not in self.layout.columns:
                 raise unknown_name("column", name, self.layout.columns)
-        with open_parquet(self.folder / samples.NAME) as file:
+        with open_parquet(self.folder / samples_file.NAME) as file:
             if record is None:
                 return file.read(columns=list(columns))
             self._require(record)

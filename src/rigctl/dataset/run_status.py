@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rigctl.dataset import journal, run_json
-from rigctl.dataset.lock import in_progress
+from rigctl.dataset.writer_lock import in_progress
 
 
 def status_of(folder: Path, info: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from rigctl.dataset import journal, samples, tables
+from rigctl.dataset import journal, records_file, samples_file
 from rigctl.dataset.catalogue import list_runs
 from rigctl.dataset.index.rows import DAMAGED
 from rigctl.dataset.parquet import open_parquet
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 #: views over the files of all runs, and the columns they have when there is no run
 _FILES: Final[Mapping[str, tuple[str, str]]] = {
-    "samples": (samples.NAME, "time DOUBLE, record INTEGER"),
+    "samples": (samples_file.NAME, "time DOUBLE, record INTEGER"),
     "records": (
-        tables.RECORDS,
+        records_file.RECORDS,
         "record INTEGER, name VARCHAR, path VARCHAR, rate DOUBLE, session INTEGER, "
         'start DOUBLE, "end" DOUBLE, outcome VARCHAR, excluded VARCHAR',
     ),
     "events": (
-        tables.EVENTS,
+        records_file.EVENTS,
         "time DOUBLE, kind VARCHAR, record INTEGER, path VARCHAR, message VARCHAR, data VARCHAR",
     ),
 }

@@ -12,8 +12,8 @@ from rigctl.dataset import journal, log, run_json
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
 from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
-from rigctl.dataset.lock import try_lock
 from rigctl.dataset.storage.store import StoredFolder
+from rigctl.dataset.writer_lock import try_lock
 from rigctl.errors import RigctlError
 
 

@@ -21,7 +21,7 @@ from rigctl.design.information import Evidence
 from rigctl.design.procedure_text import Writer, called_so_far
 from rigctl.design.promise import DRAWS, Draws, Promise, as_refitted, promised
 from rigctl.design.recipe import Stage, lines_of
-from rigctl.design.refitted import TAKEN_UP
+from rigctl.design.refitted_gain import TAKEN_UP
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
 from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
 from rigctl.design.rig_file import rig_reference

@@ -12,7 +12,7 @@ from rigctl.design.criterion import Discrimination, Pair
 from rigctl.design.feasible import clear_of_limits
 from rigctl.design.information import Evidence, Refit
 from rigctl.design.power import Gain, gain
-from rigctl.design.refitted import refitted_gains
+from rigctl.design.refitted_gain import refitted_gains
 from rigctl.design.result import Outlook
 from rigctl.design.rivals import Rival
 from rigctl.design.search import Proposal, Workshop, together

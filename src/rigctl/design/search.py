@@ -18,7 +18,7 @@ from rigctl.design.criterion import Criterion
 from rigctl.design.feasible import inside_validity, keeps_clear
 from rigctl.design.information import Evidence
 from rigctl.design.recipe import Recipe, Stage
-from rigctl.design.refitted import sent
+from rigctl.design.refitted_gain import sent
 from rigctl.design.rig_time import RigTime
 from rigctl.design.rivals import Rival
 from rigctl.design.scheme import Scheme

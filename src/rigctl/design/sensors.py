@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rigctl.design.criterion import Discrimination
 from rigctl.design.information import Evidence
 from rigctl.design.power import Gain
-from rigctl.design.refitted import TAKEN_UP, refitted_gain
+from rigctl.design.refitted_gain import TAKEN_UP, refitted_gain
 from rigctl.design.result import SensorSet
 from rigctl.design.rivals import Rival
 from rigctl.design.virtual_records import Scene, predict

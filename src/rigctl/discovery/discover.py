@@ -20,13 +20,13 @@ from rigctl.dataset.run import Run
 from rigctl.discovery.curve import curves_of
 from rigctl.discovery.dimensions import tier_of
 from rigctl.discovery.effect_file import scale_parameters, term_of
+from rigctl.discovery.formula_fit import Fitted, left_out, refit_formulas, tests_after, within
 from rigctl.discovery.formulas import score_formulas
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.grammar import DISTANCES
 from rigctl.discovery.locate import Located, Map, locate
 from rigctl.discovery.open_slots import OnProgress, OpenSlots, open_slots
 from rigctl.discovery.passivity import passivity
-from rigctl.discovery.refits import Fitted, left_out, refit_formulas, tests_after, within
 from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, Where, parameter
 from rigctl.effects.declaration import qualified
 from rigctl.effects.drivers import Driver

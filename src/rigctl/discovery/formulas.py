@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.mbic import mbic
 from rigctl.discovery.grammar import DISTANCES, Argument, Form, argument, factors, forms
 from rigctl.discovery.locate import Located
 from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
@@ -118,7 +119,7 @@ class Formula:
 
     def price(self, samples: float, tried: int) -> float:
         """What it has to explain to pay for itself, in χ²."""
-        return self.parameters * math.log(samples) + 2.0 * math.log(max(tried, 2)) + 2.0 * self.complexity
+        return mbic(0.0, self.parameters, 1, samples, tried) + 2.0 * self.complexity
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from rigctl.analysis.levels import LEAST_DIFFERENCE, STAND_IN
 from rigctl.analysis.remainder import share_text
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier
+from rigctl.discovery.formula_fit import Fitted
 from rigctl.discovery.gate import Gate
 from rigctl.discovery.locate import Located, Map
-from rigctl.discovery.refits import Fitted
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
 

@@ -26,6 +26,23 @@ class Ended(StrEnum):
     DECLINED = "declined"  #: whoever was asked said no; the proposal is kept
     STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can go on
 
+    @property
+    def heading(self) -> str:
+        """The ending in a few words, above the answer on the terminal and the page."""
+        return _HEADINGS[self]
+
+
+_HEADINGS = {
+    Ended.ADEQUATE: "Learnt",
+    Ended.NOT_SEPARABLE: "Not to be told apart on this bench",
+    Ended.OUTSIDE_LIBRARY: "Outside the library",
+    Ended.NOT_DECIDED: "Not decided",
+    Ended.BUDGET: "Out of time",
+    Ended.ROUNDS: "Out of rounds",
+    Ended.DECLINED: "Declined",
+    Ended.STOPPED: "Stopped",
+}
+
 
 @dataclass(frozen=True)
 class Promised:

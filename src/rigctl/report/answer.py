@@ -131,18 +131,6 @@ def improvement_answer(found: Improvement) -> Answer:
 
 
 #: of a learning, by how it ended
-_LEARNT = {
-    learning.Ended.ADEQUATE: "Learnt",
-    learning.Ended.NOT_SEPARABLE: "Not to be told apart on this bench",
-    learning.Ended.OUTSIDE_LIBRARY: "Outside the library",
-    learning.Ended.NOT_DECIDED: "Not decided",
-    learning.Ended.BUDGET: "Out of time",
-    learning.Ended.ROUNDS: "Out of rounds",
-    learning.Ended.DECLINED: "Declined",
-    learning.Ended.STOPPED: "Stopped",
-}
-
-
 def learning_answer(
     found: learning.Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
 ) -> Answer:
@@ -169,7 +157,7 @@ def learning_answer(
     ]
     if found.sensor:
         facts.append(("sensor", f"of {' and '.join(found.sensor)} would tell what is left apart"))
-    return Answer("good" if good else "warn", _LEARNT[found.ended], found.statement.rstrip("."), _said(facts))
+    return Answer("good" if good else "warn", found.ended.heading, found.statement.rstrip("."), _said(facts))
 
 
 def _said(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:

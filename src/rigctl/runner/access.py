@@ -17,7 +17,7 @@ from rigctl.backends.registry import create_backend
 from rigctl.clock import Clock, ScaledClock, VirtualClock, real_clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
-from rigctl.runner.lock import RigLock
+from rigctl.runner.rig_lock import RigLock
 
 #: backends that are no real bench and may run at any speed
 UNREAL = ("simulated", "replay", "emulated")

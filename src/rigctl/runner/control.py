@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from rigctl.dataset.lock import STATE_NAME, read_state
+from rigctl.dataset.writer_lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import to_json
 from rigctl.runner.requests import Order, Request

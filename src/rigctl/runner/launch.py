@@ -26,10 +26,10 @@ from rigctl.plan.identity import NAMES, settled
 from rigctl.planning.rates import refuse_rates
 from rigctl.runner.access import Access, held, opened
 from rigctl.runner.aside import beside
-from rigctl.runner.lock import RigLock
 from rigctl.runner.operator import Operator
 from rigctl.runner.requests import RESPONSE, Control
 from rigctl.runner.resume import Resume
+from rigctl.runner.rig_lock import RigLock
 from rigctl.runner.session import Observer, RunResult, run
 
 #: options of a backend that a run is resumed with: what the bench was, and where it is, not what broke

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 from uuid import uuid4
 
-from rigctl.dataset.lock import read_state
+from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.runner.control import CONTROL_NAME, LONGEST_LINE, sender, write_line

@@ -10,14 +10,14 @@ from time import monotonic, sleep
 from rigctl.backends.errors import BackendLost, BenchTripped
 from rigctl.backends.protocol import Backend
 from rigctl.dataset.catalogue import run_folders
-from rigctl.dataset.lock import read_state
 from rigctl.dataset.run_json import read_info
+from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
 from rigctl.runner.access import UNREAL, Access, opened
 from rigctl.runner.control import send
-from rigctl.runner.lock import RigLock
 from rigctl.runner.requests import Request
+from rigctl.runner.rig_lock import RigLock
 
 #: s of wall time that a run may take to answer, and again to say that its outputs are safe
 _ANSWER = 0.8

@@ -24,7 +24,7 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
 from rigctl.model.stated import stated_values
 from rigctl.survey.entries import Entry
-from rigctl.survey.judge import Change, Course, Judged, Quantity, Tested, change_of, judge
+from rigctl.survey.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge
 from rigctl.survey.reading import Plan, Reading, problem_of
 
 #: readings in a diagnosis at least; runs that have fewer, rows of a table say, are taken together

@@ -10,7 +10,7 @@ from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.levels import SURVEY_ALPHA
 from rigctl.notebook import as_html, one_line
 from rigctl.survey.entries import DATE, Axis, Entry
-from rigctl.survey.judge import Change, Course, Judged, Quantity
+from rigctl.survey.multiplicity import Change, Course, Judged, Quantity
 from rigctl.survey.naming import Named
 from rigctl.survey.reading import Reading
 from rigctl.units import parse_unit, show, with_uncertainty

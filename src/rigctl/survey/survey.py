@@ -16,7 +16,7 @@ from rigctl.errors import ExitCode, RigctlError, unknown_name
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 from rigctl.survey.entries import Entries, Entry, entries_of
-from rigctl.survey.judge import Quantity, judge
+from rigctl.survey.multiplicity import Quantity, judge
 from rigctl.survey.naming import name_changes, not_diagnosed, parameters_of
 from rigctl.survey.reading import Failure, Plan, Reading, problem_of, read_entry
 from rigctl.survey.result import Line, Survey

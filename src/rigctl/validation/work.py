@@ -16,7 +16,7 @@ from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.identity import Levels
-from rigctl.analysis.law_fit import EXPONENT
+from rigctl.analysis.laws.power_law import EXPONENT
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.unexplained import Unexplained, unexplained
 from rigctl.effects.declaration import qualified

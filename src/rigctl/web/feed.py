@@ -19,7 +19,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset import journal, log
-from rigctl.dataset.lock import read_state
+from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import RigctlError
 from rigctl.web.decimation import Thinning, envelope
 

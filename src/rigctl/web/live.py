@@ -154,7 +154,7 @@ class Live:
     def _in_progress(self) -> list[Path]:
         """Folders whose heartbeat is fresh: no lock is touched, which a run might need just then."""
         from rigctl.dataset.catalogue import newest_folders
-        from rigctl.dataset.lock import read_state
+        from rigctl.dataset.writer_lock import read_state
         from rigctl.web.feed import ENDED
 
         with self._lock:

@@ -19,7 +19,7 @@ from asammdf import MDF, Signal
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigctl.dataset.importing import Options, foreign, import_file, survey
+from rigctl.dataset.importing import Options, first_pass, foreign, import_file
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 
@@ -101,7 +101,7 @@ def test_a_compressed_file_of_eleven_gigabytes_is_read_as_far_as_it_is_a_table(
 def test_a_file_of_bad_rows_only_is_not_read_to_its_end(
     tmp_path: Path, rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(survey, "MOST_BAD", 100)
+    monkeypatch.setattr(first_pass, "MOST_BAD", 100)
     path = tmp_path / "log.csv"
     path.write_text("time [s],position [mm]\n0,1\n" + "0,1\n" * 5000, encoding="utf-8")
     assert "5000 bad rows, 4980 of them not listed" in refusal(path, rig)

@@ -13,13 +13,13 @@ from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_ve
 from rigctl.dataset.importing.assume import assumed_values
 from rigctl.dataset.importing.campaign import Campaign, open_files
 from rigctl.dataset.importing.columns import assign, read_mapping
+from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.formats import stem_of
 from rigctl.dataset.importing.notes import notes
 from rigctl.dataset.importing.observations import Observations, take_observations
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import Samples, take_samples
 from rigctl.dataset.importing.staging import publish, staged
-from rigctl.dataset.importing.survey import Survey
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
 from rigctl.dataset.importing.times import instant
 from rigctl.dataset.run_id import new_run_id

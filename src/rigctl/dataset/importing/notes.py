@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
+from rigctl.dataset.importing.first_pass import Span, Survey
 from rigctl.dataset.importing.labels import describe_label
-from rigctl.dataset.importing.survey import Span, Survey
 from rigctl.units import parse_unit, show
 
 if TYPE_CHECKING:

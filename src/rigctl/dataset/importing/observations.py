@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rigctl.dataset.importing.columns import Assigned, places_of
+from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.labels import read_label
-from rigctl.dataset.importing.survey import Survey
 from rigctl.dataset.importing.table import Fault, Part, Source
 from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout

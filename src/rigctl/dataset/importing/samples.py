@@ -11,11 +11,11 @@ import numpy as np
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.columns import Assigned, layout_of
 from rigctl.dataset.importing.conditions import conditions_of
+from rigctl.dataset.importing.first_pass import RecordFacts, Survey, survey
 from rigctl.dataset.importing.labels import describe_label
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.stages import Stages
-from rigctl.dataset.importing.survey import RecordFacts, Survey, survey
 from rigctl.dataset.importing.table import Source
 from rigctl.rig.layout import Layout
 

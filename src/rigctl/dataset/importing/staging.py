@@ -14,8 +14,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Final
 
-from rigctl.dataset.lock import in_progress
 from rigctl.dataset.shards import folder_for
+from rigctl.dataset.writer_lock import in_progress
 from rigctl.errors import Location, RigctlError
 
 #: how folders begin that are no runs yet; a dot hides them from the catalogue

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rigctl.dataset import log, run_json, samples
+from rigctl.dataset import log, run_json, samples_file
 from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.run_order import order_of
@@ -125,7 +125,7 @@ def _ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[Chann
         zip(("time", "record", *layout["channels"], *layout["commands"]), layout["units"], strict=False)
     )
     found = []
-    with suppress(RigctlError), open_parquet(folder / samples.NAME) as file:
+    with suppress(RigctlError), open_parquet(folder / samples_file.NAME) as file:
         about = file.metadata
         groups = [about.row_group(number) for number in range(about.num_row_groups)]
         for index, name in enumerate(about.schema.names):

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigctl.dataset import journal, run_json
-from rigctl.dataset.lock import LOCK_NAME, STATE_NAME, in_progress
 from rigctl.dataset.storage.store import Store, StoredFile, StoredFolder
+from rigctl.dataset.writer_lock import LOCK_NAME, STATE_NAME, in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 
 logger = logging.getLogger(__name__)

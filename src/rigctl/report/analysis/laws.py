@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.law_answer import LawAnswer
+from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Panel, Plot, Trace
 from rigctl.report.signals import plain_name

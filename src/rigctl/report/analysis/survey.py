@@ -21,7 +21,7 @@ from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, cut, plot_slot, render
 from rigctl.report.signals import plain_name
 from rigctl.survey.entries import DATE, ORDER
-from rigctl.survey.judge import Course
+from rigctl.survey.multiplicity import Course
 from rigctl.survey.result import INTERVAL, Survey
 from rigctl.units import parse_unit
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.survey.change_point import FEWEST_BESIDE, Scan, best_possible, critical, scan
 from rigctl.survey.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
 from rigctl.survey.reading import Plan, Reading, solved
-from rigctl.survey.scan import FEWEST_BESIDE, Scan, best_possible, critical, scan
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rigctl.survey.change_point import best_possible, critical, neighbours, normal_scores, scan
 from rigctl.survey.course import scatter_between, shape_of
-from rigctl.survey.scan import best_possible, critical, neighbours, normal_scores, scan
 
 Floats = NDArray[np.float64]
 ORDER = np.arange(40, dtype=float)

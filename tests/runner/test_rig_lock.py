@@ -15,12 +15,12 @@ import pytest
 from rigctl.clock import VirtualClock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import load_rig
-from rigctl.runner import lock as locks
+from rigctl.runner import rig_lock as locks
 from rigctl.runner.launch import Launch
-from rigctl.runner.lock import RigLock, read_owner
 from rigctl.runner.manual import watch
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.requests import Request
+from rigctl.runner.rig_lock import RigLock, read_owner
 from rigctl.runner.switch_off import switch_off
 from rigctl.runner.view import View
 
@@ -56,7 +56,7 @@ def test_a_killed_owner_is_taken_over_at_once(tmp_path: Path) -> None:
     code = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
-        "from rigctl.runner.lock import RigLock\n"
+        "from rigctl.runner.rig_lock import RigLock\n"
         f"RigLock({NAME!r}, 'a run', Path({str(tmp_path)!r})).__enter__()\n"
         "print('held', flush=True)\n"
         "sys.stdin.read()\n"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rigctl.analysis.law_answer import LawAnswer
-from rigctl.analysis.law_fit import driver_text
+from rigctl.analysis.laws.answer import LawAnswer
+from rigctl.analysis.laws.power_law import driver_text
 from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
 from rigctl.effects.registry import library

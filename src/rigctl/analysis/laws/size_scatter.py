@@ -1,8 +1,8 @@
 """The tolerance of an effect that nothing drives: its size differs from record to record.
 
-The law of an effect is bent over what drives it (`rigctl.analysis.shape_tolerance`). A delay, a constant load
-or an offset has no driver, and on no bench the same size twice. In record k, and of a delay at each switch of
-it, it is
+The law of an effect is bent over what drives it (`rigctl.analysis.laws.shape_tolerance`). A delay, a constant
+load or an offset has no driver, and on no bench the same size twice. In record k, and of a delay at each
+switch of it, it is
 
     φ·(1 + b_k),   b_k ~ N(0, τ²)
 

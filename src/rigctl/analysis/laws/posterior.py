@@ -1,12 +1,12 @@
 """The law of an effect that the data ask for: its term bent over what drives it, with its band.
 
-    T(x)·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K)   (`rigctl.analysis.shape_tolerance`)
+    T(x)·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K)   (`rigctl.analysis.laws.shape_tolerance`)
 
 The amplitudes of the bends and everything that the fit found are one linear problem with a normal prior on
 the bends, whose posterior is a curve with a band. τ is the most likely of a few, the tolerance the least.
 Whether the data ask for another law at all is asked of the evidence, and how a power of x would have to
 differ of the direction ``T·ln|x|``: ``T·|x|^δ`` to first order. What it comes to by a fit, and whether a
-power is the law, is `rigctl.analysis.law_fit`'s to say.
+power is the law, is `rigctl.analysis.laws.power_law`'s to say.
 
 Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), chapter 2.
 """
@@ -21,13 +21,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.law_term import LawTerm, law_term
+from rigctl.analysis.laws.shape_tolerance import Bend, courses, shape_columns
+from rigctl.analysis.laws.term import LawTerm, law_term
 from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
-from rigctl.analysis.shape_tolerance import Bend, courses, shape_columns
 from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
 from rigctl.model.fit.fit import FitResult

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rigctl.analysis.asked_laws import AskedLaw
+from rigctl.analysis.laws.posterior import AskedLaw
 from rigctl.analysis.refit import RefittedSet
 from rigctl.effects.declaration import Effect, EffectParameter, Term, qualified
 from rigctl.effects.drivers import Driver
