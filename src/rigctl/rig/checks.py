@@ -12,9 +12,9 @@ from rigctl.rig.channel import QUANTITIES, Channel
 from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
 from rigctl.rig.line_checks import line_problems
-from rigctl.rig.node_checks import node_problems
+from rigctl.rig.modbus_checks import register_problems
+from rigctl.rig.opcua_checks import node_problems
 from rigctl.rig.problem import Problem
-from rigctl.rig.register_checks import register_problems
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 

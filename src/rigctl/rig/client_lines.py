@@ -80,11 +80,6 @@ Positions = Annotated[
     ),
 ]
 Tries = Annotated[int, Field(ge=1, le=5, description="how often a question is asked before it is lost")]
-Watchdog = Annotated[
-    float,
-    Q("s", low="0.5 s", high="60 s"),
-    Field(description="when rigctl has stood still or was killed for so long, its guard makes outputs safe"),
-]
 Every = Annotated[
     Annotated[float, Q("s", positive=True)] | None,
     Field(description="read at most so often, the last value holds; left out: for each sample"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field, FiniteFloat
 
@@ -21,6 +21,14 @@ from rigctl.rig.line_pattern import (
 )
 
 _Seconds = Annotated[float, Q("s", positive=True)]
+
+Watchdog = Annotated[
+    float,
+    Q("s", low="0.5 s", high="60 s"),
+    Field(description="when rigctl has stood still or was killed for so long, its guard makes outputs safe"),
+]
+#: s, the watchdog where a rig file gives none; a server that answers slowly has a longer one of its own
+WATCHDOG: Final = 2.0
 
 
 class Exchange(Part):
@@ -116,10 +124,7 @@ class Lines(Part):
         default=(),
         description="sent first when outputs are made safe; each actuator's safe_state follows in any case",
     )
-    watchdog: Annotated[float, Q("s", low="0.5 s", high="60 s")] = Field(
-        default=2.0,
-        description="when rigctl has stood still or was killed for so long, its guard makes outputs safe",
-    )
+    watchdog: Watchdog = WATCHDOG
 
     @cached_property
     def error_patterns(self) -> tuple[ReplyPattern, ...]:

@@ -22,9 +22,9 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Lines
-from rigctl.rig.nodes import OpcUa
+from rigctl.rig.modbus import Modbus
+from rigctl.rig.opcua import OpcUa
 from rigctl.rig.possible import PossibleChannel
-from rigctl.rig.registers import Modbus
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation

@@ -14,7 +14,7 @@ from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
-from rigctl.rig.registers import Modbus, Order, Register
+from rigctl.rig.modbus import Modbus, Order, Register
 
 OPTIONS = ("port", "baud")
 BAUD = 19200  #: of RTU, by the standard

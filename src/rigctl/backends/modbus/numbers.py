@@ -34,7 +34,7 @@ class Place:
     ----------
     table: ``coil``, ``discrete``, ``input`` or ``holding``.
     address: from 0.
-    kind: `rigctl.rig.registers.NumberType`.
+    kind: `rigctl.rig.modbus.NumberType`.
     swap_bytes, swap_words: where the order is little.
     scale, offset: number = register * scale + offset.
     invalid: what the register holds while there is no value; None where it always has one.

@@ -49,7 +49,7 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
 
 @dataclass(frozen=True)
 class _Item:
-    """A node, and what its number means; fields as in `rigctl.rig.nodes`."""
+    """A node, and what its number means; fields as in `rigctl.rig.opcua`."""
 
     node: str
     scale: float

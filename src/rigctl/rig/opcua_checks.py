@@ -8,7 +8,7 @@ from rigctl.errors import RigctlError
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
 from rigctl.rig.client_lines import client_problems
-from rigctl.rig.nodes import Node, OpcUa
+from rigctl.rig.opcua import Node, OpcUa
 from rigctl.rig.problem import Problem
 
 _AT = ("backend", "opcua")

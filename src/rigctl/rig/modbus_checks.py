@@ -8,8 +8,8 @@ from rigctl.errors import RigctlError
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
 from rigctl.rig.client_lines import client_problems
+from rigctl.rig.modbus import BITS, WRITABLE, Modbus, Register
 from rigctl.rig.problem import Problem
-from rigctl.rig.registers import BITS, WRITABLE, Modbus, Register
 
 _AT = ("backend", "modbus")
 

@@ -13,8 +13,8 @@ from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
-from rigctl.rig.client_lines import Every, Positions, Tries, Watchdog, client_lines
-from rigctl.rig.lines import Lines
+from rigctl.rig.client_lines import Every, Positions, Tries, client_lines
+from rigctl.rig.lines import WATCHDOG, Lines, Watchdog
 
 _Seconds = Annotated[float, Q("s", positive=True)]
 Table = Literal["coil", "discrete", "input", "holding"]
@@ -120,7 +120,7 @@ class Modbus(Part):
         default_factory=dict, description="where each driven actuator is written"
     )
     heartbeat: Heartbeat | None = Field(default=None, description="written again and again")
-    watchdog: Watchdog = 2.0
+    watchdog: Watchdog = WATCHDOG
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
