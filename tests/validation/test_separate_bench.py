@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rigctl.validation.bench import equations
+from rigctl.validation.bench import equations, rosenbrock
 from rigctl.validation.bench.campaign import Campaign, Scatter, simulate_campaign
+from rigctl.validation.bench.compiled import compiled, folder_of
 from rigctl.validation.bench.parameters import Bench, Sensors, Switching
 from rigctl.validation.bench.record import STANDARD, Condition, initial_state, simulate_record
 from rigctl.validation.bench.sensing import Noise, coloured, play
@@ -99,3 +103,36 @@ def test_campaign_is_reproducible_and_repeats_conditions() -> None:
     assert first["record"].nunique() == 5
     conditions = first.groupby("record")["pressure_setpoint [bar]"].first()
     assert conditions.value_counts().max() == 3
+
+
+def test_machine_code_is_found_by_who_comes_later() -> None:
+    simulate_record(Bench(), Condition(300.0, 30e5))
+    later = compiled(rosenbrock.integrate.py_func)
+    bench, inputs, scale = Bench(), np.array([0.0, 30e5, 0.0, 295.0]), np.array(equations.SCALE)
+    later(initial_state(bench, Condition(300.0, 30e5)), 1e-4, 1e-5, inputs, bench, scale, 1e-6)
+    assert (sum(later.stats.cache_hits.values()), sum(later.stats.cache_misses.values())) == (1, 0)
+
+
+@pytest.mark.parametrize("changed", ["equations.py", "parameters.py", "rosenbrock.py"])
+def test_machine_code_of_other_equations_is_not_taken(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RIGCTL_CACHE_DIR", str(tmp_path / "cache"))
+    copies = [
+        Path(shutil.copytree(Path(equations.__file__).parent, tmp_path / name))
+        for name in ("first", "same", "other")
+    ]
+    with (copies[-1] / changed).open("a", encoding="utf-8") as file:
+        file.write("# another\n")
+    first, same, other = map(folder_of, copies)
+    assert first == same
+    assert first != other
+
+
+def test_a_user_without_a_folder_to_write_in_has_a_bench_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cache").write_text("no folder")
+    monkeypatch.setenv("RIGCTL_CACHE_DIR", str(tmp_path / "cache"))
+    package = Path(shutil.copytree(Path(equations.__file__).parent, tmp_path / "package"))
+    assert folder_of(package) is None

@@ -15,7 +15,7 @@ import math
 
 from numba import njit
 
-from rigctl.validation.bench.rosenbrock import integrate
+from rigctl.validation.bench.compiled import compiled
 
 STATES = 12
 T_OIL, SPOOL, PS, PA, PB, X, V, BRISTLE, PILOT, T_LINE, T_PROBE, P_PROBE = range(STATES)
@@ -29,27 +29,27 @@ SIGMA = 5.670374419e-8  # W/(m²·K⁴)
 DRIFT_ORIGIN = 293.15  # K: drifts are counted from 20 °C
 
 
-@njit(cache=True)
+@njit
 def root(dp):
     """sign(Δp)·√|Δp|, smooth below 1 kPa."""
     return dp / (dp * dp + 1e6) ** 0.25
 
 
-@njit(cache=True)
+@compiled
 def above_20_celsius(t, fade):
     """T − 20 °C, levelling off."""
     warmer = t - DRIFT_ORIGIN
     return warmer / (1.0 + fade * abs(warmer))
 
 
-@njit(cache=True)
+@njit
 def viscosity(t, p, b):
     """Vogel's law, times the pressure term if there is one."""
     law = b.vogel_a * math.exp(b.vogel_b / (t - b.vogel_c))
     return law * math.exp(b.barus * p / (1.0 + b.barus_fade * abs(p)))
 
 
-@njit(cache=True)
+@njit
 def stiffness(p, b):
     """Bulk modulus of oil with free air and hoses; falls away where vapour forms."""
     absolute = max(p + ATMOSPHERE, 2e3)
@@ -64,7 +64,7 @@ def stiffness(p, b):
     return (1e-4 + liquid) / compliance
 
 
-@njit(cache=True)
+@njit
 def throttled(area, dp, rho, mu, b):
     """Flow through the throttle in series with an edge; blended towards laminar where that is hidden."""
     cd = b.cd
@@ -76,7 +76,7 @@ def throttled(area, dp, rho, mu, b):
     return cd * area * math.sqrt(2.0 / rho) * root(dp)
 
 
-@njit(cache=True)
+@njit
 def line_drop(flow, rho, mu, b):
     """Pressure lost in a working line: laminar, turbulent by Blasius above, and fittings."""
     if b.line_length == 0.0 and b.line_zeta == 0.0:
@@ -90,7 +90,7 @@ def line_drop(flow, rho, mu, b):
     return math.copysign(loss, flow)
 
 
-@njit(cache=True)
+@njit
 def leak(size, turbulent, dp, mu, rho):
     """A laminar gap, `size`·Δp/µ, of which a share behaves as an orifice: alike at 30 bar and 40 °C."""
     if size == 0.0:
@@ -100,7 +100,7 @@ def leak(size, turbulent, dp, mu, rho):
     return (1.0 - turbulent) * laminar + turbulent * orifice
 
 
-@njit(cache=True)
+@compiled
 def past_piston(dp, mu, b):
     """Through the eccentric gap between piston and bore, which pressure widens."""
     gap = b.piston_gap * (1.0 + b.piston_opening * abs(dp))
@@ -108,7 +108,7 @@ def past_piston(dp, mu, b):
     return size * dp / mu
 
 
-@njit(cache=True)
+@njit
 def end_stop(depth, speed, b):
     """Push of a stop that is pressed in by `depth` [m] at `speed` [m/s]; it begins over some µm."""
     reach = math.sqrt(depth * depth + CONTACT * CONTACT)
@@ -116,7 +116,7 @@ def end_stop(depth, speed, b):
     return spring + b.stop_damping * 0.5 * (1.0 + depth / reach) * speed
 
 
-@njit(cache=True)
+@njit
 def friction(v, z, p_a, p_b, b):
     """LuGre: returns the force and dz/dt. Sliding force, Stribeck excess and seals share one bristle."""
     sliding = b.coulomb + b.seal_friction * (max(p_a, 0.0) + max(p_b, 0.0))
@@ -127,7 +127,7 @@ def friction(v, z, p_a, p_b, b):
     return b.bristle * z + 2.0 * math.sqrt(b.bristle) * slip, slip
 
 
-@njit(cache=True)
+@njit
 def unlisted_force(x, v, p_a, t, b):
     """What no library has, against extension."""
     sign, speed, bump = math.tanh(v / 2e-3), v / 0.1, math.exp(-(((x - 0.06) / 0.015) ** 2))
@@ -140,7 +140,7 @@ def unlisted_force(x, v, p_a, t, b):
     return force + b.diaphragm * (p_a / 3e6) ** 2
 
 
-@njit(cache=True)
+@njit
 def unlisted_flows(x, p_a, p_b, ps, t, b):
     """What no library has: past the piston, from the cap side, from the rod side and from the pump."""
     across = (p_a - p_b) / 3e6
@@ -152,7 +152,7 @@ def unlisted_flows(x, p_a, p_b, ps, t, b):
     return past, from_a, from_b, from_p
 
 
-@njit(cache=True)
+@compiled
 def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, read from top to bottom
     """Write dy/dt into `f`."""
     command, setting, heat, ambient = inputs[0], inputs[1], inputs[2], inputs[3]
@@ -235,36 +235,3 @@ def rhs(y, inputs, b, f):  # noqa: PLR0915 - one bench, one right-hand side, rea
     f[T_PROBE] = (y[T_OIL] - y[T_PROBE]) / b.thermocouple_time if b.thermocouple_time > 0.0 else f[T_OIL]
     late = b.pressure_time * (1.0 + b.pressure_time_viscous * (mu / 0.0289 - 1.0))
     f[P_PROBE] = (ps - y[P_PROBE]) / late if late > 0.0 else f[PS]
-
-
-@njit
-def follow(states, time, switch_times, commands, inputs, bench, scale, first_step, tolerance):
-    """Fill `states` (samples, STATES) from its first row on; False when the integration failed.
-
-    Commands change at `switch_times`, whose first is at or before ``time[0]``; after each the step is small
-    again. Compiled anew in every process: numba would not notice on disk that the equations have changed.
-    """
-    state, given = states[0].copy(), inputs.copy()
-    given[0] = commands[0]
-    now, step, switch, sample = time[0], first_step, 1, 1
-    while sample < time.size:
-        switching = switch < switch_times.size and switch_times[switch] < time[sample] - 1e-12
-        until = switch_times[switch] if switching else time[sample]
-        if until - now > 1e-12:
-            step = integrate(rhs, state, until - now, step, given, bench, scale, tolerance)
-            if step < 0.0:
-                return False
-            now = until
-        if switching:
-            step, given[0] = first_step, commands[switch]
-            switch += 1
-        else:
-            states[sample] = state
-            sample += 1
-    return True
-
-
-@njit
-def advance(state, duration, first_step, inputs, bench, scale, tolerance):
-    """Advance `state` in place by `duration` s of constant inputs; the last step, or −1 on failure."""
-    return integrate(rhs, state, duration, first_step, inputs, bench, scale, tolerance)

@@ -120,6 +120,10 @@ class Bench(NamedTuple):
     lip_p: float = 0.0  # m³/s at 3 MPa, pump to tank, with p²
     warm_slip: float = 0.0  # m³/s at 3 MPa and 40 °C, pump to tank, in proportion to p and to T − 20 °C
 
+    def in_floats(self) -> Bench:
+        """The same in doubles alone: whole numbers would be compiled for once more, on their own."""
+        return Bench(*map(float, self))
+
 
 class Sensors(NamedTuple):
     """What the bench's sensors do wrong; exactly nothing at the defaults."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigctl.validation.bench import equations
 from rigctl.validation.bench.parameters import Bench, Switching
+from rigctl.validation.bench.rosenbrock import follow
 
 #: the standard record: wait, extend, hold closed, retract — (command, seconds)
 STANDARD = ((0.0, 0.2), (1.0, 1.05), (0.0, 1.0), (-1.0, 1.5))
@@ -69,7 +70,8 @@ def simulate_record(
     inputs = np.array([0.0, condition.setting, condition.heater, condition.ambient])
     when, commands = (np.array(column) for column in zip(*late, strict=True))
     scale = np.array(equations.SCALE)
-    if not equations.follow(states, time, when, commands, inputs, bench, scale, FIRST_STEP, TOLERANCE):
+    plain = bench.in_floats()
+    if not follow(states, time, when, commands, inputs, plain, scale, FIRST_STEP, TOLERANCE):
         raise BenchFailure(f"step size underflow at {condition}")
     return Trace(time, command, states)
 

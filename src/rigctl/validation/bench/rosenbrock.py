@@ -14,6 +14,9 @@ import math
 import numpy as np
 from numba import njit
 
+from rigctl.validation.bench.compiled import compiled
+from rigctl.validation.bench.equations import rhs
+
 GAMMA = 0.25
 #: a_ij of the stages 2 to 5; the last two add the stage before with weight 1
 A = np.array([
@@ -38,7 +41,7 @@ STAGES = 6
 SMALLEST_STEP = 1e-12  # s; below it the equations, not the method, are at fault
 
 
-@njit(cache=True)
+@njit
 def factorise(matrix, pivots):
     """LU decomposition in place with partial pivoting."""
     n = matrix.shape[0]
@@ -57,7 +60,7 @@ def factorise(matrix, pivots):
                 matrix[i, j] -= matrix[i, k] * matrix[k, j]
 
 
-@njit(cache=True)
+@njit
 def solve(matrix, pivots, right):
     """Solve in place with the factors of `factorise`."""
     n = matrix.shape[0]
@@ -74,7 +77,7 @@ def solve(matrix, pivots, right):
 
 
 @njit
-def jacobian(rhs, y, inputs, bench, scale, f, shifted, matrix):
+def jacobian(y, inputs, bench, scale, f, shifted, matrix):
     """∂f/∂y by central differences, column by column."""
     n = y.size
     for j in range(n):
@@ -89,8 +92,8 @@ def jacobian(rhs, y, inputs, bench, scale, f, shifted, matrix):
             matrix[i, j] = (shifted[i] - f[i]) / (2.0 * step)
 
 
-@njit
-def integrate(rhs, y, duration, first_step, inputs, bench, scale, tolerance):
+@compiled
+def integrate(y, duration, first_step, inputs, bench, scale, tolerance):
     """Advance `y` in place by `duration` seconds of constant inputs; returns the last step, or −1 on failure.
 
     `scale` is what counts as small in each state: the error of a step is weighed by
@@ -105,14 +108,14 @@ def integrate(rhs, y, duration, first_step, inputs, bench, scale, tolerance):
     while time < duration * (1.0 - 1e-13):
         h = min(wanted, duration - time)
         if not fresh:
-            jacobian(rhs, y, inputs, bench, scale, f, work, jac)
+            jacobian(y, inputs, bench, scale, f, work, jac)
             fresh = True
         for i in range(n):
             for j in range(n):
                 matrix[i, j] = -jac[i, j]
             matrix[i, i] += 1.0 / (h * GAMMA)
         factorise(matrix, pivots)
-        stages(rhs, y, h, inputs, bench, matrix, pivots, trial, work, k)
+        stages(y, h, inputs, bench, matrix, pivots, trial, work, k)
         error = 0.0
         for i in range(n):
             part = k[5, i] / (tolerance * (scale[i] + max(abs(y[i]), abs(trial[i]))))
@@ -131,7 +134,7 @@ def integrate(rhs, y, duration, first_step, inputs, bench, scale, tolerance):
 
 
 @njit
-def stages(rhs, y, h, inputs, bench, matrix, pivots, trial, f, k):
+def stages(y, h, inputs, bench, matrix, pivots, trial, f, k):
     """The six stages; leaves y⁺ in `trial` and the error estimate in ``k[5]``."""
     n = y.size
     for stage in range(STAGES):
@@ -147,3 +150,30 @@ def stages(rhs, y, h, inputs, bench, matrix, pivots, trial, f, k):
         solve(matrix, pivots, k[stage])
     for i in range(n):
         trial[i] += k[5, i]
+
+
+@compiled
+def follow(states, time, switch_times, commands, inputs, bench, scale, first_step, tolerance):
+    """Fill `states` (samples, STATES) from its first row on; False when the integration failed.
+
+    Commands change at `switch_times`, whose first is at or before ``time[0]``; after each the step is small
+    again.
+    """
+    state, given = states[0].copy(), inputs.copy()
+    given[0] = commands[0]
+    now, step, switch, sample = time[0], first_step, 1, 1
+    while sample < time.size:
+        switching = switch < switch_times.size and switch_times[switch] < time[sample] - 1e-12
+        until = switch_times[switch] if switching else time[sample]
+        if until - now > 1e-12:
+            step = integrate(state, until - now, step, given, bench, scale, tolerance)
+            if step < 0.0:
+                return False
+            now = until
+        if switching:
+            step, given[0] = first_step, commands[switch]
+            switch += 1
+        else:
+            states[sample] = state
+            sample += 1
+    return True

@@ -19,6 +19,7 @@ from rigctl.validation.bench.record import (
     initial_state,
     switching_delay,
 )
+from rigctl.validation.bench.rosenbrock import integrate
 from rigctl.validation.bench.sensing import Correlated, true_channels
 
 #: s; a switch that is due within it is due
@@ -46,6 +47,7 @@ class RunningBench:
     def __post_init__(self) -> None:
         at = self.condition
         self._state = initial_state(self.campaign.bench, at)
+        self._bench = self.campaign.bench.in_floats()
         self._inputs = np.array([0.0, at.setting, at.heater, at.ambient])
         self._scale = np.array(equations.SCALE)
         self._step = FIRST_STEP
@@ -114,12 +116,12 @@ class RunningBench:
     def _integrate(self, time: float) -> None:
         if time - self.time <= _ROUNDING:
             return
-        self._step = equations.advance(
+        self._step = integrate(
             self._state,
             time - self.time,
             self._step,
             self._inputs,
-            self.campaign.bench,
+            self._bench,
             self._scale,
             TOLERANCE,
         )
