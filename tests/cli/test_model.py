@@ -92,10 +92,29 @@ def test_history_draws_the_error_down_to_the_noise() -> None:
     assert told["versions"][1]["runs"] == ["20261121-064500-stroke"]
     assert told["versions"][1]["after"]["chi2_reduced"] == pytest.approx(1.0)
     assert [(each["version"], each["rmse"]["position"]) for each in told["errors"]] == [(1, 1.6), (2, 0.1)]
-    lines = said("history", MODEL).splitlines()
+    lines = said("history", MODEL, "-v").splitlines()
     bars = [line.count("█") for line in lines if "█" in line]
     assert bars == [37, 40, 2, 2]
     assert any("noise" in line and line.endswith("0.02") for line in lines)
+
+
+def test_history_says_first_what_became_of_the_error_on_the_same_records() -> None:
+    with_leakage()
+    lines = said("history", MODEL).splitlines()
+    assert lines[0] == f"{MODEL}: version 2 of 2, add piston_leakage."
+    assert "1 first version, 2 add piston_leakage" in lines[1]
+    # of 0.1 mm the noise of 0.02 mm is taken off: sqrt(0.1^2 - 0.02^2)
+    assert (
+        "from version 1 to 2, beyond the noise: position 1.6 mm to 0.098 mm; reduced χ² 16 to 1" in lines[2]
+    )
+    assert len(lines) <= 5
+    done = Change("fit", runs=("20261121-064500-stroke",), before=error(0.1, 0.1), after=error(0.02, 0.02))
+    save_version(load_model(Path(MODEL)), Path(MODEL), done)
+    # nothing was held out for the third: it is not compared with the first two, and that is said
+    text = said("history", MODEL)
+    assert "of version 3: position none beyond the noise" in text
+    assert "not all were found on the same runs" in text
+    assert "position 1.6 mm" not in text
 
 
 def test_diff_tells_effects_and_values() -> None:

@@ -61,6 +61,16 @@ def test_the_pressure_rises_with_the_temperature_and_keeps_the_stroke(schedule: 
     assert "95 mm" in schedule["statement"]
 
 
+def test_the_answer_is_a_few_lines_and_the_table_is_asked_for(bench: str, schedule: dict[str, Any]) -> None:
+    asked = ("compensate", bench, "--model", MODEL, *WANTED, "--rows", "4")
+    lines = told(*asked).splitlines()
+    assert lines[0] == f"Schedule: {schedule['statement']}."
+    (points,) = [line for line in lines if line.startswith("  set ")]
+    assert points.count(" bar at ") == len(schedule["rows"])
+    assert "left at" not in "\n".join(lines[1:])
+    assert "left at" in "\n".join(told(*asked, "-v").splitlines()[1:])
+
+
 def test_the_files_say_the_same(schedule: dict[str, Any]) -> None:
     with Path("schedule.csv").open(encoding="utf-8", newline="") as stream:
         heads, *lines = csv.reader(stream)

@@ -99,8 +99,13 @@ def test_an_alarm_is_an_exit_code_and_a_failed_case(year: Path) -> None:
         assert done.exit_code == 1, done.output
         (suite,) = JUnitXml.fromfile("s.xml")
         page = Path("s.html").read_text(encoding="utf-8")
+        lines = done.stdout.splitlines()
     assert (suite.tests, suite.failures, suite.errors) == (2, 1, 0)
     assert [case.name for case in suite if case.result] == ["slip"]
+    assert lines[0].startswith("Changed: slip grew from ")
+    assert any(line.startswith("  the model   agrees with ") and f" of {RUNS} runs" in line for line in lines)
+    assert any(line.startswith("  apart ") and line.endswith("(slip)") for line in lines)
+    assert len(lines) <= 8 and "scatter between runs" not in done.stdout
     assert "Changed." in page and "course-1" in page and "<script src" not in page
 
 
@@ -120,6 +125,8 @@ def test_one_run_and_two_runs_say_that_they_cannot_tell(year: Path) -> None:
             assert found["verdict"] == "cannot_tell"
             assert _one(found, "slip")["p_value"] is None
             assert _one(found, "slip")["between_runs"] is None
+        evidence = told("survey", *few, *SHARED, "-v")
+    assert "scatter between runs" in evidence and all(run in evidence for run in few)
 
 
 def test_runs_that_cannot_be_read_are_told_and_left_out(year: Path) -> None:

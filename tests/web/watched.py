@@ -30,7 +30,7 @@ steps:
           - extend: 0.05 s
           - wait: 0.1 s
           - retract: 0.1 s
-      - wait: 0.2 s
+      - hold: {for: 0.2 s, channel: supply_pressure, within: 40 bar}
 finally:
   - set: {heater: off, valve: neutral}
 """

@@ -10,7 +10,7 @@ import typer
 
 from rigctl.cli.compare import AsPage
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 
 if TYPE_CHECKING:
     from rigctl.compensation.judge import Verdict
@@ -78,7 +78,7 @@ def compensate(
     ] = False,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Calculate the set-point that holds a measured quantity constant over the operating range, and check
@@ -142,7 +142,7 @@ def compensate(
     if as_json:
         print_json(found.document())
     else:
-        show_schedule(found, written)
+        show_schedule(found, written, verbose=verbose)
 
 
 def _judge(chosen: list[str], *, as_json: bool) -> None:

@@ -8,23 +8,27 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.next_command import show_next
 from rigctl.cli.tables import console, table
 from rigctl.compensation.judge import Verdict
 from rigctl.compensation.result import Schedule
+from rigctl.report.answer import Answer
 from rigctl.units import parse_unit, show, with_uncertainty
 
+_POINTS = "operating points with what each comes to"
 
-def show_schedule(found: Schedule, written: Sequence[Path]) -> None:
-    """What to set, where it ends, what was measured, and what to type next."""
+
+def show_schedule(found: Schedule, written: Sequence[Path], *, verbose: bool = False) -> None:
+    """What to set, how sure that is and where it was measured; with `verbose` the rows as a table."""
     out = console()
-    out.print(f"[bold green]Schedule[/]: {escape(found.statement)}.", soft_wrap=True)
-    out.print(_rows(found))
-    box = ", ".join(f"{name} {show(low, u)} to {show(high, u)}" for name, low, high, u in found.valid)
-    out.print(f"  measured over {escape(box)}", soft_wrap=True)
-    if found.off:
-        off = show(found.off, found.unit, difference=True, digits=2)
-        out.print(f"  between two rows a straight line is off by {off} at most", soft_wrap=True)
+    more = [] if verbose else [*counted(len(found.rows), "operating point with what it comes to", _POINTS)]
+    show_answer(schedule_answer(found), more=more)
+    if verbose:
+        out.print(_rows(found))
+        if found.off:
+            off = show(found.off, found.unit, difference=True, digits=2)
+            out.print(f"  between two rows a straight line is off by {off} at most", soft_wrap=True)
     for note in (*found.ends[1:], *found.notes):
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for path in written:
@@ -35,6 +39,21 @@ def show_schedule(found: Schedule, written: Sequence[Path]) -> None:
             f"rigctl run {checks[0].as_posix()}",
             "makes the records that check it, in pairs, with and without",
         )
+
+
+def schedule_answer(found: Schedule) -> Answer:
+    """The set-point at each operating point, its uncertainty, and what it was measured over."""
+    reached = found.reached
+    points = [f"{show(row.vary, found.vary_unit)} at {show(row.over, found.over_unit)}" for row in reached]
+    std = show(max(row.std for row in reached), found.vary_unit, difference=True, digits=2)
+    scatter = show(max(row.scatter for row in reached), found.unit, difference=True, digits=2)
+    box = ", ".join(f"{name} {show(low, u)} to {show(high, u)}" for name, low, high, u in found.valid)
+    facts = (
+        ("set", ", ".join(points)),
+        ("how sure", f"± {std} by the fit; {found.quantity} scatters by ± {scatter} from record to record"),
+        ("measured", f"over {box}"),
+    )
+    return Answer("warn" if found.notes else "good", "Schedule", found.statement, facts)
 
 
 def _rows(found: Schedule) -> Table:

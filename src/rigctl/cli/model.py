@@ -77,12 +77,23 @@ def diff(
 
 
 @app.command()
-def history(model: ModelFile, *, as_json: Json = False) -> None:
-    """Show every version of a model: when and how it was made, and its error.
+def history(
+    model: ModelFile,
+    *,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show a table of the versions, and the errors as bars.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Show the versions of a model: what was done, and how the error fell.
 
-    Example: rigctl model history models/hl32-textbook.yaml
+    Examples:
+
+      rigctl model history models/hl32-textbook.yaml
+
+      rigctl model history models/hl32-textbook.yaml -v
     """
-    from rigctl.cli.model_views import show_history
+    from rigctl.cli.history_views import show_history
     from rigctl.cli.tables import print_json
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document
@@ -90,7 +101,10 @@ def history(model: ModelFile, *, as_json: Json = False) -> None:
 
     path = find_file(model)
     found, current = versions(path), current_version(path)
-    print_json(history_document(found, current)) if as_json else show_history(found, current)
+    if as_json:
+        print_json(history_document(found, current))
+    else:
+        show_history(found, current, verbose=verbose)
 
 
 @app.command()

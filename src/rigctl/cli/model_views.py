@@ -1,4 +1,4 @@
-"""How models, their differences and their versions are printed."""
+"""How models, their differences and their errors are printed."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rich.table import Table
 
 from rigctl.cli.tables import console, table
 from rigctl.effects.declaration import Effect
-from rigctl.model import Model, StatedValue, Version, VersionError, stated_values, version_errors
+from rigctl.model import Model, StatedValue, Version, stated_values
 from rigctl.model.difference import ModelDifference, ValueDifference
-from rigctl.model.history.change import Change, ModelError
+from rigctl.model.history.change import ModelError
 from rigctl.report.bars import draw_bar
 from rigctl.units import known_digits, with_uncertainty
 
@@ -203,44 +203,6 @@ def difference_document(found: ModelDifference) -> dict[str, Any]:
             for value in found.values
         ],
     }
-
-
-def show_history(versions: Sequence[Version], current: Version) -> None:
-    """A table of versions, and the error of each as bars."""
-    out = console()
-    out.print(f"[bold]{escape(str(current.head))}[/]")
-    made = table("version", "from", "when (UTC)", "what was done", "fitted to", "held out", "χ²")
-    for version in versions:
-        after = version.done.after
-        made.add_row(
-            f"{version.number}{' (head)' if version.number == current.number else ''}",
-            "" if version.parent is None else str(version.parent),
-            f"{version.time:%Y-%m-%d %H:%M}",
-            escape(f"{version.done}{'' if version.kept or version.parent is None else ', not kept yet'}"),
-            escape(_fitted_to(version.done)),
-            escape(version.done.hold_out),
-            "" if after is None or after.chi2_reduced is None else f"{after.chi2_reduced:.4g}",
-        )
-    out.print(made)
-    for version in versions:
-        if version.done.note:
-            out.print(f"  {version.number}: {escape(version.done.note)}.", soft_wrap=True)
-    found = version_errors(versions)
-    if found:
-        show_errors([(_label(each), each.error) for each in found])
-        if len({(each.runs, each.hold_out, each.only, each.assume) for each in found}) > 1:
-            out.print("  Not all were found on the same runs and held-out records: compare with care.")
-
-
-def _fitted_to(done: Change) -> str:
-    """The runs, which of their records, and what was assumed of them."""
-    runs = ", ".join(done.runs)
-    only = f", only {done.only}" if done.only else ""
-    return runs + only + "".join(f", {text} assumed" for text in done.assume)
-
-
-def _label(found: VersionError) -> str:
-    return f"{found.version.number} {found.version.done}"
 
 
 def show_errors(steps: Sequence[tuple[str, ModelError]]) -> None:

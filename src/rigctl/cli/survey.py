@@ -9,7 +9,7 @@ import typer
 
 from rigctl.cli.compare import Assume, Force, OneModel, Only, Page
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 from rigctl.cli.workers import Cluster, WorkerCount
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def survey(
     cluster: Cluster = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     output: Page = None,
     force: Force = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -153,7 +153,7 @@ def survey(
     if as_json:
         print_json(found.document())
     else:
-        show_survey(found, [path for path in (output, junit) if path is not None])
+        show_survey(found, [path for path in (output, junit) if path is not None], verbose=verbose)
     if alarm and found.verdict == "changed":
         raise typer.Exit(int(ExitCode.FAILED))
 

@@ -8,22 +8,83 @@ from pathlib import Path
 from rich.markup import escape
 
 from rigctl.analysis.adequacy import chance_text
+from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.tables import console, table
+from rigctl.report.answer import Answer
+from rigctl.report.numbers import plural
 from rigctl.survey.result import Line, Survey
 
-#: courses and runs that a terminal shows
-_COURSES, _LINES = 4, 24
-_HEADS = {
-    "changed": "[bold yellow]Changed[/]",
-    "no_change_seen": "[bold green]No change seen[/]",
-    "cannot_tell": "[bold yellow]Cannot tell[/]",
-}
+#: courses, runs and tests that a terminal shows
+_COURSES, _LINES, _TESTS = 4, 24, 8
+#: changes that are told in full; single runs and failures that are named
+_CHANGES, _NAMED = 4, 3
+_HEADS = {"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}
 
 
-def show_survey(found: Survey, written: Sequence[Path]) -> None:
-    """The verdict, the runs with what they say, and what was tested."""
+def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False) -> None:
+    """The answer; with `verbose` the runs with what they say, and what was tested."""
     out = console()
-    out.print(f"{_HEADS[found.verdict]}: {escape(found.statement)}.", soft_wrap=True)
+    more = [
+        *counted(len(found.lines), "run with what it says", "runs with what they say"),
+        *counted(len(found.judged.tested), "quantity's scatter and chance", "quantities' scatter and chance"),
+        *counted(max(len(found.failed) - 1, 0), "more failure", "more failures"),
+    ]
+    show_answer(survey_answer(found), more=[] if verbose else more)
+    if verbose:
+        _show_runs(found)
+        _show_tests(found)
+        for line in found.failed:
+            out.print(f"  [yellow]{escape(line.entry.label)}: {escape(line.failed)}[/]", soft_wrap=True)
+    for note in (*found.named.remarks, *found.notes):
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    for path in written:
+        out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
+
+
+def survey_answer(found: Survey) -> Answer:
+    """What has changed, what else has, how many runs say so, and which of them say nothing."""
+    first, *others = [found.sentence(change) for change in found.changes] or [found.statement]
+    facts = [("and", sentence) for sentence in others[: _CHANGES - 1]]
+    rest = [change.quantity.name for change in found.changes[_CHANGES:]]
+    if rest:
+        facts.append(("and", f"{', '.join(rest)}"))
+    facts += [("the model", _agreement(found)), ("apart", _apart(found)), ("no answer", _failures(found))]
+    return Answer(
+        "good" if found.verdict == "no_change_seen" else "warn",
+        _HEADS[found.verdict],
+        first,
+        tuple((head, text) for head, text in facts if text),
+    )
+
+
+def _agreement(found: Survey) -> str:
+    agreeing = sum(line.reading is not None and line.reading.adequate for line in found.lines)
+    each = f"{plural(len(found.read), 'run')}" if len(found.read) != 1 else "one run"
+    return f"agrees with {agreeing} of {each}, each fitted by itself" if found.read else ""
+
+
+def _apart(found: Survey) -> str:
+    """Single runs that are far from their neighbours: a mistake perhaps, and no change."""
+    said: dict[str, list[str]] = {}
+    for one in found.judged.tested:
+        for k in one.apart:
+            said.setdefault(found.read[k].entry.label, []).append(one.course.quantity.name)
+    shown = [f"{label} ({', '.join(names)})" for label, names in list(said.items())[:_NAMED]]
+    if len(said) > _NAMED:
+        shown.append(f"and {len(said) - _NAMED} more")
+    return ", ".join(shown)
+
+
+def _failures(found: Survey) -> str:
+    if not found.failed:
+        return ""
+    first = found.failed[0]
+    count = f"{plural(len(found.failed), 'run')} could not be read; " if len(found.failed) > 1 else ""
+    return f"{count}{first.entry.label}: {first.failed}"
+
+
+def _show_runs(found: Survey) -> None:
+    out = console()
     courses = found.shown()[:_COURSES]
     heads = [f"{one.quantity.name} [{one.quantity.unit}]" for one in courses]
     made = table("run", found.axis.name, *map(escape, heads), "agrees")
@@ -37,15 +98,6 @@ def show_survey(found: Survey, written: Sequence[Path]) -> None:
             agrees = "yes" if line.reading.adequate else "no"
             made.add_row(line.entry.label, found.axis.text(line.entry), *values, agrees)
     out.print(made)
-    _show_tests(found)
-    for line in found.failed[:5]:
-        out.print(f"  [yellow]{escape(line.entry.label)}: {escape(line.failed)}[/]", soft_wrap=True)
-    if len(found.failed) > 5:
-        out.print(f"  [yellow]and {len(found.failed) - 5} more that could not be read[/]")
-    for note in (*found.named.remarks, *found.notes):
-        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
-    for path in written:
-        out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
 
 
 def _shown(lines: Sequence[Line]) -> list[Line | None]:
@@ -59,13 +111,13 @@ def _shown(lines: Sequence[Line]) -> list[Line | None]:
 def _show_tests(found: Survey) -> None:
     out = console()
     made = table("quantity", "scatter between runs", "chance", "stand apart")
-    for one in found.judged.tested[:8]:
+    for one in found.judged.tested[:_TESTS]:
         quantity = one.course.quantity
         between = "not known" if one.between is None else found.amount_difference(quantity, one.between)
         chance = "not tested" if one.p_value is None else chance_text(one.p_value)
         apart = ", ".join(found.read[k].entry.label for k in one.apart[:2])
         made.add_row(quantity.name, between, chance, apart)
     out.print(made)
-    rest = len(found.judged.tested) - 8
+    rest = len(found.judged.tested) - _TESTS
     if rest > 0:
         out.print(f"  and {rest} more, none of them surer", soft_wrap=True)

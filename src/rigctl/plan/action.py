@@ -8,9 +8,27 @@ they are set-points and intervals (K) where they are tolerances.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
 from rigctl.plan.behaviour import Behaviour, Bench
 from rigctl.plan.forecast import Forecast, ForecastBench, State
+
+
+@dataclass(frozen=True, slots=True)
+class SetPoint:
+    """Where an action brings a channel, or keeps it; SI.
+
+    Attributes
+    ----------
+    to: the value wanted; None is the first reading after the action has begun.
+    within: half width of its tolerance, where it has one.
+    ramp: how fast the set-point goes there from that first reading, per s; None is at once.
+    """
+
+    channel: str
+    to: float | None
+    within: float | None = None
+    ramp: float | None = None
 
 
 class Action(ABC):
@@ -35,3 +53,7 @@ class Action(ABC):
     def lasting(self) -> frozenset[str]:
         """The actuators whose state it decides for good: a resumed run repeats the last action for each."""
         return frozenset()
+
+    def set_point(self) -> SetPoint | None:
+        """What a channel is brought to; None of an action that asks nothing of a channel."""
+        return None

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from rigctl.plan.action import Action
+from rigctl.plan.action import Action, SetPoint
 from rigctl.plan.behaviour import Behaviour, Bench, Until, every_sample
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Part, Short
@@ -132,6 +132,10 @@ class Heat(Action):
 
     def _shown(self, temperature: float, bench: ForecastBench) -> str:
         return show(temperature, bench.rig.channels[self.channel].unit, digits=3)
+
+    def set_point(self) -> SetPoint:
+        """The temperature wanted."""
+        return SetPoint(self.channel, self.to, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Switch the heater with hysteresis until the mean reading has been within tolerance for `settle` s.

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from rigctl.plan.action import Action
+from rigctl.plan.action import Action, SetPoint
 from rigctl.plan.behaviour import Behaviour, Bench, Row, Until
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Part
@@ -71,6 +71,10 @@ class Hold(Action):
         if self.at is not None:
             reaches = {self.channel: (self.at - self.within, self.at + self.within)}
         return Forecast(self.duration, Basis.TIMED, bench.pass_time(state, self.duration), reaches)
+
+    def set_point(self) -> SetPoint:
+        """The value that is held."""
+        return SetPoint(self.channel, self.at, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Let `duration` s pass while the channel stays within tolerance.

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression
 from rigctl.files.refusal import refusal
-from rigctl.plan.action import Action
+from rigctl.plan.action import Action, SetPoint
 from rigctl.plan.behaviour import Behaviour, Bench, OnPause, Until
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Condition, Part, Short
@@ -184,6 +184,12 @@ class Move(Action):
             way = self.target - state.position
             return way if way * self.direction > 0.0 else 0.0
         return stroke - state.position if self.direction > 0 else -state.position
+
+    def set_point(self) -> SetPoint | None:
+        """The position, of a move in closed loop."""
+        if self.target is None or self.position is None:
+            return None
+        return SetPoint(self.position, self.target, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Drive; the actuator is back at its safe value when it is over, however it ends.

@@ -22,6 +22,7 @@ from rigctl.dataset import journal, log
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import RigctlError
 from rigctl.web.decimation import Thinning, envelope
+from rigctl.web.set_points import SetPoints
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,6 +45,8 @@ _MOST_EVENTS: Final = 300
 _MOST_WAITING: Final = 40
 #: s that a feed goes on when nobody watches
 _LINGER: Final = 15.0
+#: s after the begin of a step in which its first reading is looked for in what is kept
+_FRESH: Final = 5.0
 #: lines of the tree of steps
 _TREE: Final = 16
 ENDED: Final = ("finished", "failed", "aborted")
@@ -182,6 +185,8 @@ class Feed:
         self._events: deque[Mapping[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._state: dict[str, Any] = {}
         self._places: PlanPlaces | None = None
+        self._set_points = SetPoints(_rig(header))
+        self._lines: list[dict[str, Any]] = []  #: of the set-points, as they were last told
         self._tree: tuple[str, list[dict[str, Any]]] = ("", [])
         self._watchers: list[Watcher] = []
         self._asked = monotonic()
@@ -201,6 +206,7 @@ class Feed:
             watcher.begin(rows, window, width)
             if self._state:
                 watcher.tell("state", self._state)
+            watcher.tell("set_points", self._lines)
         self._asked = monotonic()
 
     def leave(self, watcher: Watcher) -> None:
@@ -226,7 +232,8 @@ class Feed:
         self._asked = monotonic()
         rows = self.rows(window)
         rows = envelope(rows[rows[:, 0] > after], window / max(width, 1))
-        return {"state": self._state, "events": list(self._events), "rows": rows}
+        told = {"state": self._state, "events": list(self._events), "set_points": self._lines}
+        return {**told, "rows": rows}
 
     # --- inside -------------------------------------------------------------------------------------------
 
@@ -240,6 +247,7 @@ class Feed:
                     next_state = began + _STATE
                     self._read_events()
                     self._read_state()
+                    self._tell_set_points()
             with self._lock:
                 if not self._watchers and monotonic() - self._asked > _LINGER:
                     self.over = True
@@ -269,7 +277,10 @@ class Feed:
                 watcher.take(rows)
 
     def _read_events(self) -> None:
-        events = [_event(line) for line in self._log.poll() if line.get("kind") not in _SILENT]
+        lines = self._log.poll()
+        for line in lines:
+            self._set_points.take(line)
+        events = [_event(line) for line in lines if line.get("kind") not in _SILENT]
         if not events:
             return
         with self._lock:
@@ -296,6 +307,28 @@ class Feed:
                 for watcher in self._watchers:
                     watcher.tell("state", state)
 
+    def _tell_set_points(self) -> None:
+        if not self._rows:
+            return
+        lines = self._set_points.shown(self._first_reading, float(self._rows[-1][-1, 0]) - KEPT)
+        if lines != self._lines:
+            with self._lock:
+                self._lines = lines
+                for watcher in self._watchers:
+                    watcher.tell("set_points", lines)
+
+    def _first_reading(self, channel: str, time: float) -> float | None:
+        """From that time on; None where it has not come yet, is no number, or is no longer kept."""
+        column = 1 + self.header.layout.channels.index(channel)
+        blocks = list(self._rows)
+        if not blocks or blocks[0][0, 0] > time + _FRESH:
+            return None
+        for block in blocks:
+            later = block[(block[:, 0] >= time) & (block[:, column] == block[:, column])]
+            if len(later):
+                return float(later[0, column])
+        return None
+
     def _outline(self, path: str) -> list[dict[str, Any]]:
         from rigctl.live.steps import outline
 
@@ -316,7 +349,9 @@ class Feed:
         from rigctl.runner.relaunch import plan_of
 
         with suppress(RigctlError, OSError):
-            self._places = PlanPlaces(plan_of(self.header))
+            places = PlanPlaces(plan_of(self.header))
+            self._set_points.follow(places)
+            self._places = places
 
 
 def _event(line: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.refusal import refusal
-from rigctl.plan.action import Action
+from rigctl.plan.action import Action, SetPoint
 from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part
@@ -342,6 +342,10 @@ class Control(Action):
         if pressure is not None and pressure.channel == self.channel:
             after = replace(after, pressure=self.to)
         return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
+
+    def set_point(self) -> SetPoint:
+        """Where the loop brings its channel, along the ramp."""
+        return SetPoint(self.channel, self.to, self.within, self.ramp)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Run the loop; between records the bench is read at its rate for the while.

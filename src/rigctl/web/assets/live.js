@@ -119,6 +119,7 @@ class Line {
           if (found.rows.length) after = found.rows[found.rows.length - 1][0];
           this.hear({ kind: "events", events: found.events, whole: true });
           this.hear({ kind: "state", state: found.state });
+          this.hear({ kind: "set_points", set_points: found.set_points });
         }
       } catch (problem) {
         if (problem.status === 401) throw problem;
@@ -134,6 +135,7 @@ export const show = async (place) => {
   let run = new URLSearchParams(location.search).get("run");
   let about = null;
   let state = null;
+  let setPoints = []; // of the steps: channel, begin, end, from, to, seconds, within
   let lease = { holder: null, mine: false, window: null, viewers: 0 };
   let running = [];
   let panels = [];
@@ -272,6 +274,47 @@ export const show = async (place) => {
     ctx.restore();
   };
 
+  // What the steps ask of a channel: a line each, along its ramp, from the step's begin to its end or until now.
+  const courseOf = (one) => {
+    const end = one.end ?? samples.newest ?? one.begin;
+    const arrives = one.begin + (one.seconds ?? 0);
+    const at = (time) => (one.seconds ? one.from + (one.to - one.from) * Math.min((time - one.begin) / one.seconds, 1) : one.to);
+    return [[one.begin, at(one.begin)], ...(one.seconds && arrives < end ? [[arrives, one.to]] : []), [end, at(end)]];
+  };
+
+  const setPointLines = (name) => (drawn) => {
+    const { ctx, bbox } = drawn;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.lineWidth = 1.5 * devicePixelRatio;
+    ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
+    ctx.strokeStyle = colour("--curve-2");
+    for (const one of setPoints) {
+      if (one.channel !== name) continue;
+      ctx.beginPath();
+      courseOf(one).forEach(([time, value], k) => ctx[k ? "lineTo" : "moveTo"](drawn.valToPos(time, "x", true), drawn.valToPos(value, "y", true)));
+      ctx.stroke();
+    }
+    ctx.restore();
+  };
+
+  // lowest and highest set-point of a channel in what is shown
+  const setPointRange = (name) => {
+    const since = (samples.newest ?? 0) - window_;
+    const values = setPoints.filter((one) => one.channel === name && (one.end ?? Infinity) >= since)
+      .flatMap((one) => courseOf(one).filter(([time]) => time >= since || one.end === null).map(([, value]) => value));
+    return values.length ? [Math.min(...values), Math.max(...values)] : null;
+  };
+
+  const asked = (panel) => {
+    const one = setPoints.findLast((each) => each.channel === panel.channel.name && each.end === null);
+    if (!one) return "";
+    const within = one.within === null ? "" : ` ± ${Number(one.within.toPrecision(2))}`;
+    return `to ${Number(one.to.toPrecision(5))}${within} ${panel.unit}`.trimEnd();
+  };
+
   const build = () => {
     for (const panel of panels) panel.plot.remove();
     const names = about.channels.map((channel) => channel.name);
@@ -280,6 +323,7 @@ export const show = async (place) => {
       const follows = channel.set_point === null ? -1 : about.commands.findIndex((one) => one.name === channel.set_point);
       const least = 10 * 10 ** -channel.places;
       const value = h("b", { class: "value" });
+      const wanted = h("span", { class: "note set-point" });
       const series = [{ label: channel.name }];
       if (follows >= 0) series.push({ label: "set-point", colour: 1, dash: [6, 4], stepped: true });
       const drawn = plot({
@@ -288,15 +332,17 @@ export const show = async (place) => {
         xRange: () => (samples.newest === null ? [0, window_] : [Math.min(Math.max(samples.newest - window_, samples.columns[0][0]), samples.newest - Math.min(window_, 5)), samples.newest]),
         yRange: (_, low, high) => {
           if (low === null || high === null) return [0, 1];
+          const wanted = setPointRange(channel.name);
+          if (wanted) [low, high] = [Math.min(low, wanted[0]), Math.max(high, wanted[1])];
           const middle = (low + high) / 2;
           const half = Math.max((high - low) / 2, least / 2) * 1.15;
           return [middle - half, middle + half];
         },
-        hooks: () => ({ draw: [limitLines(channel.limits)] }),
+        hooks: () => ({ draw: [limitLines(channel.limits), setPointLines(channel.name)] }),
       });
       const box = h("section", { class: "panel channel", "data-channel": channel.name },
-        h("header", { class: "channel-head" }, h("h3", {}, channel.name.replaceAll("_", " ")), value, h("span", { class: "note limits" }, limitText(channel.limits, unit))), drawn.element);
-      return { channel, unit, plot: drawn, box, value, index: index + 1, follows: follows < 0 ? -1 : 1 + names.length + follows };
+        h("header", { class: "channel-head" }, h("h3", {}, channel.name.replaceAll("_", " ")), value, wanted, h("span", { class: "note limits" }, limitText(channel.limits, unit))), drawn.element);
+      return { channel, unit, plot: drawn, box, value, wanted, index: index + 1, follows: follows < 0 ? -1 : 1 + names.length + follows };
     });
     plots.replaceChildren(...panels.map((panel) => panel.box));
     commands.replaceChildren(...about.commands.map((one) => h("div", {}, h("dt", {}, one.name.replaceAll("_", " ")), h("dd", { "data-command": one.name }, "–"))));
@@ -312,6 +358,7 @@ export const show = async (place) => {
       const data = [samples.columns[0], samples.columns[panel.index] ?? []];
       if (panel.follows >= 0) data.push(samples.columns[panel.follows] ?? []);
       panel.plot.set(data);
+      panel.wanted.textContent = asked(panel);
       panel.value.textContent = shown(samples.columns[panel.index]?.[last], panel.unit, panel.channel.places);
     }
     about.commands.forEach((one, index) => {
@@ -378,6 +425,7 @@ export const show = async (place) => {
   const watch = (id) => {
     run = id;
     about = state = null;
+    setPoints = [];
     samples.begin(0);
     events.replaceChildren();
     history.replaceState(null, "", id ? `?run=${encodeURIComponent(id)}` : location.pathname);
@@ -418,6 +466,9 @@ export const show = async (place) => {
     } else if (said.kind === "state" && said.state.state) {
       state = said.state;
       showState();
+    } else if (said.kind === "set_points") {
+      setPoints = said.set_points;
+      dirty = true;
     } else if (said.kind === "events") showEvents(said.events, said.whole);
     else if (said.kind === "rows") {
       samples.takeRows(said.rows, window_);

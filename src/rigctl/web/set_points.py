@@ -1,0 +1,117 @@
+"""The set-points of the steps of a run that is watched, as lines over its channels.
+
+The log says when a step began and ended, the plan what it asks of which channel. What begins at the first
+reading of its step, a ramp or a value that is held as it is found, waits for that reading; where it is not
+known nothing is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.plan.tree import Leaf
+
+if TYPE_CHECKING:
+    from rigctl.live.steps import PlanPlaces
+    from rigctl.plan.action import SetPoint
+    from rigctl.rig import Rig
+
+#: steps with set-points that are remembered
+_MOST: Final = 200
+_ROUND: Final = re.compile(r"#\d+")
+
+#: the first reading of a channel from a time of the run on, in its unit; None where it is not there
+FirstReading = Callable[[str, float], float | None]
+
+
+@dataclass
+class _Step:
+    """One step that has begun; `end` None while it goes on."""
+
+    path: str
+    begin: float
+    end: float | None = None
+    line: Mapping[str, Any] | None = None  #: as it is shown, once it is known
+
+
+class SetPoints:
+    """What the steps of one run ask of its channels.
+
+    Parameters
+    ----------
+    rig: says the units; None shows nothing.
+    """
+
+    def __init__(self, rig: Rig | None) -> None:
+        self._rig = rig
+        self._steps: deque[_Step] = deque(maxlen=_MOST)
+        self._places: PlanPlaces | None = None
+
+    def follow(self, places: PlanPlaces) -> None:
+        """The plan is known from now on."""
+        self._places = places
+
+    def take(self, line: Mapping[str, Any]) -> None:
+        """A line of the log: a step has begun or ended, or the run has."""
+        time, kind = line.get("time"), line.get("kind")
+        if not isinstance(time, int | float):
+            return
+        if kind == "step" and line.get("state") == "begin":
+            path = str(line.get("path", ""))
+            if self._places is None or self._asked(path) is not None:
+                self._steps.append(_Step(path, float(time)))
+        elif kind == "step" and line.get("state") == "end":
+            for step in self._steps:
+                if step.end is None and step.path == line.get("path"):
+                    step.end = float(time)
+        elif kind == "end":
+            for step in self._steps:
+                step.end = float(time) if step.end is None else step.end
+
+    def shown(self, first: FirstReading, since: float) -> list[dict[str, Any]]:
+        """The set-points after `since`, s of the run, in the units of their channels."""
+        found = []
+        for step in self._steps:
+            if step.end is not None and step.end < since:
+                continue
+            if step.line is None:
+                step.line = self._line(step, first)
+            if step.line is not None:
+                found.append({**step.line, "begin": step.begin, "end": step.end})
+        return found
+
+    def _asked(self, path: str) -> SetPoint | None:
+        if self._places is None:
+            return None
+        chain = self._places.chain(_ROUND.sub("", path))
+        return chain[-1].action.set_point() if chain and isinstance(chain[-1], Leaf) else None
+
+    def _line(self, step: _Step, first: FirstReading) -> Mapping[str, Any] | None:
+        """From where to where, in how many seconds, and how closely."""
+        from rigctl.units import parse_unit
+
+        asked = self._asked(step.path)
+        if asked is None or self._rig is None or asked.channel not in self._rig.channels:
+            return None
+        channel = self._rig.channels[asked.channel]
+        unit = parse_unit(channel.unit)
+        start = first(asked.channel, step.begin) if asked.to is None or asked.ramp is not None else None
+        if start is None and (asked.to is None or asked.ramp is not None):
+            return None
+        to = start if asked.to is None else unit.from_si(asked.to, difference=channel.difference)
+        assert to is not None  # noqa: S101 - without a value of its own it is the reading, which is known here
+        seconds = 0.0
+        if asked.ramp is not None and start is not None:
+            seconds = abs(to - start) * unit.factor / asked.ramp if asked.ramp > 0.0 else math.inf
+        return {
+            "channel": asked.channel,
+            "from": to if start is None else start,
+            "to": to,
+            "seconds": seconds if math.isfinite(seconds) else None,
+            "within": None if asked.within is None else asked.within / unit.factor,
+        }
